@@ -96,6 +96,7 @@ def evaluate(
     horizon_s: float | None,
     stop_on_success: bool | None,
     stop_on_unreachable: bool,
+    keep_going: bool,
     progress: _Progress,
 ) -> str: ...
 def spec_mistakes(spec: str) -> str | None:

@@ -73,6 +73,7 @@ def evaluate(
     horizon_s: float | None = None,
     stop_on_success: bool | None = None,
     stop_on_unreachable: bool = False,
+    keep_going: bool = False,
     progress: Progress | None = None,
 ) -> Evaluations:
     """Evaluates policies on a frozen suite, a run or scenarios: one report each, as `genmanip evaluate` makes them.
@@ -81,12 +82,13 @@ def evaluate(
     of the class, or its attribute `name`. With `out`, results are kept in that folder and an evaluation that was
     interrupted goes on there. `horizon_s` is the longest simulated time instead of the scenarios' own;
     `stop_on_success` ends an episode once its goal has held for a second, for policies that never say they are finished.
-    An episode in which the policy makes a mistake is not run, see check_policy(); Error if that holds for all. With
-    `stop_on_unreachable`, an action that the arm cannot reach ends its episode.
+    An episode in which the policy makes a mistake is not run, see check_policy(); Error if that holds for all, or for
+    three in a row unless `keep_going`. With `stop_on_unreachable`, an action that the arm cannot reach ends its episode.
     """
     several = policy if isinstance(policy, (list, tuple)) else [policy]
     named = [one if isinstance(one, str) else (_name(one), _maker(one)) for one in several]
-    given = (out, episodes_per_scenario, keep_episodes, workers, horizon_s, stop_on_success, stop_on_unreachable, progress)
+    ending = (horizon_s, stop_on_success, stop_on_unreachable)
+    given = (out, episodes_per_scenario, keep_episodes, workers, *ending, keep_going, progress)
     return Evaluations(map(Evaluation.of, json.loads(_genmanip.evaluate(suite, named, *given))))
 
 

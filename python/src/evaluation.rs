@@ -23,7 +23,8 @@ use crate::progress::Reporter;
 /// needs, `reset(start)` and `act(observation)`, which returns `(actions, finished)`.
 #[pyfunction]
 #[pyo3(signature = (
-    suite, policies, out, episodes_per_scenario, keep_episodes, workers, horizon_s, stop_on_success, stop_on_unreachable, progress
+    suite, policies, out, episodes_per_scenario, keep_episodes, workers, horizon_s, stop_on_success, stop_on_unreachable,
+    keep_going, progress
 ))]
 #[allow(clippy::too_many_arguments, reason = "the package names them all")]
 pub fn evaluate(
@@ -37,6 +38,7 @@ pub fn evaluate(
     horizon_s: Option<f64>,
     stop_on_success: Option<bool>,
     stop_on_unreachable: bool,
+    keep_going: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let factories: Vec<PolicyFactory> = policies.iter().map(factory).collect::<PyResult<_>>()?;
@@ -50,6 +52,7 @@ pub fn evaluate(
             out,
             workers: workers::workers(workers),
             ending: EndingRules { horizon_s, stop_on_success, stop_on_unreachable },
+            keep_going,
             ..EvaluateOptions::default()
         };
         run::evaluate(&suite_of, &factories, &options, &progress, stop)

@@ -75,6 +75,24 @@ pub enum MaskChoice {
     Http(Arc<ServiceMasks<HttpService>>),
 }
 
+impl MaskChoice {
+    /// Segmentation source from `rgbd`, `oracle` or `http:URL`.
+    ///
+    /// # Errors
+    /// An unknown name, or an unusable URL.
+    pub fn named(name: &str) -> Result<Self, WorkspaceError> {
+        match (name, name.strip_prefix("http:")) {
+            ("rgbd", _) => Ok(Self::Rgbd),
+            ("oracle", _) => Ok(Self::Oracle),
+            (_, Some(url)) => Ok(Self::Http(Arc::new(ServiceMasks::new(http(url)?)))),
+            _ => {
+                let known = ["oracle", "rgbd", "http:URL"];
+                Err(WorkspaceError::unknown("source of masks", "sources of masks", name, &known))
+            }
+        }
+    }
+}
+
 /// Grasp source of the agent.
 #[derive(Clone)]
 pub enum GraspChoice {
@@ -145,16 +163,7 @@ impl AgentChoice {
             "recorded" => ModelChoice::Recorded,
             file => ModelChoice::Chat(Arc::new(SharedModel::open(&ModelFile::read(Path::new(file))?)?)),
         };
-        let masks = match (masks, masks.strip_prefix("http:")) {
-            ("rgbd", _) => MaskChoice::Rgbd,
-            ("oracle", _) => MaskChoice::Oracle,
-            (_, Some(url)) => MaskChoice::Http(Arc::new(ServiceMasks::new(http(url)?))),
-            _ => {
-                let known = ["oracle", "rgbd", "http:URL"];
-                return Err(WorkspaceError::unknown("source of masks", "sources of masks", masks, &known));
-            }
-        };
-        Ok(Self { model, masks, ..Self::oracle(preset, path) })
+        Ok(Self { model, masks: MaskChoice::named(masks)?, ..Self::oracle(preset, path) })
     }
 
     /// Sets the grasp source: `rgbd` or `http:URL`.

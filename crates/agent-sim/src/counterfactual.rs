@@ -73,7 +73,7 @@ impl VisionModel for Corrected {
             return Ok(right);
         }
         match told.filter(|_| question.ask <= self.last) {
-            Some(text) => Ok(ModelReply { text: text.clone(), usage: None }),
+            Some(text) => Ok(ModelReply { text: text.clone(), usage: None, cut_off: false }),
             None => self.then.answer(question),
         }
     }

@@ -42,6 +42,6 @@ impl VisionModel for RandomMarks {
             QuestionKind::PointToPoint => json!({"selected_point": {"type": "grid", "label": cell}}),
             QuestionKind::Check => json!({"scene_description": "any", "finished": true, "remaining": []}),
         };
-        Ok(ModelReply { text: answer.to_string(), usage: None })
+        Ok(ModelReply { text: answer.to_string(), usage: None, cut_off: false })
     }
 }

@@ -240,6 +240,19 @@ fn a_control_that_succeeds_is_a_warning() {
 }
 
 #[test]
+fn episodes_that_a_mistake_left_out_are_named_and_take_the_rate_away() {
+    let mut tasks = support::tasks();
+    tasks.truncate(1);
+    let mut input = support::report_input(tasks);
+    let left =
+        NotRun { id: "a-00".into(), scenario_id: "a".into(), reason: "it raised ValueError".into(), mistake: true };
+    input.not_run.insert("do_nothing".into(), vec![left.clone(), left]);
+    let text = check_report(&report_html(&input, &ReportSettings::default()).unwrap(), 15_000_000);
+    assert!(text.contains("a-00 was not run (and 1 more): it raised ValueError"), "{text}");
+    assert!(text.contains("– baseline, must be 0"), "no rate: {text}");
+}
+
+#[test]
 fn a_correction_says_from_whom_and_when_it_took_over() {
     let mut tasks = support::tasks();
     tasks.truncate(1);

@@ -33,6 +33,7 @@ pub mod image;
 mod interchange;
 mod intrinsics;
 pub mod json;
+pub mod lenient_json;
 pub mod limits;
 pub mod mesh;
 mod named_enum;

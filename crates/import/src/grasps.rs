@@ -113,8 +113,14 @@ pub fn bake(
         models.iter().filter(|model| !kept.contains_key(&model.card.uid)).map(Arc::clone).collect();
     progress.note(&format!("{} objects to do, {} already done", missing.len(), models.len() - missing.len()));
 
-    let trials =
-        GraspTrials { catalogue, planner, robot, world: Arc::new(world.clone()), view: ViewSettings::default() };
+    let trials = GraspTrials {
+        catalogue,
+        planner,
+        robot,
+        world: Arc::new(world.clone()),
+        detector: None,
+        view: ViewSettings::default(),
+    };
     progress.begin("trying grasps", missing.len());
     let file = Mutex::new((GraspFile { made_by: made_by.clone(), objects: kept }, Ok(())));
     let finished = |model: &ObjectModel, grasps: Vec<VerifiedGrasp>| {

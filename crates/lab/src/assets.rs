@@ -155,6 +155,7 @@ pub fn measure(
     let descriptions: BTreeSet<&str> = models.iter().map(|model| model.card.description.as_str()).collect();
     let world = default_world();
     let trials = GraspTrials {
+        detector: None,
         catalogue: Catalogue::builtin(),
         planner: worlds::planner(&world, &PlannerSettings::default())?,
         robot: worlds::robot(&world)?,

@@ -4,10 +4,10 @@ use genmanip_workspace::task_files;
 use genmanip_workspace::workers;
 use genmanip_workspace::worlds;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
-use genmanip_agent_sim::OracleSegmenter;
-use genmanip_agent_sim::{AgentChoice, ModelChoice};
+use genmanip_agent_sim::{AgentChoice, GraspChoice, MaskChoice, ModelChoice, OracleSegmenter};
 use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, Families, panda};
 use genmanip_core::{FailureClass, Seed, Task, TaskKind};
@@ -117,8 +117,9 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             printer.data(&measured, &hostile::describe(&measured));
         }
         LabCommand::Grasp(arguments) => {
-            let measured =
-                grasp::measure(&grasp_arguments(arguments)?, &default_world(), Seed::new(arguments.seed), printer)?;
+            let (asked, seed) = (grasp_arguments(arguments)?, Seed::new(arguments.seed));
+            let grasps = GraspChoice::named(&arguments.grasps, &["rgbd", "http:URL"])?;
+            let measured = grasp::measure(&asked, &grasps, &default_world(), seed, printer)?;
             printer.data(&measured, &grasp::describe(&measured));
         }
         LabCommand::Expert(arguments) => {
@@ -230,8 +231,12 @@ fn segment_of(arguments: &args::SegmentArguments, printer: &Printer) -> Result<(
         printer.data(&fitted, &segment::fit::describe(&fitted));
         return Ok(());
     }
-    let segmenter: &dyn Segmenter = if arguments.masks == "oracle" { &OracleSegmenter } else { &rgbd };
-    let measured = segment::measure(&asked, segmenter, &world, seed, printer)?;
+    let segmenter: Arc<dyn Segmenter> = match MaskChoice::named(&arguments.masks)? {
+        MaskChoice::Rgbd => Arc::new(rgbd),
+        MaskChoice::Oracle => Arc::new(OracleSegmenter),
+        MaskChoice::Http(service) => service,
+    };
+    let measured = segment::measure(&asked, &*segmenter, &world, seed, printer)?;
     printer.data(&measured, &segment::describe(&measured));
     Ok(())
 }

@@ -6,6 +6,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use genmanip_agent_sim::{GraspChoice, demonstration_grasps};
 use genmanip_assets::Catalogue;
 use genmanip_core::{Seed, World};
 use genmanip_motion::PlannerSettings;
@@ -48,7 +49,7 @@ pub struct Report {
     pub pick: CandidateChoice,
     /// By class of objects.
     pub classes: BTreeMap<TrialClass, Tally>,
-    /// CPU time of the sampler.
+    /// CPU time of the sampler; of a detector behind a service without that service.
     pub cpu_ms: CpuTimes,
     /// Calibration of the scores.
     pub calibration: Calibration,
@@ -88,12 +89,13 @@ pub struct CpuTimes {
     pub points: usize,
 }
 
-/// Tries grasps on random objects of each class; one thread.
+/// Tries grasps of the sampler, or of a detector, on random objects of each class; one thread.
 ///
 /// # Errors
 /// If the file cannot be written or a trial raises an error; a grasp that does not hold is a result.
 pub fn measure(
     arguments: &GraspArguments,
+    grasps: &GraspChoice,
     world: &Arc<World>,
     seed: Seed,
     progress: &dyn Progress,
@@ -109,6 +111,10 @@ pub fn measure(
     let planner = worlds::planner(world, &PlannerSettings::default())?;
     let trials = GraspTrials {
         catalogue: Catalogue::builtin(),
+        detector: match grasps {
+            GraspChoice::Rgbd => None,
+            GraspChoice::Http(_) => Some(demonstration_grasps::source(grasps, &planner)),
+        },
         planner,
         robot: worlds::robot(world)?,
         world: Arc::clone(world),

@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::error::{ChatError, shortened};
+use crate::error::{ChatError, is_about_length, shortened};
 use crate::reply::{ChatReply, Structure, Usage};
 use crate::request::ChatRequest;
 use crate::secret::ApiKey;
@@ -90,27 +90,34 @@ pub(crate) fn error_message(body: &Value) -> Option<String> {
 
 /// True if an error is probably about the requested structured output, so that a retry without it is worthwhile.
 ///
-/// Servers use different statuses and texts; an unrelated error costs at most two unnecessary requests.
+/// Servers use different statuses and texts; an unrelated error costs at most two unnecessary requests. A message about
+/// the length of the conversation is none, unless it also names the structure.
 pub(crate) fn refuses_structure(error: &ChatError) -> bool {
+    let names_structure = |message: &str| {
+        let message = message.to_lowercase();
+        ["response_format", "json_schema", "json_object", "schema", "grammar", "structured"]
+            .iter()
+            .any(|word| message.contains(word))
+    };
     match error {
-        ChatError::Status { status: 400 | 415 | 422 | 501, .. } => true,
-        ChatError::Status { status: 200 | 404 | 500, message, .. } => {
-            let message = message.to_lowercase();
-            ["response_format", "json_schema", "json_object", "schema", "grammar", "structured"]
-                .iter()
-                .any(|word| message.contains(word))
+        ChatError::Status { status: 400 | 415 | 422 | 501, message, .. } => {
+            names_structure(message) || !is_about_length(message)
         }
+        ChatError::Status { status: 200 | 404 | 500, message, .. } => names_structure(message),
         _ => false,
     }
 }
 
-/// Removes the leading `<think>…</think>` block of reasoning models.
+/// Ends of the thoughts of reasoning models; the opening tag is often part of the prompt, hence not of the reply.
+const ENDS_OF_THOUGHTS: [&str; 6] =
+    ["</think>", "</thinking>", "</reasoning>", "[/THINK]", "◁/think▷", "<|channel|>final<|message|>"];
+
+/// Removes the thoughts of reasoning models: everything up to the last closing tag that text follows.
 fn without_reasoning(text: &str) -> &str {
-    let begins = text.trim_start();
-    match begins.strip_prefix("<think>").and_then(|rest| rest.split_once("</think>")) {
-        Some((_, answer)) => answer.trim_start(),
-        None => text,
-    }
+    let end = |tag: &str| text.rfind(tag).map(|at| at + tag.len());
+    let answers = ENDS_OF_THOUGHTS.iter().filter_map(|tag| end(tag)).max().map(|at| text[at..].trim_start());
+    let is_whole = text.trim_start().starts_with(['{', '[', '"']);
+    answers.filter(|answer| !answer.is_empty() && !is_whole).unwrap_or(text)
 }
 
 /// Fails if a body with status 200 reports an error, as some gateways do.

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::reply::is_token_limit;
+
 /// Error of a chat request.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, thiserror::Error)]
 #[serde(tag = "error", rename_all = "snake_case")]
@@ -71,7 +73,7 @@ pub enum ChatError {
         expected: String,
     },
     /// The completion has no text.
-    #[error("the model returned no text (finish reason: {finish_reason})")]
+    #[error("the model returned no text ({})", reason_of(finish_reason))]
     NoText {
         /// Finish reason reported by the server, or `none`.
         finish_reason: String,
@@ -222,6 +224,10 @@ impl ChatError {
                 "the variable named in `api_key_env` must contain a valid key for this server"
             }
             Self::Status { status: 404, .. } => "`base_url` usually ends in `/v1`; `model` must exist on the server",
+            Self::Status { status: 400 | 413 | 422, message, .. } if is_about_length(message) => {
+                "the conversation is longer than the model's context: serve it with a larger one, offer fewer objects \
+                 (`sampling.offered`), or lower `max_tokens`"
+            }
             Self::Status { status: 400 | 422, .. } => "check `parameters` and `model` in the settings",
             Self::Status { status: 300..=399, .. } => "set `base_url` to the address it redirects to",
             Self::Status { .. } => "the server failed; try again later",
@@ -229,7 +235,7 @@ impl ChatError {
             Self::NotJson { .. } | Self::NotACompletion { .. } => {
                 "`base_url` must be that of a server with this `dialect`; it usually ends in `/v1`"
             }
-            Self::NoText { .. } => "a reasoning model may need a larger token limit in `parameters`",
+            Self::NoText { .. } => "raise `max_tokens` in `parameters`: thoughts of a reasoning model count too",
             Self::MisplacedImage { .. } => "move the image into a user message",
             Self::ImageTooLarge { .. } => "scale the image down, or raise `max_image_bytes` if the server accepts it",
             Self::RequestTooLarge { .. } => {
@@ -247,6 +253,27 @@ impl ChatError {
             Self::ScriptEnded { .. } => "give the script more answers",
         }
     }
+}
+
+impl ChatError {
+    /// True if the model was stopped at its limit of tokens before it said anything.
+    pub fn is_cut_off(&self) -> bool {
+        matches!(self, Self::NoText { finish_reason } if is_token_limit(finish_reason))
+    }
+}
+
+/// Finish reason of a reply without text.
+fn reason_of(finish_reason: &str) -> String {
+    match is_token_limit(finish_reason) {
+        true => format!("stopped at its limit of tokens, `max_tokens`; finish reason: {finish_reason}"),
+        false => format!("finish reason: {finish_reason}"),
+    }
+}
+
+/// True if a server's message is about the length of the conversation or of the answer, in tokens.
+pub(crate) fn is_about_length(message: &str) -> bool {
+    let message = message.to_lowercase();
+    ["context", "token", "too long", "too large"].iter().any(|word| message.contains(word))
 }
 
 /// Error in the settings.

@@ -25,6 +25,18 @@ pub struct ChatReply {
     pub attempts: u32,
 }
 
+impl ChatReply {
+    /// True if the model was stopped at its limit of tokens: its answer may lack the end, and asking again would too.
+    pub fn is_cut_off(&self) -> bool {
+        self.finish_reason.as_deref().is_some_and(is_token_limit)
+    }
+}
+
+/// True for the finish reasons by which servers say that the limit of tokens was reached.
+pub(crate) fn is_token_limit(finish_reason: &str) -> bool {
+    ["length", "max_tokens", "model_length", "max_output_tokens"].contains(&finish_reason.to_lowercase().as_str())
+}
+
 /// Token usage of one exchange.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Usage {

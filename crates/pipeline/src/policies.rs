@@ -186,7 +186,7 @@ fn playback(given: &Given) -> Result<Prepared, WorkspaceError> {
             .with_hint("name a dataset that `genmanip export --to lerobot` or `collect` wrote")
     };
     let dataset = LerobotDataset::open(&folder).map_err(unreadable)?;
-    Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
+    let prepared = Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
         let (contract, scenario) = (dataset.contract(), &episode.stage.scenario.id);
         check_robot(&contract.robot, episode.stage)?;
         let not_run = |reason| WorkspaceError::Unreachable { policy: "playback".into(), reason };
@@ -194,7 +194,8 @@ fn playback(given: &Given) -> Result<Prepared, WorkspaceError> {
         let rows = rows.ok_or_else(|| not_run(format!("the dataset has no episode of scenario {scenario}")))?;
         let actions = dataset.actions(rows).map_err(|error| not_run(error.to_string()))?;
         Ok(Box::new(OpenLoop::playback(contract, actions)))
-    }))
+    });
+    Ok(Prepared { is_recorded: true, ..prepared })
 }
 
 fn learned(given: &Given) -> Result<Prepared, WorkspaceError> {
@@ -247,12 +248,13 @@ fn agent(given: &Given) -> Result<Prepared, WorkspaceError> {
         ModelChoice::Chat(shared) => Some(Arc::clone(shared.account())),
         ModelChoice::Oracle | ModelChoice::Random | ModelChoice::Recorded => None,
     };
+    let is_recorded = matches!(choice.model, ModelChoice::Recorded);
     let prepared = Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
         let made = choice.make(episode.stage, episode.planner, episode.grasps, episode.cores)?;
         let folder = transcripts.as_ref().map(|folder| folder.join(&episode.stage.scenario.id));
         Ok(Box::new(made.transcribing(folder)))
     });
-    Ok(Prepared { account, ..prepared })
+    Ok(Prepared { account, is_recorded, ..prepared })
 }
 
 fn openpi(given: &Given) -> Result<Prepared, WorkspaceError> {
@@ -328,11 +330,13 @@ struct Prepared {
     account: Option<Arc<UsageAccount>>,
     /// True if it never says that it is finished.
     never_finishes: bool,
+    /// True if it acts by what was recorded elsewhere.
+    is_recorded: bool,
 }
 
 impl Prepared {
     fn new(make: impl Fn(&PolicyContext) -> Result<Box<dyn Policy>, WorkspaceError> + Send + Sync + 'static) -> Self {
-        Self { make: Box::new(make), account: None, never_finishes: false }
+        Self { make: Box::new(make), account: None, never_finishes: false, is_recorded: false }
     }
 
     fn never_finishing(self) -> Self {
@@ -411,6 +415,11 @@ impl PolicyFactory {
     /// True if it needs an episode that was recorded on the same scenario.
     pub fn needs_record(&self) -> bool {
         self.needs_record
+    }
+
+    /// True if it acts by records, which may lack a scenario: one that is not run says nothing about the others.
+    pub(crate) fn is_recorded(&self) -> bool {
+        self.needs_record || self.prepared.is_recorded
     }
 
     /// The policy for one episode.

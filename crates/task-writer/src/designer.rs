@@ -181,9 +181,13 @@ impl Designer {
             conversation.messages.push(Message::assistant(self.quoted(&reply.text)));
             conversation.messages.push(Message::user(self.prompts.repair_text(&violations(&report))));
             let AnswerReport { verdict, flaws, repairs, task, .. } = report;
+            let is_cut_off = reply.is_cut_off();
             rounds.push(Round { key, reply, verdict, flaws, repairs });
             if let Some(task) = task {
                 return self.outcome(request, rounds, Designed::Task(Box::new(task)));
+            }
+            if is_cut_off {
+                return self.outcome(request, rounds, Designed::Refused(Refusal::CutOff));
             }
         }
         self.outcome(request, rounds, Designed::Refused(Refusal::Invalid))

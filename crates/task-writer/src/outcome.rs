@@ -68,7 +68,10 @@ pub enum Refusal {
     /// No answer was valid; the rounds contain the flaws.
     #[error("no answer was valid")]
     Invalid,
-    /// The model could not be reached.
+    /// The last answer lacks its end, because the model was stopped at its limit of tokens.
+    #[error("the model was stopped at its limit of tokens (`max_tokens`) before its answer ended")]
+    CutOff,
+    /// The model could not be reached, or gave no answer.
     #[error("{error}")]
     Unanswered {
         /// Error of the request.
@@ -124,6 +127,7 @@ impl GenerationOutcome {
     pub fn hint(&self) -> &'static str {
         match &self.result {
             Designed::Refused(Refusal::Unanswered { error }) => error.hint(),
+            Designed::Refused(Refusal::CutOff) => "raise `max_tokens` in `server.parameters`",
             Designed::Refused(Refusal::Invalid) => "a stronger model or a higher `max_rounds` may help",
             Designed::Refused(Refusal::NoObjects { error: SamplingError::TooFew { .. } }) => {
                 "lower `generation.sampling.offered`, or widen the catalogue"

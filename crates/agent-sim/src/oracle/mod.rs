@@ -440,6 +440,6 @@ impl VisionModel for Oracle {
             }
             None => self.right_answer(question).to_string(),
         };
-        Ok(ModelReply { text, usage: None })
+        Ok(ModelReply { text, usage: None, cut_off: false })
     }
 }

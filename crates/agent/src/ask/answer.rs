@@ -1,15 +1,24 @@
-//! Parsing and validation of answers: exact format, drawn marks only, one-sentence error messages.
+//! Parsing and validation of answers: lenient format, drawn marks only, one-sentence error messages.
+//!
+//! Prose, code fences, additional keys, numbers as text and a list around the answer are read past; a number that is not
+//! there is never made up, and of two different answers none is taken.
 
+use genmanip_core::lenient_json::{self, Wanted};
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::Value;
 
-use super::question::{Marks, Question, REASONING};
+use super::question::{Marks, Question};
 use super::question_kind::QuestionKind;
 use super::rejection::Rejection;
 use crate::grid::{Cell, Grid};
 
 /// Maximum length of an answer (bytes), about a hundred times a long path.
 const MAX_ANSWER_BYTES: usize = 64 << 10;
+/// Maximum number of JSON values of an answer.
+const MAX_VALUES: usize = 4096;
+/// Maximum number of lists of one and objects with one key around an answer.
+const MAX_WRAPPINGS: usize = 3;
 /// Maximum number of sub-tasks and of path cells.
 const MAX_ITEMS: usize = 24;
 /// Allowed path heights above the table (m).
@@ -34,7 +43,6 @@ pub enum Answer {
 
 /// Sub-tasks, each one pick and one placement.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct DecomposeAnswer {
     /// Sub-tasks in order, at least one.
     pub subtasks: Vec<String>,
@@ -87,11 +95,11 @@ pub struct PointAnswer {
 
 /// Verdict on task completion.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct CheckAnswer {
     /// Scene description given by the model.
     pub scene_description: String,
     /// Verdict of the model.
+    #[serde(deserialize_with = "flag")]
     pub finished: bool,
     /// Remaining sub-tasks, if the model lists them.
     #[serde(default)]
@@ -103,69 +111,105 @@ pub struct CheckAnswer {
 /// # Errors
 /// Describes the problem in words for the model.
 pub fn parse(question: &Question, text: &str) -> Result<Answer, Rejection> {
-    let object = bare_object(text)?;
-    let without = question.reasoning.then(|| without_reasoning(object)).flatten();
-    let object = without.as_deref().unwrap_or(object);
+    if text.len() > MAX_ANSWER_BYTES {
+        let size = text.len();
+        return Err(Rejection::Format(format!("it has {size} bytes, expected {MAX_ANSWER_BYTES} at most")));
+    }
+    let mut answers: Vec<Result<Answer, Rejection>> = Vec::new();
+    let mut other: Option<Rejection> = None;
+    for found in lenient_json::find(&lenient_json::decoded(text), Wanted::ObjectsAndLists, MAX_VALUES) {
+        let not_json = |error| Rejection::Format(format!("it is not the JSON that was asked for: {error}"));
+        match found.map_err(not_json).and_then(|parsed| unwrapped(question, &parsed.value, MAX_WRAPPINGS)) {
+            Err(rejection @ Rejection::Format(_)) => other = other.or(Some(rejection)),
+            answer if answers.contains(&answer) => {}
+            answer => answers.push(answer),
+        }
+    }
+    match answers.len() {
+        0 => Err(other.unwrap_or_else(|| Rejection::Format("expected one JSON object, got none".into()))),
+        1 => answers.remove(0),
+        several => Err(Rejection::Format(format!("expected one answer, got {several} different ones"))),
+    }
+}
+
+/// The answer of a value, or of the only item of a list or object.
+fn unwrapped(question: &Question, value: &Value, wrappings: usize) -> Result<Answer, Rejection> {
+    let direct = answer(question, value);
+    let inner = match value {
+        Value::Array(items) if items.len() == 1 => items.first(),
+        Value::Object(fields) if fields.len() == 1 => fields.values().next(),
+        _ => None,
+    };
+    match (&direct, inner) {
+        (Err(Rejection::Format(_)), Some(inner)) if wrappings > 0 && (inner.is_object() || inner.is_array()) => {
+            match unwrapped(question, inner, wrappings - 1) {
+                Err(Rejection::Format(_)) => direct,
+                found => found,
+            }
+        }
+        _ => direct,
+    }
+}
+
+fn answer(question: &Question, value: &Value) -> Result<Answer, Rejection> {
     match question.stage {
-        QuestionKind::Decompose => decompose(object).map(Answer::Decompose),
+        QuestionKind::Decompose => decompose(value).map(Answer::Decompose),
         QuestionKind::Object => {
-            let ObjectWire { number, object_name, color } = read(object)?;
+            let ObjectWire { number, object_name, color } = read(value)?;
             mark(question, "mask", number, object_name, color).map(Answer::Mark)
         }
         QuestionKind::Part => {
-            let PartWire { number, part_name, color } = read(object)?;
+            let PartWire { number, part_name, color } = read(value)?;
             mark(question, "part", number, part_name, color).map(Answer::Mark)
         }
-        QuestionKind::GrabPoint => grab_point(question, read(object)?).map(Answer::GrabPoint),
+        QuestionKind::GrabPoint => grab_point(question, read(value)?).map(Answer::GrabPoint),
         QuestionKind::GridPath => {
             // A bare list is accepted too; servers with schema-constrained output need an object around it.
-            let path = if object.starts_with('[') { read(object)? } else { read::<PathWire>(object)?.path };
+            let path = if value.is_array() { read(value)? } else { read::<PathWire>(value)?.path };
             self::path(question, &path).map(Answer::Path)
         }
         QuestionKind::PointToPoint => {
-            let SelectedWire { selected_point: LabelWire { kind, label } } = read(object)?;
+            let SelectedWire { selected_point: LabelWire { kind, label } } = read(value)?;
             if kind != "grid" {
                 return Err(Rejection::Format(format!("`type` is {kind:?}, expected \"grid\"")));
             }
             let cell = placement(question, &label)?;
             Ok(Answer::Point(PointAnswer { cell }))
         }
-        QuestionKind::Check => check(object).map(Answer::Check),
+        QuestionKind::Check => check(value).map(Answer::Check),
     }
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct ObjectWire {
+    #[serde(deserialize_with = "whole_number")]
     number: i64,
     object_name: String,
     color: String,
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct PartWire {
+    #[serde(deserialize_with = "whole_number")]
     number: i64,
     part_name: String,
     color: String,
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct PointWire {
+    #[serde(deserialize_with = "whole_number")]
     selected_point: i64,
     #[serde(default)]
     reason: String,
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct SelectedWire {
     selected_point: LabelWire,
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct LabelWire {
     #[serde(rename = "type")]
     kind: String,
@@ -173,55 +217,66 @@ struct LabelWire {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct PathWire {
     path: Vec<PathItemWire>,
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct PathItemWire {
     grid_number: String,
+    #[serde(deserialize_with = "number")]
     height_m: f64,
+    #[serde(deserialize_with = "number")]
     claw_orientation: f64,
 }
 
-/// Extracts the single JSON object or list, without a surrounding code fence.
-fn bare_object(text: &str) -> Result<&str, Rejection> {
-    if text.len() > MAX_ANSWER_BYTES {
-        let size = text.len();
-        return Err(Rejection::Format(format!("it has {size} bytes, expected {MAX_ANSWER_BYTES} at most")));
-    }
-    let text = text.trim();
-    let fenced =
-        text.strip_prefix("```json").or_else(|| text.strip_prefix("```")).and_then(|rest| rest.strip_suffix("```"));
-    let text = fenced.unwrap_or(text).trim();
-    if text.starts_with('{') && text.ends_with('}') || text.starts_with('[') && text.ends_with(']') {
-        return Ok(text);
-    }
-    Err(Rejection::Format("expected one JSON object and nothing around it".into()))
+/// A number, also as text.
+fn number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    let value = Value::deserialize(deserializer)?;
+    let number = match &value {
+        Value::String(text) => text.trim().parse().ok(),
+        other => other.as_f64(),
+    };
+    number.filter(|number| number.is_finite()).ok_or_else(|| unexpected(&value, "a number"))
 }
 
-/// Removes the reasoning field; `None` if the text is not an object, which the parser reports later.
-fn without_reasoning(object: &str) -> Option<String> {
-    let mut fields: serde_json::Map<String, serde_json::Value> = serde_json::from_str(object).ok()?;
-    fields.remove(REASONING);
-    Some(serde_json::Value::Object(fields).to_string())
+/// A whole number, also as text or with zeros behind the point.
+fn whole_number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<i64, D::Error> {
+    let value = Value::deserialize(deserializer)?;
+    let whole = |number: f64| (number.fract() == 0.0 && number.abs() < 1e15).then_some(number as i64);
+    let number = match &value {
+        Value::String(text) => text.trim().parse().ok(),
+        other => other.as_i64().or_else(|| other.as_f64().and_then(whole)),
+    };
+    number.ok_or_else(|| unexpected(&value, "a whole number"))
 }
 
-fn read<T: DeserializeOwned>(text: &str) -> Result<T, Rejection> {
-    serde_json::from_str(text)
-        .map_err(|error| Rejection::Format(format!("it is not the JSON that was asked for: {error}")))
+/// A truth value, also as text.
+fn flag<'de, D: Deserializer<'de>>(deserializer: D) -> Result<bool, D::Error> {
+    let value = Value::deserialize(deserializer)?;
+    let flag = match &value {
+        Value::String(text) => text.trim().to_lowercase().parse().ok(),
+        other => other.as_bool(),
+    };
+    flag.ok_or_else(|| unexpected(&value, "true or false"))
 }
 
-fn decompose(text: &str) -> Result<DecomposeAnswer, Rejection> {
-    let answer: DecomposeAnswer = read(text)?;
+fn unexpected<E: serde::de::Error>(value: &Value, expected: &str) -> E {
+    E::custom(format!("expected {expected}, got {}", super::shortened::shortened(&value.to_string())))
+}
+
+fn read<T: DeserializeOwned>(value: &Value) -> Result<T, Rejection> {
+    T::deserialize(value).map_err(|error| Rejection::Format(format!("it is not the JSON that was asked for: {error}")))
+}
+
+fn decompose(value: &Value) -> Result<DecomposeAnswer, Rejection> {
+    let answer: DecomposeAnswer = read(value)?;
     check_subtasks(&answer.subtasks, 1)?;
     Ok(answer)
 }
 
-fn check(text: &str) -> Result<CheckAnswer, Rejection> {
-    let answer: CheckAnswer = read(text)?;
+fn check(value: &Value) -> Result<CheckAnswer, Rejection> {
+    let answer: CheckAnswer = read(value)?;
     check_subtasks(&answer.remaining, 0)?;
     Ok(answer)
 }

@@ -1,8 +1,9 @@
 //! Questions to a vision-language model: prompt, validation of the answer, transcript.
 //!
-//! A question is sent with images and the marks drawn on them. Only an answer that names drawn marks in the exact
-//! format is accepted. An invalid answer is returned to the model with an explanation, up to a fixed number of retries;
-//! then the stage fails. No mark is ever chosen by default.
+//! A question is sent with images and the marks drawn on them. Only an answer that names drawn marks is accepted; its
+//! format may have slips. An invalid answer is returned to the model with an explanation, up to a fixed number of retries;
+//! then the stage fails; one that was cut off fails at once. No mark is ever
+//! chosen by default.
 
 mod answer;
 
@@ -30,6 +31,9 @@ pub use recorded::{Mismatch, RecordedAnswer, RecordedAnswers, Thumbnail, Toleran
 pub use rejection::{RejectedAnswer, Rejection};
 use shortened::shortened;
 pub use transcript::{Exchange, Transcript, TranscriptEvent, TranscriptRecorder};
+
+/// Reason for rejecting an answer whose end is missing.
+const CUT_OFF: &str = "the model was stopped at its limit of tokens: raise `max_tokens` in the settings of the model";
 
 /// Retry limits for invalid answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,15 +100,17 @@ fn process_reply(
     transcribed: &TranscriptRecorder,
 ) -> (Result<Answer, FailedStage>, bool) {
     let failed = |cause, evidence: String| Err(FailedStage::new(question.stage, cause, evidence));
-    let (text, usage, rejection) = match reply {
-        Ok(ModelReply { text, usage }) => match parse(question, &text) {
+    let (text, usage, rejection, cut_off) = match reply {
+        Ok(ModelReply { text, usage, cut_off }) => match parse(question, &text) {
             Ok(answer) => {
                 transcribed.exchange(question, &text, None, usage);
                 return (Ok(answer), true);
             }
-            Err(rejection) => (text, usage, rejection),
+            Err(_) if cut_off => (text, usage, Rejection::Format(CUT_OFF.into()), true),
+            Err(rejection) => (text, usage, rejection, false),
         },
-        Err(ServiceError::Unreadable(what)) => (String::new(), None, Rejection::Format(what)),
+        Err(ServiceError::Unreadable(what)) => (String::new(), None, Rejection::Format(what), false),
+        Err(ServiceError::CutOff(what)) => (String::new(), None, Rejection::Format(what), true),
         Err(error @ (ServiceError::Garbled(_) | ServiceError::Unreachable(_))) => {
             transcribed.exchange(question, "", Some(&error.to_string()), None);
             let is_final = matches!(error, ServiceError::Unreachable(_));
@@ -113,7 +119,7 @@ fn process_reply(
     };
     transcribed.exchange(question, &text, Some(&rejection.to_string()), usage);
     let last = failed(rejection.cause(), format!("{rejection} (asked {asked} times)"));
-    let is_final = matches!(rejection, Rejection::NotFound(_)) && !reasks.not_found;
+    let is_final = cut_off || matches!(rejection, Rejection::NotFound(_)) && !reasks.not_found;
     question.refused.push(RejectedAnswer { answer: shortened(&text), rejection });
     (last, is_final)
 }

@@ -24,12 +24,14 @@ pub trait VisionModel: Send + Sync {
 }
 
 /// Reply of a model.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ModelReply {
     /// Reply text.
     pub text: String,
     /// Token usage, if the service reports it.
     pub usage: Option<Usage>,
+    /// True if the model was stopped at its limit of tokens: asking again would not help.
+    pub cut_off: bool,
 }
 
 /// Error of the model service.
@@ -41,6 +43,10 @@ pub enum ServiceError {
     /// The response is not a model reply, for example a truncated body; a retry may help.
     #[error("{0}")]
     Garbled(String),
+    /// The model was stopped at its limit of tokens before it said anything. Counts as an invalid answer; an immediate
+    /// retry is pointless.
+    #[error("{0}")]
+    CutOff(String),
     /// The reply cannot be used as text: too long, empty, or a refusal. Counts as an invalid answer.
     #[error("{0}")]
     Unreadable(String),
@@ -50,6 +56,7 @@ impl From<ChatError> for ServiceError {
     fn from(error: ChatError) -> Self {
         let text = error.to_string();
         match error {
+            error if error.is_cut_off() => Self::CutOff(text),
             ChatError::TooLarge { .. } | ChatError::NoText { .. } | ChatError::Declined { .. } => {
                 Self::Unreadable(text)
             }
@@ -79,7 +86,8 @@ impl VisionModel for ChatService {
         let requests: Result<Vec<ChatRequest>, ImageError> = questions.iter().map(request).collect();
         match requests {
             Ok(requests) => {
-                let answered = |reply: ChatReply| ModelReply { text: reply.text, usage: reply.usage };
+                let answered =
+                    |reply: ChatReply| ModelReply { cut_off: reply.is_cut_off(), text: reply.text, usage: reply.usage };
                 self.chat.chat_each(&requests).into_iter().map(|reply| Ok(answered(reply?))).collect()
             }
             Err(error) => vec![Err(ServiceError::Unreachable(error.to_string())); questions.len()],

@@ -59,6 +59,9 @@ pub struct RecordedAnswer {
     /// Token usage, if the service reported it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub usage: Option<Usage>,
+    /// True if the model was stopped at its limit of tokens.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub cut_off: bool,
 }
 
 /// Thumbnail of an image: mean colour of each of 16 x 9 cells.
@@ -139,12 +142,13 @@ impl RecordedAnswer {
             pictures: question.pictures.iter().map(|shown| Thumbnail::size_of(shown.name, &shown.picture)).collect(),
             answer: answered.text.clone(),
             usage: answered.usage,
+            cut_off: answered.cut_off,
         }
     }
 
     /// First difference from a question as name, recorded value, current value; `None` within tolerance.
     fn difference(&self, question: &Question, tolerance: &Tolerance) -> Option<(&'static str, String, String)> {
-        let current = Self::new(question, &ModelReply { text: String::new(), usage: None });
+        let current = Self::new(question, &ModelReply { text: String::new(), usage: None, cut_off: false });
         let differs = |what, recorded: String, asked: String| (recorded != asked).then_some((what, recorded, asked));
         let prompt = |stamp: &PromptStamp| format!("{} version {} ({})", stamp.id, stamp.version, stamp.sha256);
         let excerpt = |text: &str| text.chars().take(120).collect::<String>();
@@ -190,7 +194,7 @@ impl RecordedAnswers {
             return Err(Mismatch::Missing { scenario, ask, stage: question.stage });
         };
         match recorded.difference(question, tolerance) {
-            None => Ok(ModelReply { text: recorded.answer.clone(), usage: recorded.usage }),
+            None => Ok(ModelReply { text: recorded.answer.clone(), usage: recorded.usage, cut_off: recorded.cut_off }),
             Some((what, recorded, asked)) => Err(Mismatch::Other { scenario, ask, what, recorded, asked }),
         }
     }

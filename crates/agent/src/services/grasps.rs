@@ -9,6 +9,7 @@ use genmanip_motion::{CloudTarget, Planner};
 use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
 use super::{read, transport_error};
 
@@ -95,7 +96,8 @@ pub struct GraspRequest {
     pub table_height: f64,
 }
 
-/// Response body; additional fields are ignored.
+/// Response body; additional fields are ignored. A bare list, and lists named `grasp_groups`, of rows or of objects with
+/// `translation`, `rotation_matrix`, `score` and optional `width`, `height` and `depth` are read too.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GraspReply {
     /// Rows of 17 numbers in GraspNet's format, in the camera frame; see [`GraspNetGrasp`].
@@ -166,9 +168,53 @@ impl<S: Service> GraspSource for ServiceGrasps<S> {
         let asked = serde_json::to_value(GraspRequest::of(question))
             .map_err(|error| GraspError::Service(format!("the question cannot be written: {error}")))?;
         let answer = self.service.ask(&asked).map_err(|error| GraspError::Service(transport_error(&error)))?;
-        let reply: GraspReply = read(answer).map_err(GraspError::Service)?;
+        let reply: GraspReply = normalised(answer).and_then(read).map_err(GraspError::Service)?;
         grasps_of(&reply, &question.world_from_camera).map_err(GraspError::Service)
     }
+}
+
+/// A grasp as GenManip's and AnyGrasp's servers write it, camera frame; axes of the rotation as in [`GraspNetGrasp`].
+#[derive(Deserialize)]
+struct GraspWire {
+    translation: [f64; 3],
+    #[serde(alias = "rotation")]
+    rotation_matrix: [[f64; 3]; 3],
+    #[serde(default = "unknown_score")]
+    score: f64,
+    #[serde(default = "unknown_width")]
+    width: f64,
+    #[serde(default)]
+    height: f64,
+    /// Distance of the fingertips ahead of the translation (m); without it, that is where they are.
+    #[serde(default)]
+    depth: f64,
+}
+
+/// Score of a grasp without one: the order of the answer counts.
+fn unknown_score() -> f64 {
+    0.0
+}
+
+/// Opening of a grasp without one (m): that of a common gripper.
+fn unknown_width() -> f64 {
+    0.08
+}
+
+/// The answer as [`GraspReply`] has it: a list of rows.
+fn normalised(answer: Value) -> Result<Value, String> {
+    let mut answer = if answer.is_array() { json!({"grasps": answer}) } else { answer };
+    if let (None, Some(groups)) = (answer.get("grasps"), answer.get("grasp_groups").cloned()) {
+        answer = json!({"grasps": groups});
+    }
+    for (index, grasp) in answer.get_mut("grasps").and_then(Value::as_array_mut).into_iter().flatten().enumerate() {
+        if grasp.is_object() {
+            let wire: GraspWire = read(grasp.take()).map_err(|error| format!("grasp {index}: {error}"))?;
+            let sizes = [wire.score, wire.width, wire.height, wire.depth];
+            let numbers = sizes.into_iter().chain(wire.rotation_matrix.into_iter().flatten()).chain(wire.translation);
+            *grasp = numbers.chain([-1.0]).collect();
+        }
+    }
+    Ok(answer)
 }
 
 fn grasps_of(reply: &GraspReply, world_from_camera: &Pose) -> Result<Vec<Grasp>, String> {
@@ -198,7 +244,6 @@ fn grasps_of(reply: &GraspReply, world_from_camera: &Pose) -> Result<Vec<Grasp>,
 mod tests {
     use super::*;
     use genmanip_llm::ChatError;
-    use serde_json::{Value, json};
 
     struct Fixed(Value);
 
@@ -238,6 +283,32 @@ mod tests {
         for (got, sent) in got.iter().zip([&sent[1], &sent[0]]) {
             assert!(got.pose.position.distance(sent.pose.position) < 1e-9 && got.pose.angle_to(&sent.pose) < 1e-6);
         }
+    }
+
+    #[test]
+    fn grasps_with_and_without_depth_are_those_of_the_rows() {
+        let row = [0.9, 0.05, 0.02, 0.03, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.1, 0.2, 0.5, -1.0];
+        let named = |mut more: Value| {
+            let given =
+                json!({"translation": &row[13..16], "rotation_matrix": [&row[4..7], &row[7..10], &row[10..13]]});
+            more.as_object_mut().unwrap().extend(given.as_object().unwrap().clone());
+            more
+        };
+        let whole = json!({"score": 0.9, "width": 0.05, "height": 0.02, "depth": 0.03, "id": 7});
+        let expected = asked(json!({"grasps": [row]})).unwrap();
+        for answer in [
+            json!([row]),
+            json!({"grasp_groups": [row]}),
+            json!({"grasp_groups": [named(whole.clone())]}),
+            json!([named(whole)]),
+        ] {
+            assert_eq!(asked(answer).unwrap(), expected);
+        }
+        let [without] = &asked(json!({"grasp_groups": [named(json!({"score": 0.9}))]})).unwrap()[..] else { panic!() };
+        let tips = expected[0].pose.position - expected[0].approach() * 0.03;
+        assert!(without.pose.position.distance(tips) < 1e-9 && without.width == 0.08, "{without:?}");
+        let error = asked(json!([{"translation": [0.0, 0.0, 0.5]}])).unwrap_err().to_string();
+        assert!(error.contains("grasp 0: its answer is wrong at .: missing field `rotation_matrix`"), "{error}");
     }
 
     #[test]

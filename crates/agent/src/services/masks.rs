@@ -6,6 +6,7 @@ use genmanip_core::{Intrinsics, Pose, RgbdImage};
 use genmanip_llm::Service;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
 use super::{read, transport_error};
 use crate::segmentation::{Mask, SegmentError, SegmentQuestion, Segmenter};
@@ -38,7 +39,8 @@ pub struct SegmentRequest {
     pub within: Option<RunLengths>,
 }
 
-/// Response body; additional fields are ignored.
+/// Response body; additional fields are ignored. The bare list that SAM 2's mask generator returns is read too, with
+/// `predicted_iou` as score and compressed run lengths.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SegmentReply {
     /// The masks.
@@ -197,9 +199,50 @@ impl<S: Service> Segmenter for ServiceMasks<S> {
         let asked = serde_json::to_value(SegmentRequest::of(question))
             .map_err(|error| SegmentError::Service(format!("the question cannot be written: {error}")))?;
         let answer = self.service.ask(&asked).map_err(|error| SegmentError::Service(transport_error(&error)))?;
-        let reply: SegmentReply = read(answer).map_err(SegmentError::Service)?;
+        let reply: SegmentReply = normalised(answer).and_then(read).map_err(SegmentError::Service)?;
         masks_of(reply, question).map_err(SegmentError::Service)
     }
+}
+
+/// The answer as [`SegmentReply`] has it: a bare list and compressed run lengths are rewritten.
+fn normalised(answer: Value) -> Result<Value, String> {
+    let mut answer = if answer.is_array() { json!({"masks": answer}) } else { answer };
+    for (index, mask) in answer.get_mut("masks").and_then(Value::as_array_mut).into_iter().flatten().enumerate() {
+        if let (None, Some(score)) = (mask.get("score"), mask.get("predicted_iou").cloned())
+            && let Some(fields) = mask.as_object_mut()
+        {
+            fields.insert("score".into(), score);
+        }
+        if let Some(counts) = mask.pointer_mut("/segmentation/counts")
+            && let Some(text) = counts.as_str()
+        {
+            *counts = decompressed(text).map_err(|error| format!("mask {index}: {error}"))?.into();
+        }
+    }
+    Ok(answer)
+}
+
+/// Run lengths from COCO's compressed text: groups of five bits, least significant first, from the fourth on as
+/// differences from the last but one.
+fn decompressed(text: &str) -> Result<Vec<i64>, String> {
+    let mut counts: Vec<i64> = Vec::new();
+    let (mut value, mut shift) = (0_i64, 0);
+    for byte in text.bytes() {
+        let group = byte.checked_sub(48).filter(|group| *group < 64 && shift < 40);
+        let group = i64::from(group.ok_or("its counts are neither numbers nor COCO's compressed text")?);
+        value |= (group & 0x1f) << shift;
+        shift += 5;
+        if group & 0x20 != 0 {
+            continue;
+        }
+        if group & 0x10 != 0 {
+            value |= -1 << shift;
+        }
+        let before = if counts.len() > 2 { counts[counts.len() - 2] } else { 0 };
+        counts.push(value.saturating_add(before));
+        (value, shift) = (0, 0);
+    }
+    if shift == 0 { Ok(counts) } else { Err("its compressed counts end within a number".into()) }
 }
 
 fn masks_of(mut reply: SegmentReply, question: &SegmentQuestion) -> Result<Vec<Mask>, String> {
@@ -234,7 +277,6 @@ mod tests {
     use super::*;
     use genmanip_llm::ChatError;
     use proptest::prelude::*;
-    use serde_json::{Value, json};
 
     struct Fixed(Value);
 
@@ -289,11 +331,60 @@ mod tests {
         assert_eq!(inside, [vec![1, 2, 4, 5], vec![3]]);
     }
 
+    /// As pycocotools writes them.
+    fn compressed(counts: &[u32]) -> String {
+        let mut text = String::new();
+        for (index, &count) in counts.iter().enumerate() {
+            let before = if index > 2 { i64::from(counts[index - 2]) } else { 0 };
+            let mut left = i64::from(count) - before;
+            loop {
+                let group = left & 0x1f;
+                left >>= 5;
+                let is_last = if group & 0x10 != 0 { left == -1 } else { left == 0 };
+                text.push(char::from(48 + u8::try_from(group).unwrap() + if is_last { 0 } else { 0x20 }));
+                if is_last {
+                    break;
+                }
+            }
+        }
+        text
+    }
+
+    proptest! {
+        #[test]
+        fn compressed_runs_come_back(counts in prop::collection::vec(0_u32..3_000_000, 0..20)) {
+            let read: Vec<u32> =
+                decompressed(&compressed(&counts)).unwrap().into_iter().map(|run| u32::try_from(run).unwrap()).collect();
+            prop_assert_eq!(read, counts);
+        }
+    }
+
+    #[test]
+    fn the_list_of_sam_is_read() {
+        assert_eq!(decompressed("222"), Ok(vec![2, 2, 2]));
+        assert_eq!(decompressed("0\\95:"), Ok(vec![0, 300, 5, 310]));
+        let mask = |counts: &str, iou: f64| {
+            json!({"segmentation": {"size": [2, 3], "counts": counts}, "area": 4, "bbox": [0, 0, 3, 2],
+                "predicted_iou": iou, "point_coords": [[1.0, 1.0]], "stability_score": 0.97, "crop_box": [0, 0, 3, 2]})
+        };
+        let image = image();
+        let question = SegmentQuestion { image: &image, ignore: &[], within: None };
+        let masks = ServiceMasks::new(Fixed(json!([mask("222", 0.8), mask("04", 0.9)]))).segment(&question);
+        assert!(masks.unwrap_err().to_string().contains("mask 1: its counts add up to 4"));
+        let masks = ServiceMasks::new(Fixed(json!([mask("222", 0.8), mask("024", 0.9)]))).segment(&question).unwrap();
+        let inside: Vec<Vec<usize>> = masks.iter().map(|mask| mask.indices().collect()).collect();
+        assert_eq!(inside, [vec![0, 3], vec![1, 4]], "the better one first");
+        assert_eq!(ServiceMasks::new(Fixed(json!([]))).segment(&question).unwrap(), []);
+    }
+
     #[test]
     fn hostile_answers_are_one_clear_error() {
         let runs = |counts: Value| json!({"masks": [{"segmentation": {"size": [2, 3], "counts": counts}}]});
         let cases = [
-            (json!([]), "the segmentation service: its answer is wrong at ."),
+            (json!(7), "the segmentation service: its answer is wrong at ."),
+            (runs(json!("a~")), "mask 0: its counts are neither numbers nor COCO's compressed text"),
+            (runs(json!("2P")), "mask 0: its compressed counts end within a number"),
+            (runs(json!("2O")), "the segmentation service: its answer is wrong at masks[0].segmentation.counts[1]: "),
             (json!({"masks": 7}), "the segmentation service: its answer is wrong at masks: "),
             (
                 runs(json!([-1, 7])),

@@ -55,7 +55,6 @@ fn service(answers: &[&str]) -> (Arc<ScriptedChat>, ChatService) {
 fn reasons_are_taken_where_they_were_asked_for() {
     let answer = r#"{"reasoning": "The cup is red.", "number": 2, "object_name": "cup", "color": "red"}"#;
     let mut asked = question(QuestionKind::Object);
-    assert!(genmanip_agent::ask::parse(&asked, answer).is_err());
     asked.reasoning = true;
     assert!(matches!(genmanip_agent::ask::parse(&asked, answer), Ok(Answer::Mark(mark)) if mark.mask == 1));
     assert!(asked.schema()["required"].as_array().unwrap().contains(&"reasoning".into()));
@@ -73,12 +72,22 @@ fn hostile_answers_are_asked_again_and_then_fail_by_name() {
         (QuestionKind::Object, r#"{"number": -2, "object_name": "cup", "color": "red"}"#, "undrawn"),
         (QuestionKind::Object, r#"{"number": 9223372036854775808, "object_name": "cup", "color": "red"}"#, "format"),
         (QuestionKind::Object, r#"{"number": 1.5, "object_name": "cup", "color": "red"}"#, "format"),
-        (QuestionKind::Object, r#"{"number": "1", "object_name": "cup", "color": "red"}"#, "format"),
         (QuestionKind::Object, r#"{"number": 1, "object_name": "cup"}"#, "format"),
-        (QuestionKind::Object, r#"{"number": 1, "object_name": "cup", "color": "red", "sure": true}"#, "format"),
-        (QuestionKind::Object, r#"Sure! {"number": 1, "object_name": "cup", "color": "red"}"#, "format"),
-        (QuestionKind::Object, r#"{"number": 1, "object_name": "cup", "color": "red"} Done."#, "format"),
+        (QuestionKind::Object, r#"{"number": "one", "object_name": "cup", "color": "red"}"#, "format"),
+        (QuestionKind::Object, r#"{"number": "4", "object_name": "cup", "color": "red"}"#, "undrawn"),
+        (QuestionKind::Object, r#"{"number": null, "object_name": "cup", "color": "red"}"#, "format"),
+        (
+            QuestionKind::Object,
+            r#"Either {"number": 1, "object_name": "cup", "color": "red"} or {"number": 2, "object_name": "cup", "color": "red"}."#,
+            "format",
+        ),
+        (
+            QuestionKind::Object,
+            r#"[{"number": 1, "object_name": "cup", "color": "red"}, {"number": 2, "object_name": "cup", "color": "red"}]"#,
+            "format",
+        ),
         (QuestionKind::Object, "I would pick mask 1.", "format"),
+        (QuestionKind::Object, "[1]", "format"),
         (QuestionKind::Object, "[]", "format"),
         (QuestionKind::Object, &huge, "format"),
         (QuestionKind::Part, r#"{"number": 9, "part_name": "lid", "color": "red"}"#, "undrawn"),
@@ -111,6 +120,11 @@ fn hostile_answers_are_asked_again_and_then_fail_by_name() {
             r#"[{"grid_number": "Z99", "height_m": 0.2, "claw_orientation": 0}, {"grid_number": "C5", "height_m": 0.2, "claw_orientation": 0}]"#,
             "undrawn",
         ),
+        (
+            QuestionKind::GridPath,
+            r#"[{"grid_number": "C4", "height_m": "inf", "claw_orientation": 0}, {"grid_number": "C5", "height_m": 0.2, "claw_orientation": 0}]"#,
+            "format",
+        ),
         (QuestionKind::Decompose, r#"{"subtasks": []}"#, "format"),
         (QuestionKind::Decompose, r#"{"subtasks": [" "]}"#, "format"),
         (QuestionKind::Check, r#"{"scene_description": "done", "finished": "yes"}"#, "format"),
@@ -138,14 +152,36 @@ fn hostile_answers_are_asked_again_and_then_fail_by_name() {
 #[test]
 fn a_good_answer_after_a_bad_one_is_taken() {
     let good = r#"{"number": 2, "object_name": "cup", "color": "red"}"#;
-    for good in [good.to_owned(), format!("```json\n{good}\n```"), format!("  {good}\n")] {
+    let quoted = serde_json::Value::from(good).to_string();
+    for good in [
+        good.to_owned(),
+        format!("```json\n{good}\n```"),
+        format!("  {good}\n"),
+        format!("The cup is the second.\n```JSON\n{good}\n```\nIt is {{red}}."),
+        format!("Sure! {good} Done."),
+        format!("{good}\n{good}"),
+        format!("[{good}]"),
+        format!("{{\"answer\": {good}}}"),
+        format!("{{\"answer\": {quoted}}}"),
+        quoted,
+        good.replace('2', "\"2\""),
+        good.replace('2', "2.0"),
+        good.replace("{", "{\"reasoning\": \"it is red\", \"confidence\": 0.9, "),
+    ] {
         let (script, model) = service(&["no idea", &good]);
         let answer = ask(&model, question(QuestionKind::Object), REASKS, &TranscriptRecorder::new(false)).unwrap();
         assert!(matches!(answer, Answer::Mark(answer) if answer.mask == 1 && answer.name == "cup"));
         assert_eq!(script.seen().len(), 2);
     }
     let path = r#"[{"grid_number": "A1", "height_m": 0.2, "claw_orientation": 0}, {"grid_number": "B2", "height_m": 0.1, "claw_orientation": -90}]"#;
-    for path in [path.to_owned(), format!("{{\"path\": {path}}}")] {
+    let quoted = serde_json::Value::from(path).to_string();
+    for path in [
+        path.to_owned(),
+        format!("{{\"path\": {path}}}"),
+        format!("{{\"path\": {quoted}}}"),
+        format!("Go this way: {path}."),
+        path.replace("0.2", "\"0.2\"").replace("-90", "\"-90\""),
+    ] {
         let (_, model) = service(&[&path]);
         let answer = ask(
             &model,
@@ -156,6 +192,33 @@ fn a_good_answer_after_a_bad_one_is_taken() {
         .unwrap();
         let Answer::Path(answer) = answer else { panic!("expected a path, got {answer:?}") };
         assert_eq!(answer.cells[1].cell, Cell { row: 1, column: 1 });
+    }
+}
+
+/// An answer that was cut off is asked for once, and the reason names the setting; a whole one before the cut is taken.
+#[test]
+fn an_answer_that_was_cut_off_is_not_paid_for_again() {
+    struct CutOff(&'static str, Mutex<usize>);
+    impl ChatModel for CutOff {
+        fn chat(&self, request: &ChatRequest) -> Result<ChatReply, ChatError> {
+            *self.1.lock().unwrap() += 1;
+            if self.0.is_empty() {
+                return Err(ChatError::NoText { finish_reason: "length".into() });
+            }
+            let reply = ScriptedChat::new([self.0]).chat(request)?;
+            Ok(ChatReply { finish_reason: Some("max_tokens".into()), ..reply })
+        }
+    }
+    let whole = r#"{"number": 2, "object_name": "cup", "color": "red"} It is"#;
+    for (text, is_taken) in [(whole, true), (&whole[..20], false), ("<think>Let me look at", false), ("", false)] {
+        let chat = Arc::new(CutOff(text, Mutex::new(0)));
+        let model = ChatService { chat: chat.clone(), model: "script".into(), parameters: Default::default() };
+        let answer = ask(&model, question(QuestionKind::Object), REASKS, &TranscriptRecorder::new(false));
+        assert_eq!((answer.is_ok(), *chat.1.lock().unwrap()), (is_taken, 1), "{text}");
+        if let Err(failure) = answer {
+            assert_eq!(failure.cause.name(), "format");
+            assert!(failure.evidence.contains("max_tokens"), "{}", failure.evidence);
+        }
     }
 }
 

@@ -32,7 +32,7 @@ fn moved(pixels: usize) -> Marks {
 #[test]
 fn a_question_that_differs_is_reported_and_never_answered() {
     let asked = Question { marks: moved(0), ..question(8, 40) };
-    let answered = ModelReply { text: "{}".into(), usage: None };
+    let answered = ModelReply { text: "{}".into(), usage: None, cut_off: false };
     let recorded = RecordedAnswers { scenario: "s-1".into(), answers: vec![RecordedAnswer::new(&asked, &answered)] };
     let recorded = RecordedAnswers::from_json(&recorded.to_json()).unwrap();
     let tolerance = Tolerance::default();

@@ -8,7 +8,9 @@ mod page;
 pub(crate) mod tables;
 mod task;
 
-use genmanip_core::{AttemptOutcome, EpisodeResult, Scenario, Seed, Task};
+use std::collections::BTreeMap;
+
+use genmanip_core::{AttemptOutcome, EpisodeResult, NotRun, Scenario, Seed, Task};
 
 pub use page::{EpisodePage, episode_page};
 
@@ -33,6 +35,8 @@ pub struct ReportInput {
     pub versions: Vec<(String, String)>,
     /// One evaluation per policy.
     pub summaries: Vec<SuiteSummary>,
+    /// Episodes that were not run, by policy as the summaries name it.
+    pub not_run: BTreeMap<String, Vec<NotRun>>,
     /// Name of the baseline policy, which must never succeed, if one was run.
     pub baseline: Option<String>,
     /// Paired comparisons of policies.

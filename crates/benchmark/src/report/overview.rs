@@ -75,7 +75,11 @@ fn tiles(input: &ReportInput, statistics: &StatisticsSettings) -> String {
             (false, true) => "success at the end · oracle",
             (false, false) => "success at the end",
         };
-        tiles.push(tile(&words(&summary.policy), &format!("{:.0} %", 100.0 * summary.success.value), remark));
+        let figure = match is_mistaken(input, &summary.policy) {
+            true => "–".to_owned(),
+            false => format!("{:.0} %", 100.0 * summary.success.value),
+        };
+        tiles.push(tile(&words(&summary.policy), &figure, remark));
     }
     if tiles.is_empty() { String::new() } else { format!("<ul class=\"tiles\">\n{}</ul>\n", tiles.concat()) }
 }
@@ -93,6 +97,11 @@ const ROWS_BYTES: usize = 6_000_000;
 /// Number of tasks without a demonstration named in the warning.
 const NAMED_TASKS: usize = 12;
 
+/// True if a mistake of the policy left episodes out: the others are no random sample.
+fn is_mistaken(input: &ReportInput, policy: &str) -> bool {
+    input.not_run.get(policy).is_some_and(|left| left.iter().any(|left| left.mistake))
+}
+
 /// Warnings.
 fn warnings(input: &ReportInput) -> String {
     let mut warnings = Vec::new();
@@ -103,6 +112,11 @@ fn warnings(input: &ReportInput) -> String {
             summary.policy,
             plural(summary.success.successes, "episode")
         ));
+    }
+    for (policy, left) in &input.not_run {
+        let Some((first, others)) = left.split_first() else { continue };
+        let more = if others.is_empty() { String::new() } else { format!(" (and {} more)", others.len()) };
+        warnings.push(format!("{}: {} was not run{more}: {}", words(policy), first.id, first.reason));
     }
     let mut tried = vec![false; input.tasks.len()];
     for row in attempts(input) {
@@ -155,12 +169,14 @@ fn policies(input: &ReportInput) -> String {
             if baseline == Some(policy) {
                 name += &chip("plain", "baseline");
             }
+            let is_mistaken = is_mistaken(input, policy);
+            let rate = |cell: String| if is_mistaken { "–".to_owned() } else { cell };
             let mut cells = vec![
                 name,
                 success.trials.to_string(),
-                rate_bar(success),
-                format!("{:.1} %", 100.0 * success_once.value),
-                mean_text(score, 2, ""),
+                rate(rate_bar(success)),
+                rate(format!("{:.1} %", 100.0 * success_once.value)),
+                rate(mean_text(score, 2, "")),
             ];
             if with_spl {
                 let none = || "<span class=\"muted\">none</span>".into();

@@ -257,6 +257,7 @@ pub fn report_input(tasks: Vec<Task>) -> ReportInput {
         ],
         versions: vec![("physics".into(), "mujoco 3.17.0, step 1/480 s".into()), ("suite".into(), "demo, 3fa81c20b7e4".into())],
         summaries: summarise(&all, &kinds, &reference, &settings).unwrap(),
+        not_run: BTreeMap::new(),
         baseline: Some("do_nothing".into()),
         comparisons: vec![compare(&of("expert"), &of("do_nothing"), &settings).unwrap()],
         timings: vec![

@@ -107,6 +107,9 @@ pub struct CollectArguments {
     /// apart. As `evaluate --policy`, for example openpi:url=…; without a name clumsy, which misses, drops or stops
     #[arg(long, value_name = "POLICY", num_args = 0..=1, require_equals = true, default_missing_value = "clumsy")]
     pub corrections: Option<String>,
+    /// Make every attempt of --corrections, also after three in a row that the policy did not run
+    #[arg(long, requires = "corrections")]
+    pub keep_going: bool,
     /// Set damaged episodes aside, in damaged/ of the run, and make them anew
     #[arg(long)]
     pub repair: bool,

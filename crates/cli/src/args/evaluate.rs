@@ -22,6 +22,9 @@ pub struct AskingArguments {
     /// Ask no more once the model's answers have cost so much, in the currency of its settings
     #[arg(long, value_name = "SUM", value_parser = parse_sum)]
     pub max_cost: Option<f64>,
+    /// Try every episode, also after three in a row that the policy did not run, by a mistake or without an answer
+    #[arg(long)]
+    pub keep_going: bool,
 }
 
 /// Arguments of `evaluate`.

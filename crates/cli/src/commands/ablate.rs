@@ -17,6 +17,7 @@ pub fn run(arguments: &AblateArguments, printer: &Printer) -> Result<ExitStatus,
         workers: workers::workers(arguments.asking.workers),
         at_once: arguments.asking.at_once,
         max_cost: arguments.asking.max_cost,
+        keep_going: arguments.asking.keep_going,
         ending: EndingRules::default(),
     };
     let stop = genmanip_terminal::on_interrupt();

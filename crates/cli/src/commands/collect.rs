@@ -57,6 +57,7 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
         repair: arguments.repair,
         shard,
         verified: arguments.verified,
+        keep_going: arguments.keep_going,
     };
     let out = shard.map_or_else(|| arguments.out.clone(), |shard| arguments.out.join(shard.name()));
     let collected = collect_run(&out, run, options, printer, &stop)?;

@@ -62,6 +62,7 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
         workers,
         at_once: arguments.asking.at_once,
         max_cost: arguments.asking.max_cost,
+        keep_going: arguments.asking.keep_going,
         ending: EndingRules {
             horizon_s: arguments.horizon,
             stop_on_success: arguments.stop_on_success,

@@ -11,7 +11,7 @@ use crate::{copy_of_finished_run, either_program, example, genmanip, quick_examp
 /// A call, the exit code it ends with, and what its message must contain.
 type Case = (&'static str, i32, &'static [&'static str]);
 
-const CASES: [Case; 61] = [
+const CASES: [Case; 64] = [
     // Seeds are kept in JSON, exact to 53 bits.
     ("layout task.json --out out --seed 9007199254740992", 2, &["from 0 to 9007199254740991"]),
     ("lab design --seed 18446744073709551615", 2, &["from 0 to 9007199254740991"]),
@@ -33,6 +33,14 @@ const CASES: [Case; 61] = [
     ("task new --designer magic --out out", 2, &["unknown designer `magic`", "rules or llm"]),
     ("task new --designer rules --copies 2 --out out", 2, &["--copies 2", "0 to 1"]),
     ("evaluate run --policy do_nothing:seconds=-0.0", 1, &["seconds=-0.0 is not possible", "from 0 to 600"]),
+    ("lab segment --masks banana", 2, &["unknown source of masks `banana`", "oracle, rgbd"]),
+    ("lab grasp --grasps banana", 2, &["unknown source of grasps `banana`", "rgbd"]),
+    // A server that is not there is not asked for each of 200 scenarios.
+    (
+        "evaluate --suite genmanip-200-rc --policy openpi:url=ws://127.0.0.1:1 --workers 1",
+        1,
+        &["3 episodes in a row were not run", "refused", "--keep-going"],
+    ),
     // Texts that are no JSON, each with what is wrong with it.
     ("task show bom.json", 1, &["bom.json", "byte order mark"]),
     ("task show utf16.json", 1, &["utf16.json", "UTF-16"]),

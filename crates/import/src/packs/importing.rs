@@ -110,6 +110,7 @@ pub fn import(
         planner: worlds::planner(world, &PlannerSettings::default())?,
         robot: worlds::robot(world)?,
         world: Arc::new(world.clone()),
+        detector: None,
         view: ViewSettings::default(),
     };
     let robot = trials.robot.name.clone();

@@ -9,10 +9,12 @@ use genmanip_terminal::{GlobalArguments, parse};
 
 pub use learn::*;
 pub use motion::*;
+pub use perception::*;
 pub use suites::*;
 
 mod learn;
 mod motion;
+mod perception;
 mod suites;
 
 /// Measurements of GenManip on unseen seeds and files: agreement, validity, success rates, time
@@ -186,29 +188,6 @@ pub struct ScaleArguments {
     /// Empty folder for the copies: 0.5 MB per episode
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-}
-
-/// Arguments of `genmanip-lab segment`.
-#[derive(Debug, Args)]
-pub struct SegmentArguments {
-    /// Seed of tasks, layouts and noise
-    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
-    pub seed: u64,
-    /// Scenes, each seen by two cameras
-    #[arg(long, default_value_t = 40, value_parser = parse::count)]
-    pub count: usize,
-    /// Noise model of this camera instead of exact depth
-    #[arg(long, value_parser = ["d435"])]
-    pub noise: Option<String>,
-    /// Source of the masks; `oracle` is the renderer's ground truth
-    #[arg(long, default_value = "rgbd", value_name = "rgbd|oracle|http:URL")]
-    pub masks: String,
-    /// Fit the weights of region merging to these scenes instead of measuring
-    #[arg(long, conflicts_with_all = ["masks", "out"])]
-    pub fit: bool,
-    /// Folder for images of the worst views: input, ground truth, masks
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
 }
 
 /// Arguments of `genmanip-lab hostile`.
@@ -574,27 +553,4 @@ pub struct LabAssetsArguments {
     /// Worker threads; CPU times are those of one
     #[arg(long, value_name = "N")]
     pub workers: Option<usize>,
-}
-
-/// Arguments of `genmanip-lab grasp`.
-#[derive(Debug, Args)]
-pub struct GraspArguments {
-    /// Seed of objects, views and noise
-    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
-    pub seed: u64,
-    /// Trials per class
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=100_000))]
-    pub count: u64,
-    /// Cloud of the target: full surface, one noisy view, or three fused ones
-    #[arg(long, default_value = "full", value_parser = ["full", "one", "three"])]
-    pub view: String,
-    /// Class to try [default: all]
-    #[arg(long, value_parser = ["compact", "utensils", "clutter"])]
-    pub class: Option<String>,
-    /// Candidate to execute: the best, or a random one to test the calibration
-    #[arg(long, default_value = "best", value_parser = ["best", "any"])]
-    pub pick: String,
-    /// File for one line of JSON per trial
-    #[arg(long, value_name = "FILE")]
-    pub out: Option<PathBuf>,
 }

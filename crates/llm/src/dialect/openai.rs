@@ -44,8 +44,9 @@ impl Wire for OpenAi {
         body.into()
     }
 
-    /// Accepts common deviations: content as a string or a list of text parts, only `reasoning_content`,
-    /// `<think>…</think>` before the reply, missing token counts.
+    /// Accepts common deviations: content as a string, a list of text parts or an object; the answer as a call of a tool,
+    /// in `parsed`, or after the thoughts in `reasoning_content` or `reasoning`; thoughts before the reply, missing token
+    /// counts.
     fn reply(&self, body: &Value, structure: Structure, url: &str) -> Result<ChatReply, ChatError> {
         let missing = |path: &str, expected: &str| ChatError::NotACompletion {
             url: url.into(),
@@ -55,20 +56,27 @@ impl Wire for OpenAi {
         check_error(body, url)?;
         let choices = body.get("choices").and_then(Value::as_array).ok_or_else(|| missing("$.choices", "a list"))?;
         let choice = choices.first().ok_or_else(|| missing("$.choices[0]", "an answer"))?;
-        let message = choice
-            .get("message")
-            .and_then(Value::as_object)
-            .ok_or_else(|| missing("$.choices[0].message", "an object"))?;
+        let message = choice.get("message").filter(|message| message.is_object());
+        let message = message.ok_or_else(|| missing("$.choices[0].message", "an object"))?;
         let finish_reason = short_text(choice, "finish_reason");
         if let Some(words) = message.get("refusal").and_then(Value::as_str).filter(|words| !words.is_empty()) {
             return Err(ChatError::Declined { message: shortened(words, 300) });
         }
-        let said = message.get("content").and_then(text_of_content).filter(|text| !text.trim().is_empty());
-        let reasoning = || message.get("reasoning_content").and_then(Value::as_str).map(String::from);
-        let text = said.or_else(reasoning).unwrap_or_default();
+        let mut said = SAID_IN.iter().filter_map(|pointer| message.pointer(pointer).and_then(text_of_content));
+        let text = said.find(|text| !text.trim().is_empty()).unwrap_or_default();
         chat_reply(body, &text, finish_reason, body.get("usage").and_then(usage), structure)
     }
 }
+
+/// Places of the answer in a message, the usual one first; thoughts are taken where there is nothing else.
+const SAID_IN: [&str; 6] = [
+    "/content",
+    "/parsed",
+    "/tool_calls/0/function/arguments",
+    "/function_call/arguments",
+    "/reasoning_content",
+    "/reasoning",
+];
 
 /// A single text as a string, which every server accepts; anything else as a list of typed parts.
 fn content(message: &Message) -> Value {
@@ -106,7 +114,8 @@ fn text_of_content(content: &Value) -> Option<String> {
         Value::Array(parts) => {
             Some(parts.iter().filter_map(|part| part.get("text").and_then(Value::as_str)).collect::<String>())
         }
-        _ => None,
+        Value::Object(_) => Some(content.to_string()),
+        Value::Null | Value::Bool(_) | Value::Number(_) => None,
     }
 }
 
@@ -132,6 +141,17 @@ mod tests {
             (r#"{"choices":[{"message":{"content":null,"reasoning_content":"hi"}}]}"#, "hi"),
             (r#"{"choices":[{"message":{"content":"<think>{ no }</think>\n\nhi"}}]}"#, "hi"),
             (r#"{"choices":[{"message":{"content":"hi","refusal":null}}],"error":null}"#, "hi"),
+            (r#"{"choices":[{"message":{"content":null,"reasoning":"hi"}}]}"#, "hi"),
+            (r#"{"choices":[{"message":{"content":"","reasoning":"hm","parsed":{"a":1}}}]}"#, r#"{"a":1}"#),
+            (r#"{"choices":[{"message":{"content":{"a":1}}}]}"#, r#"{"a":1}"#),
+            (
+                r#"{"choices":[{"message":{"content":null,"reasoning_content":"hm","tool_calls":
+                    [{"type":"function","function":{"name":"task","arguments":"{\"a\":1}"}}]}}]}"#,
+                r#"{"a":1}"#,
+            ),
+            (r#"{"choices":[{"message":{"content":"A draft: {\"a\": 0}.\n</think>\n\nhi"}}]}"#, "hi"),
+            (r#"{"choices":[{"message":{"content":"[THINK]no[/THINK]hi"}}]}"#, "hi"),
+            (r#"{"choices":[{"message":{"content":"{\"a\": \"</think>b\"}"}}]}"#, r#"{"a": "</think>b"}"#),
         ] {
             assert_eq!(check(body).as_deref(), Ok(expected), "{body}");
         }
@@ -139,7 +159,10 @@ mod tests {
             (r#"[]"#, "$.choices"),
             (r#"{"choices":[]}"#, "$.choices[0]"),
             (r#"{"choices":[{}]}"#, "$.choices[0].message"),
-            (r#"{"choices":[{"message":{"content":" "},"finish_reason":"length"}]}"#, "length"),
+            (
+                r#"{"choices":[{"message":{"content":" "},"finish_reason":"length"}]}"#,
+                "`max_tokens`; finish reason: length",
+            ),
             (r#"{"choices":[{"message":{"content":null,"refusal":"I will not"}}]}"#, "I will not"),
             (r#"{"error":{"message":"no such model"}}"#, "no such model"),
             (r#"{"error":"busy"}"#, "busy"),

@@ -170,6 +170,30 @@ fn a_request_that_is_wrong_anyway_reports_its_first_refusal() {
     assert_eq!(server.seen().len(), 3);
 }
 
+/// A server's refusal of a conversation that is too long is no refusal of the schema: it is asked once, and the hint is
+/// about the length.
+#[test]
+fn a_conversation_that_is_too_long_is_not_sent_again() {
+    for message in [
+        "request (1469 tokens) exceeds the available context size (1024 tokens), try increasing it",
+        "This model's maximum context length is 4096 tokens. However, you requested 5000 tokens.",
+        "prompt is too long: 210000 tokens > 200000 maximum",
+    ] {
+        let body = serde_json::json!({"error": {"message": message}}).to_string();
+        let server = FakeServer::start(move |_| status(400, &[], &body)).unwrap();
+        let error = client(&server).chat(&structured_question()).unwrap_err();
+        assert_eq!(server.seen().len(), 1, "{message}");
+        assert!(error.to_string().contains(message) && error.hint().contains("context"), "{error}: {}", error.hint());
+    }
+    let refusal = r#"{"error":{"message":"response_format json_schema: unexpected token in schema"}}"#;
+    let server = FakeServer::start(move |request| match request.index {
+        0 => status(400, &[], refusal),
+        _ => answer(),
+    })
+    .unwrap();
+    assert_eq!(client(&server).chat(&structured_question()).unwrap().attempts, 2);
+}
+
 #[test]
 fn what_is_sent() {
     let server = FakeServer::scripted(vec![answer()]).unwrap();

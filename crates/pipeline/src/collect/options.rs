@@ -13,4 +13,6 @@ pub struct CollectOptions {
     pub shard: Option<Shard>,
     /// Number of verified demonstrations of a run without a fixed number of attempts; a larger number extends the run.
     pub verified: Option<usize>,
+    /// True to make every attempt, also after three in a row that the policy to correct did not run.
+    pub keep_going: bool,
 }

@@ -16,7 +16,7 @@ use super::attempts::{Outcomes, Planned, left};
 use super::options::CollectOptions;
 use crate::folder::RunFolder;
 use crate::index::{IndexedAttempt, Survey};
-use crate::not_run::no_episode;
+use crate::not_run::{Series, no_episode};
 use crate::policies::mistaken;
 
 /// Attempts per demonstration and per task after which a run gives up: the expert verifies some 9 of 10.
@@ -168,6 +168,7 @@ impl Runner<'_> {
             Ok((result.id, outcome))
         };
         store.sweep_partial().map_err(|error| WorkspaceError::broken("cannot use the episodes", error))?;
+        let series = Series::new(self.settings.corrects.as_deref().unwrap_or_default(), self.options.keep_going);
         let made = in_parallel(left, self.options.workers, self.stop, &|planned: &Planned| {
             let since = Instant::now();
             let task = self.tasks.read(planned.task).map_err(Stopped::Run)?;
@@ -175,10 +176,13 @@ impl Runner<'_> {
             let (result, was_there) = match complete(&attempt, self.resources, store, self.settings) {
                 // Without a policy to correct, a service is gone: that stops the run.
                 Err(RolloutError::NotRun { reason, mistake, .. }) if self.settings.corrects.is_some() => {
-                    return Ok(Err(NotRun { id: attempt.id(), scenario_id: attempt.id(), reason, mistake }));
+                    let left = NotRun { id: attempt.id(), scenario_id: attempt.id(), reason, mistake };
+                    series.was_not_run(&left).map_err(Stopped::Run)?;
+                    return Ok(Err(left));
                 }
                 completed => completed?,
             };
+            series.was_run();
             estimate.add(&store.root().join(&result.id), *progress).map_err(Stopped::Run)?;
             finished(result, if was_there { 0.0 } else { since.elapsed().as_secs_f64() }).map(Ok)
         });

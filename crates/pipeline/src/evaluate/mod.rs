@@ -27,7 +27,7 @@ use genmanip_rollout::{Cores, RolloutError};
 use genmanip_workspace::text_table;
 
 use crate::folder::RunFolder;
-use crate::not_run;
+use crate::not_run::{self, Series};
 use crate::policies::{PolicyContext, PolicyFactory};
 use crate::policy_spec::mistaken;
 use genmanip_workspace::Progress;
@@ -59,6 +59,8 @@ pub struct EvaluateOptions {
     pub max_cost: Option<f64>,
     /// Ending of the episodes.
     pub ending: EndingRules,
+    /// True to try every episode, also after three in a row that the policy did not run.
+    pub keep_going: bool,
 }
 
 /// Episodes under way at once when they wait for a service: enough to keep two cores busy while a model takes seconds,
@@ -71,7 +73,7 @@ pub const MAX_CONCURRENT_EPISODES: usize = 16;
 /// where it stopped. When `stop` becomes true, the reports of the policies before the one under way are returned.
 ///
 /// # Errors
-/// When there is no scenario, a file cannot be written, or an episode broke.
+/// When there is no scenario, a file cannot be written, an episode broke, or a policy did not run three in a row.
 pub fn evaluate(
     suite: &Suite,
     policies: &[PolicyFactory],
@@ -176,9 +178,14 @@ fn one(
         };
         policy.make(&context).map_err(|error| policy.refusal(error))
     };
+    let series = Series::new(policy.label(), options.keep_going || policy.is_recorded());
     let finished = |outcome: &Result<EpisodeResult, NotRun>| -> Result<(), Stopped> {
-        if let (Some(stream), Ok(result)) = (&stream, outcome) {
-            stream.add(result)?;
+        match outcome {
+            Ok(result) => {
+                series.was_run();
+                stream.as_ref().map_or(Ok(()), |stream| stream.add(result))?;
+            }
+            Err(left) => series.was_not_run(left).map_err(Stopped::Run)?,
         }
         progress.advance();
         policy.account().into_iter().for_each(|account| progress.tell(&account.describe()));

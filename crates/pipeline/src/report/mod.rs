@@ -142,6 +142,7 @@ fn narrow(input: &mut ReportInput, id: &str, path: &Path) {
     input.tasks.retain(|row| row.id == task);
     input.episodes.iter_mut().for_each(|row| row.task = 0);
     input.summaries.clear();
+    input.not_run.clear();
     input.comparisons.clear();
     input.timings.clear();
 }
@@ -169,6 +170,11 @@ fn page(
         commands: commands(name, run, !rows.episodes.iter().any(|row| row.is_attempt())),
         versions: vec![("genmanip".into(), run.genmanip_version.clone()), ("physics".into(), run.engine.clone())],
         summaries: evaluations.iter().map(|report| report.summary.clone()).collect(),
+        not_run: evaluations
+            .iter()
+            .filter(|report| !report.not_run.is_empty())
+            .map(|report| (report.summary.policy.clone(), report.not_run.clone()))
+            .collect(),
         baseline: None,
         comparisons,
         timings: timings.phases.iter().map(|(phase, &seconds)| Timing { phase: phase.clone(), seconds }).collect(),

@@ -32,7 +32,8 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::WorkspaceError;
 
 const TASK: &str = "024_appearance";
-const ALONE: CollectOptions = CollectOptions { workers: 1, repair: false, shard: None, verified: None };
+const ALONE: CollectOptions =
+    CollectOptions { workers: 1, repair: false, shard: None, verified: None, keep_going: false };
 
 /// Counts what it hears, and raises a flag once enough is done.
 struct Listener<'a> {
@@ -137,7 +138,7 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     std::fs::write(&model, "[server]\nbase_url = \"http://127.0.0.1:9/v1\"\nmax_retries = 0\n").unwrap();
     let agent = [PolicyFactory::resolve(&format!("agent:vlm={}", model.display())).unwrap()];
     let down = evaluate(&suite, &agent, &options, &NoProgress, &never).unwrap_err();
-    assert!(down.to_string().contains("could not be reached for any episode"), "{down}");
+    assert!(down.to_string().contains("ran no episode") && down.to_string().contains("cannot reach"), "{down}");
     let limited = EvaluateOptions { max_cost: Some(1.0), ..options.clone() };
     let unpriced = evaluate(&suite, &agent, &limited, &NoProgress, &never).unwrap_err();
     assert!(unpriced.to_string().contains("say no price"), "{unpriced}");
@@ -168,7 +169,7 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
         std::fs::write(&path, recorded.to_json()).unwrap();
     }
     let lost = agent("recorded").unwrap_err().to_string();
-    assert!(lost.contains("could not be reached for any episode"), "{lost}");
+    assert!(lost.contains("ran no episode"), "{lost}");
 
     // Failures of an agent have a class, a stage and a transcript.
     let asked_by = folder.with_file_name("asked");

@@ -6,13 +6,14 @@ use std::sync::Arc;
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Grasp, Pose, RobotModel, Seed, SupportSurface};
 use genmanip_motion::{
-    AllowedCollisions, CloudGrasp, CollisionWorld, FeasibilitySettings, FeasibleGrasp, HalfTurn, PickQuery,
-    PickedObject, PlanningScene,
+    AllowedCollisions, CollisionWorld, FeasibilitySettings, FeasibleGrasp, HalfTurn, PickQuery, PickedObject,
+    PlanningScene,
 };
 use genmanip_sim::{Model, Sim};
 use rand::RngExt;
 use serde::Serialize;
 
+use super::trial::Candidate;
 use super::{CandidateChoice, ExecutedGrasp, GraspTrials, Table, TrialError};
 
 /// Length of the straight approach, m: clears the object before it, and costs no arm postures.
@@ -81,7 +82,7 @@ pub(super) fn execute(
     trials: &GraspTrials,
     table: &Table,
     seen: &[DVec3],
-    grasps: &[CloudGrasp],
+    grasps: &[Candidate],
     pick: CandidateChoice,
     seed: Seed,
 ) -> Result<(TrialEnding, Option<ExecutedGrasp>), TrialError> {
@@ -102,7 +103,7 @@ pub(super) fn execute(
         return Ok((ending, None));
     };
     let (ending, final_width) = simulate(trials, table, &motion, grasps[rank].opening)?;
-    let CloudGrasp { grasp, features, .. } = &grasps[rank];
+    let Candidate { grasp, features, .. } = &grasps[rank];
     Ok((ending, Some(ExecutedGrasp { rank, score: grasp.score, width: grasp.width, features: *features, final_width })))
 }
 

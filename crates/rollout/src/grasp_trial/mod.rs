@@ -16,6 +16,9 @@ use genmanip_core::Seed;
 use genmanip_motion::{CloudError, CloudTarget};
 use serde::Serialize;
 
+use crate::expert::ObservedObject;
+use trial::Candidate;
+
 pub use arm::TrialEnding;
 pub use robustness::{MAX_FAILED_GRASPS, RobustnessSettings, WANTED_GRASPS, robust_grasps, verified_grasps};
 pub use setup::GraspTrials;
@@ -59,22 +62,9 @@ impl GraspTrials {
     ) -> Result<Trial, TrialError> {
         let table = Table::settled(self.catalogue, class, &self.world, seed.fork("table"))?;
         let cloud = view::observe(&table, &self.world, view, &self.view, seed.fork("view"))?;
-        let target =
-            CloudTarget { points: &cloud.points, cameras: &cloud.cameras, scene: &cloud.scene, table_height: 0.0 };
         let start = clock();
-        let grasps = self.planner.cloud_grasps(&target);
+        let grasps = self.candidates(&cloud)?;
         let sampler_cpu_s = clock() - start;
-        let grasps = match grasps {
-            Ok(grasps) => grasps,
-            // Too few points are visible to find grasps.
-            Err(
-                CloudError::Empty
-                | CloudError::TooFew { .. }
-                | CloudError::NoExtent { .. }
-                | CloudError::TooLarge { .. },
-            ) => Vec::new(),
-            Err(error) => return Err(error.into()),
-        };
         let (ending, grasp) = arm::execute(self, &table, &cloud.scene, &grasps, pick, seed.fork("pick"))?;
         Ok(Trial {
             class,
@@ -86,5 +76,33 @@ impl GraspTrials {
             ending,
             grasp,
         })
+    }
+
+    /// Candidates of the detector, or else of the sampler, best first; none if too few points are visible.
+    fn candidates(&self, cloud: &Cloud) -> Result<Vec<Candidate>, TrialError> {
+        let Cloud { points, scene, cameras, world_from_camera } = cloud;
+        if let Some(detector) = &self.detector {
+            let seen = ObservedObject {
+                points: points.clone(),
+                scene: scene.clone(),
+                world_from_camera: *world_from_camera,
+                camera_positions: cameras.clone(),
+                table_height: 0.0,
+            };
+            let found = detector.grasps(&seen).map_err(TrialError::Detector)?;
+            let candidate = |grasp| Candidate { opening: self.planner.opening(&grasp), grasp, features: None };
+            return Ok(found.into_iter().map(candidate).collect());
+        }
+        let target = CloudTarget { points, cameras, scene, table_height: 0.0 };
+        match self.planner.cloud_grasps(&target) {
+            Ok(grasps) => Ok(grasps.into_iter().map(Candidate::from).collect()),
+            Err(
+                CloudError::Empty
+                | CloudError::TooFew { .. }
+                | CloudError::NoExtent { .. }
+                | CloudError::TooLarge { .. },
+            ) => Ok(Vec::new()),
+            Err(error) => Err(error.into()),
+        }
     }
 }

@@ -7,6 +7,7 @@ use genmanip_core::{RobotModel, World};
 use genmanip_motion::Planner;
 
 use super::view::ViewSettings;
+use crate::expert::GraspProposer;
 
 /// Data shared by all trials.
 #[derive(Clone)]
@@ -15,6 +16,8 @@ pub struct GraspTrials {
     pub catalogue: &'static Catalogue,
     /// Kinematics and the sampler.
     pub planner: Arc<Planner>,
+    /// A detector to be tried instead of the sampler.
+    pub detector: Option<Arc<dyn GraspProposer>>,
     /// The robot.
     pub robot: Arc<RobotModel>,
     /// Surfaces, physics and cameras.

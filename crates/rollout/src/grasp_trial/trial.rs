@@ -1,7 +1,8 @@
 //! Kinds of trials, their grasps and their errors.
 
+use genmanip_core::{Grasp, PolicyError};
 use genmanip_motion::grasp::cloud::Features;
-use genmanip_motion::{CloudError, GeometryError};
+use genmanip_motion::{CloudError, CloudGrasp, GeometryError};
 use genmanip_sim::SimError;
 use serde::{Deserialize, Serialize};
 
@@ -39,17 +40,34 @@ pub enum CandidateChoice {
     Any,
 }
 
+/// A candidate of the sampler or of a detector, world frame.
+#[derive(Clone, Debug)]
+pub(super) struct Candidate {
+    pub grasp: Grasp,
+    /// Gripper opening for the approach, m.
+    pub opening: f64,
+    /// Features of the sampler's score.
+    pub features: Option<Features>,
+}
+
+impl From<CloudGrasp> for Candidate {
+    fn from(CloudGrasp { grasp, opening, features }: CloudGrasp) -> Self {
+        Self { grasp, opening, features: Some(features) }
+    }
+}
+
 /// A grasp that was executed.
 #[derive(Clone, Debug, Serialize)]
 pub struct ExecutedGrasp {
     /// Rank among the candidates, from 0.
     pub rank: usize,
-    /// Predicted success probability.
+    /// Predicted success probability, or the detector's score.
     pub score: f64,
     /// Distance between the contacts, m.
     pub width: f64,
-    /// Features of the score.
-    pub features: Features,
+    /// Features of the sampler's score.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub features: Option<Features>,
     /// Gripper opening at the end, m.
     pub final_width: f64,
 }
@@ -72,4 +90,7 @@ pub enum TrialError {
     /// The cloud was rejected.
     #[error(transparent)]
     Cloud(#[from] CloudError),
+    /// The detector did not answer.
+    #[error("the grasp detector: {0}")]
+    Detector(PolicyError),
 }

@@ -57,6 +57,8 @@ pub struct Cloud {
     pub scene: Vec<DVec3>,
     /// Camera positions; none for the whole surface.
     pub cameras: Vec<DVec3>,
+    /// Pose of the camera that saw most of the target; of the first prompt camera for the whole surface.
+    pub world_from_camera: Pose,
 }
 
 /// Point cloud of a table whose object 0 is the target.
@@ -76,7 +78,10 @@ pub(super) fn observe(
         })
         .collect();
     match view {
-        TrialView::Full => Ok(whole(table, settings, seed)),
+        TrialView::Full => {
+            let world_from_camera = prompt.first().map_or(Pose::IDENTITY, |camera| camera.mount_from_camera);
+            Ok(Cloud { world_from_camera, ..whole(table, settings, seed) })
+        }
         TrialView::Three => seen(table, world, &prompt, settings, seed),
         TrialView::One => {
             let index = seed.fork("camera").rng().random_range(0..prompt.len());
@@ -127,12 +132,18 @@ fn seen(
     let mut renderer = Renderer::new(std::sync::Arc::clone(&assets), RenderVariation::default());
     let frame = assets.frame_state(&[], 0.0, table.poses.iter().map(|pose| (*pose, [].as_slice())))?;
     let mut cloud = Cloud::default();
+    let mut most = 0;
     for (index, camera) in cameras.iter().enumerate() {
         let mut buffers = [FrameBuffers::default()];
         renderer.render(&[ViewJob::new(&frame, camera, Channels::GEOMETRY)], &mut buffers)?;
         let mut rng = seed.fork("noise").fork_index(index as u64).rng();
         let [buffers] = buffers;
+        let before = cloud.points.len();
         add_pixels(&buffers, camera, settings, &mut rng, &mut cloud);
+        let own = cloud.points.len() - before;
+        if index == 0 || own > most {
+            (most, cloud.world_from_camera) = (own, camera.mount_from_camera);
+        }
         cloud.cameras.push(camera.mount_from_camera.position);
     }
     cloud.points = evenly(cloud.points, settings.points);

@@ -4,8 +4,10 @@ use std::sync::Arc;
 
 use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, panda};
-use genmanip_core::{RobotModel, Seed};
+use genmanip_core::glam::DVec3;
+use genmanip_core::{Grasp, PolicyError, Pose, RobotModel, Seed};
 use genmanip_motion::{GraspSettings, Planner, PlannerSettings};
+use genmanip_rollout::expert::{GraspProposer, ObservedObject};
 use genmanip_rollout::grasp_trial::{
     CandidateChoice, GraspTrials, RobustnessSettings, Trial, TrialClass, TrialEnding, TrialView, ViewSettings,
     verified_grasps,
@@ -15,6 +17,7 @@ fn trials(robot: Arc<RobotModel>) -> GraspTrials {
     GraspTrials {
         catalogue: Catalogue::builtin(),
         planner: Arc::new(Planner::new(panda(), PlannerSettings::default()).unwrap()),
+        detector: None,
         robot,
         world: default_world(),
         view: ViewSettings::default(),
@@ -41,6 +44,29 @@ fn most_objects_are_lifted_shaken_and_held_by_friction_alone() {
     slippery.drives.as_mut().unwrap().pad_friction = [0.01, 1e-5, 1e-5];
     let (count, done) = held(&trials(Arc::new(slippery)), TrialClass::Compact, TrialView::One, 4);
     assert!(count <= 1, "{done:?}");
+}
+
+/// A detector that knows one grasp: straight down onto the middle of the points, or far beside them.
+struct Down(f64);
+
+impl GraspProposer for Down {
+    fn grasps(&self, seen: &ObservedObject) -> Result<Vec<Grasp>, PolicyError> {
+        assert!(seen.world_from_camera.position.z > 0.2, "a camera above the table");
+        let middle = seen.points.iter().sum::<DVec3>() / seen.points.len() as f64;
+        let pose = Pose::from_axes(middle + DVec3::Y * self.0, DVec3::X, -DVec3::Y, -DVec3::Z);
+        Ok(vec![Grasp { pose, width: 0.05, score: 0.5 }])
+    }
+}
+
+#[test]
+fn grasps_of_a_foreign_detector_are_executed() {
+    for (aside_m, holds) in [(0.0, true), (0.25, false)] {
+        let real = GraspTrials { detector: Some(Arc::new(Down(aside_m))), ..trials(panda()) };
+        let (count, done) = held(&real, TrialClass::Compact, TrialView::Three, 4);
+        assert!(done.iter().all(|trial| trial.candidates == 1), "{done:?}");
+        assert_eq!(count > 0, holds, "{done:?}");
+        assert!(done.iter().flat_map(|trial| &trial.grasp).all(|grasp| grasp.features.is_none()));
+    }
 }
 
 #[test]

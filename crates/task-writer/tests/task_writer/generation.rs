@@ -71,6 +71,32 @@ fn violations_are_fed_back() {
     assert_eq!(Task::from_json(&outcome.task().unwrap().to_json()).unwrap(), *outcome.task().unwrap());
 }
 
+/// Half an answer, as a server that reached its limit of tokens gives it.
+struct CutOff(Shared);
+
+impl ChatModel for CutOff {
+    fn chat(&self, request: &ChatRequest) -> Result<ChatReply, ChatError> {
+        Ok(ChatReply { finish_reason: Some("length".into()), ..self.0.chat(request)? })
+    }
+}
+
+#[test]
+fn an_answer_that_was_cut_off_is_not_asked_for_again() {
+    let (name, answer) = recorded_answers().into_iter().find(|(_, it)| it.expect.as_deref() == Some("valid")).unwrap();
+    let request = answer.request(&name, &catalogue()).unwrap();
+    let half = answer.response[..answer.response.len() / 2].to_owned();
+    let with_end = format!("{}\nThis scene", answer.response);
+    for (response, is_task) in [(half, false), (with_end, true)] {
+        let script: Arc<ScriptedChat> = Arc::new(ScriptedChat::new([response, "never asked".into()]));
+        let designer = Designer::with_model(CutOff(Shared(Arc::clone(&script))), &LlmSettings::default()).unwrap();
+        let outcome = designer.design(&request);
+        assert_eq!((outcome.task().is_some(), script.seen().len()), (is_task, 1), "{:?}", outcome.refusal());
+        if !is_task {
+            assert!(outcome.refusal().unwrap().contains("max_tokens") && outcome.hint().contains("max_tokens"));
+        }
+    }
+}
+
 #[test]
 fn rounds_and_quotations_are_bounded() {
     let mut settings = LlmSettings::default();

@@ -1,13 +1,10 @@
 //! Extraction of the answer's JSON object from the model's text.
 
+use genmanip_core::lenient_json::{self, Failure, Parsed, Wanted};
 use serde_json::Value;
 
 use super::MAX_ANSWER_BYTES;
 use super::flaw::{Findings, FlawKind};
-use super::json::{Failure, Parsed, parse_object};
-
-/// Maximum number of code fences.
-const MAX_FENCES: usize = 16;
 
 /// Maximum number of JSON values; an answer has a few hundred.
 const MAX_VALUES: usize = 10_000;
@@ -27,25 +24,23 @@ pub(super) fn find_answer(raw: &str, findings: &mut Findings) -> Option<Value> {
         );
         return None;
     }
-    let fences = fenced_objects(raw);
-    let regions = if fences.is_empty() { vec![(0, raw.len())] } else { fences };
-    let mut answers: Vec<(usize, Parsed)> = Vec::new();
+    let raw = &lenient_json::decoded(raw);
+    let mut answers: Vec<Parsed> = Vec::new();
     let mut failures: Vec<Failure> = Vec::new();
     let mut other_objects = 0;
-    let mut budget = MAX_VALUES;
-    for (start, end) in regions {
-        scan(raw, start, end, &mut budget, |result| match result {
-            Ok(parsed) if looks_like_answer(&parsed.value) => answers.push((start, parsed)),
+    for found in lenient_json::find(raw, Wanted::Objects, MAX_VALUES) {
+        match found {
+            Ok(parsed) if looks_like_answer(&parsed.value) => answers.push(parsed),
             Ok(_) => other_objects += 1,
             Err(failure) => failures.push(failure),
-        });
+        }
     }
     if answers.is_empty() {
         note_failure(raw, &failures, other_objects, findings);
         return None;
     }
-    let (_, first) = answers.remove(0);
-    if answers.iter().any(|(_, other)| other.value != first.value) {
+    let first = answers.remove(0);
+    if answers.iter().any(|other| other.value != first.value) {
         findings.reject(
             FlawKind::SeveralAnswers,
             "$",
@@ -59,50 +54,6 @@ pub(super) fn find_answer(raw: &str, findings: &mut Findings) -> Option<Value> {
         findings.repair(FlawKind::SloppyJson, position(raw, *at), message, format!("read past: {what}"));
     }
     Some(unwrap(first.value, findings))
-}
-
-/// Byte ranges of the code fences that begin with an object.
-fn fenced_objects(raw: &str) -> Vec<(usize, usize)> {
-    let mut regions = Vec::new();
-    let mut at = 0;
-    while regions.len() < MAX_FENCES
-        && let Some(open) = raw[at..].find("```").map(|offset| at + offset + 3)
-    {
-        let info = raw[open..].bytes().take_while(|byte| byte.is_ascii_alphanumeric()).count();
-        let start = open + info;
-        let end = raw[start..].find("```").map_or(raw.len(), |offset| start + offset);
-        let content = raw[start..end].trim_start();
-        if content.starts_with(['{', '[']) || content.starts_with("//") || content.starts_with("/*") {
-            regions.push((start, end));
-        }
-        at = (end + 3).min(raw.len());
-    }
-    regions
-}
-
-/// Tries to parse at every `{` outside parsed objects; continues after the position of a failure, so that the time is
-/// linear in the length of the text.
-fn scan(raw: &str, start: usize, end: usize, budget: &mut usize, mut found: impl FnMut(Result<Parsed, Failure>)) {
-    let text = &raw[..end];
-    let mut at = start;
-    while let Some(open) = text[at..].find('{').map(|offset| at + offset) {
-        // Each attempt has a cost, so that a megabyte of braces is soon abandoned.
-        *budget = budget.saturating_sub(64);
-        let result = match *budget {
-            0 => Err(Failure::TooManyValues { at: open }),
-            _ => parse_object(text, open, budget),
-        };
-        let exhausted = matches!(result, Err(Failure::TooManyValues { .. }));
-        let next = match &result {
-            Ok(parsed) => parsed.end,
-            Err(failure) => failure.at().max(open + 1),
-        };
-        found(result);
-        if exhausted {
-            return;
-        }
-        at = (next..=end).find(|&index| text.is_char_boundary(index)).unwrap_or(end);
-    }
 }
 
 fn looks_like_answer(value: &Value) -> bool {

@@ -1,6 +1,6 @@
 //! Parser and validator of a language model's task (a ToSG answer).
 //!
-//! The steps: find the JSON object in the text (`extract`), parse it leniently (`json`), decode the format (`decode`),
+//! The steps: find the JSON object in the text (`extract`), read leniently, decode the format (`decode`),
 //! resolve names to offered objects (`resolve`), and check every rule of the format (`rules`). Only unambiguous flaws
 //! are repaired; all others are reported together, so that the model can be asked again with the complete list.
 //!
@@ -26,7 +26,6 @@ mod decode;
 mod extract;
 mod flaw;
 pub mod hostile;
-mod json;
 #[cfg(test)]
 mod mutation_tests;
 mod recorded;

@@ -139,6 +139,8 @@ fn surrounding_text_and_lenient_syntax() {
     valid(format!("```{plain}```"));
     valid(format!("The set {{a, b}} is used.\n\n{plain}"));
     valid(format!("{plain}\n{plain}"));
+    valid(format!("```JSON\n[{plain}]\n```"));
+    valid(json!(plain).to_string());
     let sloppy = |raw: String| check_text(&raw, TaskKind::PickAndPlace, &["~sloppy_json"]);
     sloppy(plain.replace('"', "'"));
     sloppy(plain.replace("]}", ",]}").replace("}}", ",}/* end */}"));
@@ -147,6 +149,7 @@ fn surrounding_text_and_lenient_syntax() {
     sloppy(format!("```\n// the task\n{}\n```", plain.replacen('{', "{ # task\n", 1)));
     let check_raw = |raw: &str, expected: &[&str]| check_text(raw, TaskKind::PickAndPlace, expected);
     check_raw(&format!("{{\"task\": {plain}}}"), &["~wrong_nesting"]);
+    check_raw(&json!({"task": plain}).to_string(), &["~sloppy_json", "~wrong_nesting"]);
     check_raw(&format!("```json\n{}\n```", &plain[..plain.len() - 30]), &["truncated_json"]);
     check_raw("", &["no_json"]);
     check_raw("{}", &["missing_field"]);

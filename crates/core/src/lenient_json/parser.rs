@@ -1,29 +1,59 @@
-//! Lenient JSON parser: accepts unambiguous deviations such as comments, trailing commas, single quotes, bare keys, raw
+//! Parser of one value: accepts unambiguous deviations such as comments, trailing commas, single quotes, bare keys, raw
 //! line breaks in strings, and Python's literals.
 
 use serde_json::{Map, Number, Value};
 
-/// Maximum nesting depth; the format needs five levels.
+/// Maximum nesting depth; answers need five levels.
 const MAX_DEPTH: usize = 64;
 
-/// A parsed object.
-pub(super) struct Parsed {
+/// A parsed object or list.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parsed {
+    /// The value.
     pub value: Value,
-    /// Byte after the closing brace.
+    /// Byte of the opening bracket.
+    pub start: usize,
+    /// Byte after the closing bracket.
     pub end: usize,
     /// Tolerated deviations, each kind once with its first position.
     pub sloppy: Vec<(&'static str, usize)>,
 }
 
 /// Reason of a parse failure, with its byte position.
-pub(super) enum Failure {
-    Truncated { at: usize },
-    Malformed { at: usize, message: String },
-    DuplicateKey { at: usize, key: String },
-    TooManyValues { at: usize },
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Failure {
+    /// The text ends within the value.
+    #[error("the JSON is not closed")]
+    Truncated {
+        /// Position of the end.
+        at: usize,
+    },
+    /// A syntax error.
+    #[error("{message}")]
+    Malformed {
+        /// Position of the error.
+        at: usize,
+        /// Expected and found text.
+        message: String,
+    },
+    /// A key occurs twice with different values.
+    #[error("key `{key}` occurs twice with different values")]
+    DuplicateKey {
+        /// Position of the second occurrence.
+        at: usize,
+        /// The key.
+        key: String,
+    },
+    /// The text has more values than were allowed.
+    #[error("too many JSON values")]
+    TooManyValues {
+        /// Position of the first value beyond the limit.
+        at: usize,
+    },
 }
 
 impl Failure {
+    /// Byte position.
     pub fn at(&self) -> usize {
         match self {
             Self::Truncated { at }
@@ -34,11 +64,12 @@ impl Failure {
     }
 }
 
-/// Parses the object that begins at `start`, which must be a `{`; every parsed value is deducted from the budget.
-pub(super) fn parse_object(text: &str, start: usize, budget: &mut usize) -> Result<Parsed, Failure> {
+/// Parses the object or list that begins at `start`, which must be its opening bracket; every parsed value is deducted
+/// from the budget.
+pub(super) fn parse(text: &str, start: usize, budget: &mut usize) -> Result<Parsed, Failure> {
     let mut reader = Reader { text, bytes: text.as_bytes(), at: start, sloppy: Vec::new(), budget };
-    let value = reader.object(0)?;
-    Ok(Parsed { value, end: reader.at, sloppy: reader.sloppy })
+    let value = if reader.bytes.get(start) == Some(&b'[') { reader.array(0) } else { reader.object(0) }?;
+    Ok(Parsed { value, start, end: reader.at, sloppy: reader.sloppy })
 }
 
 struct Reader<'a> {
