@@ -36,6 +36,9 @@ pub enum SimError {
     /// The engine rejected the assembled model, e.g. for an invalid inertia; carries its message.
     #[error("the physics engine rejected the scene: {0}")]
     Compile(String),
+    /// The engine rejected a file in MJCF; carries its message.
+    #[error("MuJoCo: {0}")]
+    Mjcf(String),
     /// A command of the wrong length.
     #[error("a command has {expected} numbers (arm joint targets, then gripper width), got {got}")]
     CommandLength {

@@ -1,6 +1,8 @@
 //! Physics simulation: MJCF assembly, a compiled [`Model`], its mutable [`Sim`] state, and joint control at the world's
 //! control rate (60 Hz by default).
 //!
+//! [`Flattened`] is a file in MJCF as the engine's compiler understands it, for importers.
+//!
 //! This is the only crate that uses a simulator (MuJoCo through `mujoco-rs`).
 //! A [`Model`] is immutable and shared between threads; all mutable state lives in a [`Sim`] and can be saved and
 //! restored byte for byte.
@@ -16,6 +18,7 @@ mod contact;
 mod drive;
 mod engine_settings;
 mod error;
+mod flattened;
 mod mjcf;
 mod model;
 mod scene_object;
@@ -29,6 +32,9 @@ pub use body::BodyId;
 pub use contact::ContactReport;
 pub use engine_settings::EngineSettings;
 pub use error::SimError;
+pub use flattened::{
+    FlatBody, FlatGeom, FlatJoint, FlatJointKind, FlatMaterial, FlatMesh, FlatShape, FlatTexture, Flattened,
+};
 pub use model::Model;
 pub use scene_object::SceneObject;
 pub use settle::{SettleReport, SettleSettings};

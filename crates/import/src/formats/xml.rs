@@ -33,7 +33,7 @@ pub struct Element {
 /// # Errors
 /// With line and column of a syntax error.
 pub fn parse(path: &str, files: &mut Files<'_>) -> Result<Element, ImportError> {
-    let mut text = files.text(path, IMPORTED_DESCRIPTION)?;
+    let mut text = without_doctype(files.text(path, IMPORTED_DESCRIPTION)?);
     for _ in 0..MAX_PREFIXES {
         let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
         match Document::parse_with_options(&text, options) {
@@ -48,6 +48,18 @@ pub fn parse(path: &str, files: &mut Files<'_>) -> Result<Element, ImportError> 
         }
     }
     Err(ImportError::new(path, format!("more than {MAX_PREFIXES} undeclared prefixes")))
+}
+
+/// The text with a declaration of its type blanked; one that defines entities stays, and is refused.
+fn without_doctype(text: String) -> String {
+    let Some(start) = text.find("<!DOCTYPE") else { return text };
+    let Some(end) = text[start..].find('>').map(|end| start + end + 1) else { return text };
+    let declared = &text[start..end];
+    if declared.contains('[') || text[..start].contains("<!--") {
+        return text;
+    }
+    let blank: String = declared.chars().map(|c| if c == '\n' { '\n' } else { ' ' }).collect();
+    format!("{}{blank}{}", &text[..start], &text[end..])
 }
 
 /// The text with a prefix declared at its first element.

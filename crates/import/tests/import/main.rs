@@ -4,5 +4,6 @@
 
 mod described;
 mod hostile;
+mod mjcf;
 mod rigid;
 mod robots;
