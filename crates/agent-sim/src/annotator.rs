@@ -6,6 +6,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use genmanip_agent::Asks;
 use genmanip_agent::ask::{
     Answer, Marks, ModelReply, PathCell, Question, QuestionKind, ServiceError, VisionModel, parse,
 };
@@ -28,6 +29,7 @@ pub struct Annotator {
     planner: Arc<Planner>,
     judgements: Arc<Mutex<EpisodeJudgements>>,
     memory: Arc<Mutex<Memory>>,
+    asks: Asks,
 }
 
 /// State carried over from earlier questions.
@@ -37,7 +39,7 @@ struct Memory {
     rounds: usize,
     /// Index in the transcript of the latest decomposition.
     split: Option<usize>,
-    /// Unchecked sub-tasks of the round.
+    /// Sub-tasks of the round that are not begun.
     open: usize,
     /// Index of the check that ended a round, and the sub-tasks it reported as remaining.
     remaining: Option<(usize, Vec<String>)>,
@@ -50,14 +52,15 @@ struct Memory {
 }
 
 impl Annotator {
-    /// Wraps `model`; judgements are added to `judgements` with each answer.
+    /// Wraps `model` of an agent that asks `asks`; judgements are added to `judgements` with each answer.
     pub fn new(
         model: Arc<dyn VisionModel>,
         truth: GroundTruth,
         planner: &Arc<Planner>,
         judgements: Arc<Mutex<EpisodeJudgements>>,
+        asks: Asks,
     ) -> Self {
-        Self { model, truth, planner: Arc::clone(planner), judgements, memory: Arc::default() }
+        Self { model, truth, planner: Arc::clone(planner), judgements, memory: Arc::default(), asks }
     }
 
     /// Wraps the agent's grasp source, sharing this annotator's records.
@@ -72,6 +75,7 @@ impl Annotator {
             Answer::Decompose(answer) => {
                 let mut memory = lock(&self.memory);
                 (memory.split, memory.open) = (Some(question.ask), answer.subtasks.len());
+                memory.subtask.clear();
                 self.split(&answer.subtasks, &scene)
             }
             Answer::Mark(answer) if question.stage == QuestionKind::Object => {
@@ -311,8 +315,9 @@ impl Annotator {
             if question.stage == QuestionKind::Decompose && question.refused.is_empty() {
                 memory.rounds += 1;
             }
-            if question.stage == QuestionKind::Object {
+            if question.stage == QuestionKind::Object && memory.subtask != question.instruction {
                 memory.subtask.clone_from(&question.instruction);
+                memory.open = memory.open.saturating_sub(1);
             }
             memory.ask = question.ask;
             memory.rounds
@@ -329,8 +334,8 @@ impl Annotator {
         drop(judgements);
         if let Ok(Answer::Check(answer)) = answer {
             let mut memory = lock(&self.memory);
-            memory.open = memory.open.saturating_sub(1);
-            let splits = memory.open == 0 && !answer.finished && !answer.remaining.is_empty();
+            let splits =
+                (memory.open == 0 || self.asks == Asks::Needed) && !answer.finished && !answer.remaining.is_empty();
             memory.remaining = splits.then_some((question.ask, answer.remaining));
         }
     }
@@ -345,6 +350,7 @@ impl Annotator {
             }
             memory.rounds += 1;
             (memory.split, memory.open) = (Some(ask), subtasks.len());
+            memory.subtask.clear();
             (memory.rounds, ask, subtasks)
         };
         let (wrong, evidence) = self.split(&subtasks, &self.truth.scene());

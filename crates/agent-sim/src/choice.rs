@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use genmanip_agent::ask::{PromptSet, QuestionKind, TranscriptRecorder, VisionModel};
 use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
 use genmanip_agent::services::{GraspSource, SampledGrasps, ServiceGrasps, ServiceMasks};
-use genmanip_agent::{Agent, AgentSettings, PathKind, Preset, Services};
+use genmanip_agent::{Agent, AgentSettings, Asks, PathKind, Preset, Services};
 use genmanip_assets::GraspLibrary;
 use genmanip_core::{FailureClass, Scenario, World};
 use genmanip_llm::{HttpService, ServiceSettings};
@@ -175,6 +175,20 @@ impl AgentChoice {
         Ok(Self { grasps, ..self })
     }
 
+    /// Sets the questions that are asked: `every` or `needed`; empty for the preset's.
+    ///
+    /// # Errors
+    /// Another name.
+    pub fn with_asks(mut self, name: &str) -> Result<Self, WorkspaceError> {
+        let known = Asks::ALL.map(Asks::name);
+        match Asks::ALL.into_iter().find(|asks| asks.name() == name) {
+            Some(asks) => self.settings.asks = asks,
+            None if name.is_empty() => {}
+            None => return Err(WorkspaceError::unknown("choice of questions", "choices of questions", name, &known)),
+        }
+        Ok(self)
+    }
+
     /// Sets the standard deviation (m) of a depth of 1 m; a larger value from the world's cameras takes precedence.
     ///
     /// # Errors
@@ -225,12 +239,15 @@ impl AgentChoice {
 
     /// Name in results: services and settings that differ from the preset.
     pub fn name(&self) -> String {
-        let AgentSettings { preset, path, ctof, arrows, reasoning, .. } = &self.settings;
+        let AgentSettings { preset, path, ctof, arrows, reasoning, asks, .. } = &self.settings;
         let path = if *path == PathKind::Grid { "grid" } else { "p2p" };
         let mut name =
             format!("agent vlm={} masks={} path={path} preset={}", self.model.name(), self.masks.name(), preset.name());
         if let GraspChoice::Http(_) = self.grasps {
             name += " grasps=http";
+        }
+        if *asks != AgentSettings::preset(*preset).asks {
+            name += &format!(" asks={}", asks.name());
         }
         name += if *ctof { " ctof" } else { "" };
         name += if *arrows { "" } else { " no arrows" };
@@ -368,7 +385,7 @@ impl AgentChoice {
         let judgements = Arc::new(Mutex::new(EpisodeJudgements::default()));
         let (mut model, mut grasps) = (model, grasps);
         if knows {
-            let annotator = Annotator::new(model, truth.clone(), planner, Arc::clone(&judgements));
+            let annotator = Annotator::new(model, truth.clone(), planner, Arc::clone(&judgements), self.settings.asks);
             grasps = Arc::new(annotator.of_grasps(grasps));
             model = Arc::new(annotator);
         }

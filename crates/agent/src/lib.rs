@@ -25,5 +25,5 @@ mod settings;
 mod single_image;
 
 pub use pipeline::{Agent, Services};
-pub use settings::{AgentSettings, MotionSettings, PathKind, Preset};
+pub use settings::{AgentSettings, Asks, MotionSettings, PathKind, Preset};
 pub use single_image::{ActQuestion, Acted, ActedStep, Waypoint, plan_pick_and_place};

@@ -43,6 +43,8 @@ pub struct AgentSettings {
     /// Ask for grab point and placement concurrently. The placement question then marks the mask's middle pixel as its
     /// start instead of the grab point.
     pub asks_at_once: bool,
+    /// Questions that are asked.
+    pub asks: Asks,
     /// Start a new round with the remaining sub-tasks reported by the check; otherwise, or if it reports none,
     /// decompose again.
     pub check_splits: bool,
@@ -73,6 +75,31 @@ pub enum Preset {
     Paper,
     /// All robustness features.
     Full,
+}
+
+/// Questions that the agent asks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Asks {
+    /// All, as published: a grab point for every pick, a check after every placement, everything again after a failure.
+    Every,
+    /// Those whose answer matters: a grab point if several parts of the object compete for the grasp, a check if the
+    /// next sub-task names the object that was placed or none is left, no new placement after a failed grasp. Questions
+    /// after a failure say what was tried.
+    Needed,
+}
+
+impl Asks {
+    /// All values.
+    pub const ALL: [Self; 2] = [Self::Every, Self::Needed];
+
+    /// Name in files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Every => "every",
+            Self::Needed => "needed",
+        }
+    }
 }
 
 /// Form in which the model answers with a placement.
@@ -141,6 +168,7 @@ impl AgentSettings {
             look_again: true,
             other_views: true,
             asks_at_once: true,
+            asks: Asks::Needed,
             check_splits: true,
             grasps: 48,
             // The specified default.
@@ -158,6 +186,7 @@ impl AgentSettings {
                 look_again: false,
                 other_views: false,
                 asks_at_once: false,
+                asks: Asks::Every,
                 check_splits: false,
                 grasps: 1,
                 cells: CellSettings { snap: false, ..CellSettings::default() },

@@ -64,6 +64,8 @@ pub struct Counted {
     pub score: f64,
     /// Mean number of questions per episode.
     pub asks_per_episode: f64,
+    /// Mean number of questions per pick that the arm carried out; 0 without a pick.
+    pub asks_per_pick: f64,
     /// CPU time per episode without layout, s.
     pub cpu_s_per_episode: f64,
     /// Failed episodes by class.
@@ -76,6 +78,8 @@ pub struct Counted {
     scores: f64,
     #[serde(skip)]
     asks: usize,
+    #[serde(skip)]
+    picks: usize,
     #[serde(skip)]
     cpu_s: f64,
 }
@@ -99,6 +103,7 @@ pub struct AgentArguments {
 struct Played {
     result: EpisodeResult,
     asks: usize,
+    picks: usize,
     cpu_s: f64,
 }
 
@@ -203,7 +208,7 @@ fn play(
         failure.evidence = format!("{}; {said}", failure.evidence);
     }
     gathered.add(task.kind, &result, &judgements, &made.transcribed);
-    Ok(Ok(Played { result, asks, cpu_s }))
+    Ok(Ok(Played { result, asks, picks: transcript.picks(), cpu_s }))
 }
 
 impl Counted {
@@ -212,12 +217,14 @@ impl Counted {
         self.successes += usize::from(played.result.success);
         self.scores += played.result.verdict.score;
         self.asks += played.asks;
+        self.picks += played.picks;
         self.cpu_s += played.cpu_s;
         let count = self.episodes as f64;
         self.success = self.successes as f64 / count;
         self.success_interval = wilson_interval(self.successes, self.episodes, StatisticsSettings::default().z);
         self.score = self.scores / count;
         self.asks_per_episode = self.asks as f64 / count;
+        self.asks_per_pick = if self.picks == 0 { 0.0 } else { self.asks as f64 / self.picks as f64 };
         self.cpu_s_per_episode = self.cpu_s / count;
         if let Some(AgentFailure { class: Some(class), evidence, .. }) = &played.result.agent_failure {
             *self.failures.entry(class.name().into()).or_default() += 1;
@@ -232,7 +239,7 @@ impl Counted {
 /// Text summary.
 pub fn describe(measured: &Measured) -> String {
     let Measured { vlm, masks, path, preset, oracle, .. } = measured;
-    let head = ["kind", "episodes", "success", "95 %", "score", "asks", "CPU s", "failures"];
+    let head = ["kind", "episodes", "success", "95 %", "score", "asks", "per pick", "CPU s", "failures"];
     let mut rows = vec![head.map(String::from).to_vec()];
     let all = [(&"single step", &measured.single_step), (&"all", &measured.total)];
     for (kind, counted) in measured.kinds.iter().chain(all) {
@@ -245,6 +252,7 @@ pub fn describe(measured: &Measured) -> String {
             format!("{:.1}–{:.1} %", 100.0 * low, 100.0 * high),
             format!("{:.3}", counted.score),
             format!("{:.1}", counted.asks_per_episode),
+            format!("{:.1}", counted.asks_per_pick),
             format!("{:.1}", counted.cpu_s_per_episode),
             failures.join(", "),
         ]);

@@ -219,6 +219,7 @@ fn agent(given: &Given) -> Result<Prepared, WorkspaceError> {
     let mut choice =
         AgentChoice::named(given.text("vlm"), given.text("masks"), given.text("path"), given.text("preset"))?
             .with_grasps(given.text("grasps"))?
+            .with_asks(given.text("asks"))?
             .with_answers(given.folder("answers"))?;
     (choice.settings.ctof, choice.settings.arrows) = (given.is_yes("ctof")?, given.is_yes("arrows")?);
     choice.settings.reasoning = given.is_yes("reasoning")?;

@@ -30,6 +30,7 @@ pub use question_kind::{PromptStamp, QuestionKind};
 pub use recorded::{Mismatch, RecordedAnswer, RecordedAnswers, Thumbnail, Tolerance};
 pub use rejection::{RejectedAnswer, Rejection};
 use shortened::shortened;
+pub(crate) use transcript::TAKES;
 pub use transcript::{Exchange, Transcript, TranscriptEvent, TranscriptRecorder};
 
 /// Reason for rejecting an answer whose end is missing.

@@ -10,6 +10,9 @@ use super::question::Question;
 use super::question_kind::{PromptStamp, QuestionKind};
 use crate::image::RgbImage;
 
+/// Beginning of the description of a pick.
+pub(crate) const TAKES: &str = "takes ";
+
 /// Transcript of one episode.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -29,6 +32,12 @@ impl Document for Transcript {
 }
 
 impl Transcript {
+    /// Number of picks that the arm carried out.
+    pub fn picks(&self) -> usize {
+        let is_pick = |moment: &&TranscriptEvent| matches!(moment, TranscriptEvent::Acted { what, .. } if what.starts_with(TAKES));
+        self.moments.iter().filter(is_pick).count()
+    }
+
     /// Description of the last robot action.
     pub fn last_act(&self) -> Option<String> {
         self.moments.iter().rev().find_map(|moment| match moment {

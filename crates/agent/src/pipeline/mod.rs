@@ -17,14 +17,14 @@ use self::arm_state::ArmState;
 use self::place::HeldObject;
 use self::subtask::Subtask;
 use crate::ask::{
-    Answer, Marks, PromptSet, Question, QuestionImage, QuestionKind, RetryLimits, TranscriptRecorder, VisionModel, ask,
-    ask_each,
+    Answer, Marks, PromptSet, Question, QuestionImage, QuestionKind, RetryLimits, TAKES, TranscriptRecorder,
+    VisionModel, ask, ask_each,
 };
 use crate::image::marks;
 use crate::perception::{RESIDUAL_NOISE, SegmentedViews, View, smoothed};
 use crate::segmentation::{RobotSilhouette, Segmenter};
 use crate::services::GraspSource;
-use crate::settings::AgentSettings;
+use crate::settings::{AgentSettings, Asks};
 
 /// External services of the agent.
 #[derive(Clone)]
@@ -60,6 +60,10 @@ pub struct Agent {
     /// Picks started for the current sub-task, and in the whole episode.
     picks: usize,
     all_picks: u64,
+    /// Failures at the current sub-task, one sentence each, for the next questions.
+    tried: Vec<String>,
+    /// Valid answer to the placement question of the current sub-task.
+    placement: Option<Answer>,
     phase: Phase,
 }
 
@@ -69,8 +73,8 @@ enum Phase {
     ReadyToPick,
     /// A pick was executed.
     Picked(Box<HeldObject>),
-    /// A placement was executed.
-    Placed,
+    /// A placement of an object of this name was executed.
+    Placed(String),
     /// The object was dropped or put back and is to be picked again.
     RetryPick,
 }
@@ -106,6 +110,8 @@ impl Agent {
             rounds: 0,
             picks: 0,
             all_picks: 0,
+            tried: Vec::new(),
+            placement: None,
             phase: Phase::ReadyToPick,
         })
     }
@@ -179,7 +185,8 @@ impl Agent {
         let QuestionDraft { stage, instruction, object_name, start_point, pictures, marks, .. } = asked;
         let arrows = if self.settings.arrows { marks::ARROWS } else { "" };
         let inputs = crate::ask::Inputs { instruction, object_name, start_point, arrows };
-        let (prompt, text) = self.services.prompts.fill(stage, inputs);
+        let (prompt, mut text) = self.services.prompts.fill(stage, inputs);
+        text += &self.told_of_failures(stage);
         Question {
             stage,
             ask: 0,
@@ -192,6 +199,28 @@ impl Agent {
             reasoning: self.settings.reasoning,
             refused: Vec::new(),
         }
+    }
+
+    /// Paragraph about the failures at the sub-task so far, for a question about it; empty without one.
+    fn told_of_failures(&self, stage: QuestionKind) -> String {
+        let is_of_subtask = match stage {
+            QuestionKind::Decompose | QuestionKind::Check => false,
+            QuestionKind::Object
+            | QuestionKind::Part
+            | QuestionKind::GrabPoint
+            | QuestionKind::GridPath
+            | QuestionKind::PointToPoint => true,
+        };
+        if self.settings.asks == Asks::Every || !is_of_subtask || self.tried.is_empty() {
+            return String::new();
+        }
+        format!("\n\nTried before, and failed:\n- {}", self.tried.join("\n- "))
+    }
+
+    /// Turns to another sub-task.
+    fn begin_subtask(&mut self, current: usize) {
+        (self.current, self.picks, self.placement) = (current, 0, None);
+        self.tried.clear();
     }
 
     /// Image of a view, with the robot's direction arrows if the settings ask for them.
@@ -209,7 +238,8 @@ impl Agent {
         let instruction = self.instruction.clone();
         let asked = QuestionDraft { pictures, ..QuestionDraft::new(QuestionKind::Decompose, &instruction) };
         if let Answer::Decompose(answer) = self.ask(view, asked)? {
-            (self.subtasks, self.current, self.picks) = (answer.subtasks, 0, 0);
+            self.subtasks = answer.subtasks;
+            self.begin_subtask(0);
         }
         Ok(())
     }
@@ -242,7 +272,8 @@ impl Agent {
             });
             match planned {
                 Ok((subtask, pick)) => {
-                    self.transcribed.acted(observation.time_s, format!("takes {}: {}", subtask.name, pick.words));
+                    self.transcribed.acted(observation.time_s, format!("{TAKES}{}: {}", subtask.name, pick.words));
+                    self.placement = Some(subtask.placement.clone());
                     self.phase =
                         Phase::Picked(Box::new(HeldObject { subtask, grasp: pick.grasp, points: pick.points }));
                     return Ok(ActionChunk { actions: pick.commands, finished: false });
@@ -260,6 +291,8 @@ impl Agent {
                         self.picks -= 1;
                         continue;
                     }
+                    let point = answered.as_ref().and_then(Subtask::point_words).unwrap_or_default();
+                    self.tried.push(format!("{point}{failure}"));
                     let asked_enough = failure.cause == StageCause::Service
                         || QuestionKind::ALL.iter().any(|&kind| AgentStage::from(kind) == failure.stage);
                     if asked_enough || self.picks >= self.settings.picks {
@@ -267,6 +300,17 @@ impl Agent {
                     }
                 }
             }
+        }
+    }
+
+    /// After a placement, checks the task or goes on with the next sub-task.
+    fn placed(&mut self, name: &str, observation: &Observation, state: &ArmState) -> Result<ActionChunk, Stop> {
+        match self.subtasks.get(self.current + 1) {
+            Some(next) if self.settings.asks == Asks::Needed && !names(next, name) => {
+                self.begin_subtask(self.current + 1);
+                self.pick(observation, state)
+            }
+            Some(_) | None => self.check(observation, state),
         }
     }
 
@@ -286,9 +330,15 @@ impl Agent {
             Answer::Check(answer) if self.settings.check_splits => answer.remaining,
             _ => Vec::new(),
         };
-        self.current += 1;
-        self.picks = 0;
-        if self.current >= self.subtasks.len() {
+        self.begin_subtask(self.current + 1);
+        let left = self.subtasks.len().saturating_sub(self.current);
+        if left > 0 && self.settings.asks == Asks::Needed && !remaining.is_empty() {
+            // More sub-tasks than were left are a new round.
+            let rounds = self.rounds + usize::from(remaining.len() > left);
+            if rounds <= self.settings.rounds {
+                (self.subtasks, self.current, self.rounds) = (remaining, 0, rounds);
+            }
+        } else if left == 0 {
             if self.rounds >= self.settings.rounds {
                 let evidence = format!("not finished after {} rounds", self.rounds);
                 return Err(FailedStage::new(AgentStage::Check, StageCause::Rounds, evidence).into());
@@ -306,7 +356,7 @@ impl Agent {
         match std::mem::replace(&mut self.phase, Phase::ReadyToPick) {
             Phase::ReadyToPick | Phase::RetryPick => self.pick(observation, &state),
             Phase::Picked(held) => self.place(*held, observation, &state),
-            Phase::Placed => self.check(observation, &state),
+            Phase::Placed(name) => self.placed(&name, observation, &state),
         }
     }
 
@@ -319,13 +369,14 @@ impl Agent {
                 let evidence = format!("{} was not in the gripper after {} picks", held.subtask.name, self.picks);
                 return Err(FailedStage::new(AgentStage::Execute, StageCause::Slipped, evidence).into());
             }
+            self.tried.push(format!("took {}, but it was not between the fingers then", held.subtask.name));
             self.phase = Phase::RetryPick;
             return Ok(ActionChunk { actions: place::drop(self, &held, state, seed), finished: false });
         }
         match place::plan(self, &held, state, seed) {
             Ok((actions, words)) => {
                 self.transcribed.acted(time_s, format!("puts {} down: {words}", held.subtask.name));
-                self.phase = Phase::Placed;
+                self.phase = Phase::Placed(held.subtask.name);
                 Ok(ActionChunk { actions, finished: false })
             }
             Err(failure) => {
@@ -333,6 +384,8 @@ impl Agent {
                 if self.picks >= self.settings.picks {
                     return Err(failure.into());
                 }
+                self.tried.push(failure.to_string());
+                self.placement = None;
                 self.phase = Phase::RetryPick;
                 let actions =
                     place::put_back(self, &held, state, seed).unwrap_or_else(|_| place::drop(self, &held, state, seed));
@@ -356,7 +409,8 @@ impl Policy for Agent {
         self.seed = start.seed;
         self.instruction.clone_from(&start.instruction);
         self.subtasks.clear();
-        (self.current, self.rounds, self.picks, self.all_picks, self.phase) = (0, 0, 0, 0, Phase::ReadyToPick);
+        self.begin_subtask(0);
+        (self.rounds, self.all_picks, self.phase) = (0, 0, Phase::ReadyToPick);
         self.transcribed.begin(&start.instruction, self.settings.preset.name());
         Ok(())
     }
@@ -374,6 +428,15 @@ impl Policy for Agent {
             Stop::Policy(error) => error,
         })
     }
+}
+
+/// True if a sub-task names an object: the last word of its name, which is the noun.
+fn names(subtask: &str, object: &str) -> bool {
+    let words = |text: &str| -> Vec<String> {
+        let words = text.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !word.is_empty());
+        words.map(str::to_lowercase).collect()
+    };
+    words(object).last().is_none_or(|noun| words(subtask).contains(noun))
 }
 
 /// Reason for stopping the episode.
@@ -417,5 +480,22 @@ impl<'a> QuestionDraft<'a> {
             marks: Marks::None,
             is_last_view: true,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::names;
+
+    #[test]
+    fn a_sub_task_names_an_object_by_its_noun() {
+        let check =
+            |subtask: &str, object: &str, expected: bool| assert_eq!(names(subtask, object), expected, "{subtask}");
+        check("Put the spoon into the mug.", "dark blue Mug", true);
+        check("Put the spoon on the mug's saucer.", "mug", true);
+        check("Put the spoon on the plate.", "mug", false);
+        check("Put the smug cat on the plate.", "mug", false);
+        // An object without a name may be any.
+        check("Put the spoon on the plate.", "", true);
     }
 }

@@ -66,12 +66,12 @@ pub(super) fn plan(
                 .and_then(|(reach, approach)| Ok((reach, approach, lift(&query, &grasp)?)));
             match planned {
                 Ok(motions) => {
-                    let words = format!(
-                        "grasp of {:.0} mm at {:.0} mm from the point, score {:.2}",
-                        grasp.object_from_tcp.width * 1e3,
-                        (subtask.object.pose * grasp.object_from_tcp.pose).position.distance(subtask.grab) * 1e3,
-                        grasp.object_from_tcp.score,
-                    );
+                    let at = (subtask.object.pose * grasp.object_from_tcp.pose).position;
+                    let from_point = subtask.grab.map_or_else(String::new, |grab| {
+                        format!(" at {:.0} mm from the point", at.distance(grab) * 1e3)
+                    });
+                    let Grasp { width, score, .. } = grasp.object_from_tcp;
+                    let words = format!("grasp of {:.0} mm{from_point}, score {score:.2}", width * 1e3);
                     let commands = commands(agent, state, &grasp, &motions);
                     return Ok(Pick { commands, grasp, points: subtask.around.clone(), words });
                 }
@@ -117,7 +117,9 @@ fn near_grab_point(agent: &Agent, views: &SegmentedViews, subtask: &Subtask) -> 
         count += found.len();
         near = found
             .into_iter()
-            .filter(|grasp| grasp.pose.position.distance(subtask.grab) <= settings.grasp_radius_m)
+            .filter(|grasp| {
+                subtask.grab.is_none_or(|grab| grasp.pose.position.distance(grab) <= settings.grasp_radius_m)
+            })
             .map(|grasp| Grasp { pose: object_from_world * grasp.pose, ..grasp })
             .take(settings.grasps)
             .collect::<Vec<Grasp>>();
@@ -126,7 +128,8 @@ fn near_grab_point(agent: &Agent, views: &SegmentedViews, subtask: &Subtask) -> 
         }
     }
     if near.is_empty() {
-        let evidence = format!("none of {count} grasps of {} is near the grab point", subtask.name);
+        let missing = if subtask.grab.is_some() { "is near the grab point" } else { "is left" };
+        let evidence = format!("none of {count} grasps of {} {missing}", subtask.name);
         return Err(FailedStage::new(AgentStage::Grasp, StageCause::NoGrasp, evidence));
     }
     Ok(near)

@@ -14,7 +14,7 @@ use crate::grid::{Cell, Grid};
 use crate::image::{RgbImage, marks};
 use crate::perception::{ObservedObject, PlacementTarget, SegmentedViews, View, targets};
 use crate::segmentation::{Mask, SegmentQuestion};
-use crate::settings::PathKind;
+use crate::settings::{Asks, PathKind};
 
 /// Number of grab-point candidates sampled in a mask.
 const POINTS: usize = 5;
@@ -32,8 +32,12 @@ pub(super) struct Subtask {
     pub around: Vec<DVec3>,
     /// Mask of the object or of the part to grasp, in the view shown to the model.
     pub grasp_mask: Mask,
-    /// Grab point, world frame.
-    pub grab: DVec3,
+    /// Grab point, world frame; `None` if any grasp of the object will do.
+    pub grab: Option<DVec3>,
+    /// Pixels of the numbered grab points, and the chosen one, if the model was asked.
+    points: Option<(Vec<usize>, usize)>,
+    /// Answer to the placement question.
+    pub placement: Answer,
     /// Placement target.
     pub target: PlacementTarget,
     /// Waypoints of the carry path without its start cell: points on the table below the path with heights and yaw; the
@@ -78,29 +82,66 @@ impl Subtask {
         let grasp_mask =
             if settings.ctof { choose_part(agent, view, mask, subtask)? } else { view.masks[mask].clone() };
         let places = targets(views, mask, &object, &around, settings.table_m, &settings.cells);
+        let is_asked = match settings.asks {
+            Asks::Every => true,
+            Asks::Needed => !settings.ctof && parts_compete(agent, view, mask, &object)?,
+        };
         let grab_question = GrabPointQuestion::new(view, &image, &grasp_mask, &name, seed)?;
         let placement_question =
             PlacementQuestion { agent, view, image: &image, mask, name: &name, subtask, places: &places };
-        let (pixel, placed) = if settings.asks_at_once {
-            // The placement question does not depend on the grab point.
-            let start = placement_question.start(view.masks[mask].middle().unwrap_or(grab_question.points[0]));
-            let [grab, place] = agent.ask_two(view, [grab_question.asked(), placement_question.asked(&start)]);
-            (grab_question.pixel(grab?)?, place?)
-        } else {
-            let pixel = grab_question.pixel(agent.ask(view, grab_question.asked())?)?;
-            (pixel, agent.ask(view, placement_question.asked(&placement_question.start(pixel)))?)
+        let middle = view.masks[mask].middle().unwrap_or(grab_question.points[0]);
+        // The place has not changed since the answer, unless it was the place that failed.
+        let kept = agent
+            .placement
+            .clone()
+            .filter(|kept| settings.asks == Asks::Needed && placement_question.place(kept).is_ok());
+        let (chosen, placement) = match (is_asked, kept) {
+            (true, Some(kept)) => (Some(grab_question.chosen(agent.ask(view, grab_question.asked())?)?), kept),
+            (true, None) if settings.asks_at_once => {
+                // The placement question does not depend on the grab point.
+                let start = placement_question.start(middle);
+                let [grab, place] = agent.ask_two(view, [grab_question.asked(), placement_question.asked(&start)]);
+                (Some(grab_question.chosen(grab?)?), place?)
+            }
+            (true, None) => {
+                let chosen = grab_question.chosen(agent.ask(view, grab_question.asked())?)?;
+                let start = placement_question.start(grab_question.points[chosen]);
+                (Some(chosen), agent.ask(view, placement_question.asked(&start))?)
+            }
+            (false, Some(kept)) => (None, kept),
+            (false, None) => (None, agent.ask(view, placement_question.asked(&placement_question.start(middle)))?),
         };
-        let (target, path) = placement_question.place(placed)?;
-        let grab = view.image.point(pixel).unwrap_or(object.pose.position);
-        Ok(Self { name, object, around, grasp_mask, grab, target, path })
+        let (target, path) = placement_question.place(&placement)?;
+        let point = |pixel: usize| view.image.point(pixel).unwrap_or(object.pose.position);
+        let grab = match chosen {
+            Some(chosen) => Some(point(grab_question.points[chosen])),
+            // The part to grasp was chosen.
+            None if settings.ctof => grasp_mask.middle().map(point),
+            None => None,
+        };
+        let points = chosen.map(|chosen| (grab_question.points, chosen));
+        Ok(Self { name, object, around, grasp_mask, grab, points, placement, target, path })
     }
 
-    /// Asks for another grab point on the same object; the object and its placement stay as answered.
+    /// Number of the chosen grab point, as the beginning of a sentence about it.
+    pub(super) fn point_words(&self) -> Option<String> {
+        self.points.as_ref().map(|(_, chosen)| format!("point {}: ", chosen + 1))
+    }
+
+    /// Asks for another grab point on the same object, if one was asked for; the object and its placement stay as
+    /// answered.
     pub(super) fn regrasp(self, agent: &Agent, view: &View, seed: Seed) -> Result<Self, FailedStage> {
+        let Some((points, _)) = &self.points else { return Ok(self) };
         let image = agent.annotated_view(view);
-        let grab_question = GrabPointQuestion::new(view, &image, &self.grasp_mask, &self.name, seed)?;
-        let pixel = grab_question.pixel(agent.ask(view, grab_question.asked())?)?;
-        Ok(Self { grab: view.image.point(pixel).unwrap_or(self.grab), ..self })
+        let question = match agent.settings.asks {
+            Asks::Every => GrabPointQuestion::new(view, &image, &self.grasp_mask, &self.name, seed)?,
+            // The same numbers, since the question says which one failed.
+            Asks::Needed => GrabPointQuestion { view, image: &image, name: &self.name, points: points.clone() },
+        };
+        let chosen = question.chosen(agent.ask(view, question.asked())?)?;
+        let grab = view.image.point(question.points[chosen]).or(self.grab);
+        let points = Some((question.points, chosen));
+        Ok(Self { grab, points, ..self })
     }
 }
 
@@ -134,10 +175,7 @@ fn choose_object(
 /// Asks for the part to grasp; returns the whole object if it has fewer than two parts.
 fn choose_part(agent: &Agent, view: &View, mask: usize, subtask: &str) -> Result<Mask, FailedStage> {
     let whole = &view.masks[mask];
-    let question = SegmentQuestion { image: &view.image, ignore: &[], within: Some(whole) };
-    let parts = agent.services.segmenter.segment(&question);
-    let parts =
-        parts.map_err(|error| FailedStage::new(AgentStage::Segmentation, StageCause::Service, error.to_string()))?;
+    let parts = parts(agent, view, whole)?;
     if parts.len() < 2 {
         return Ok(whole.clone());
     }
@@ -152,6 +190,20 @@ fn choose_part(agent: &Agent, view: &View, mask: usize, subtask: &str) -> Result
         Answer::Mark(answer) => Ok(parts[answer.mask].clone()),
         other => Err(unexpected(QuestionKind::Part, &other)),
     }
+}
+
+/// True if the object has several parts that a grab point can tell apart: it is larger than the distance at which a
+/// grasp still counts as at the point.
+fn parts_compete(agent: &Agent, view: &View, mask: usize, object: &ObservedObject) -> Result<bool, FailedStage> {
+    let longest_m = 2.0 * object.half.extend(object.height_m / 2.0).length();
+    Ok(longest_m > agent.settings.grasp_radius_m && parts(agent, view, &view.masks[mask])?.len() >= 2)
+}
+
+/// Parts of an object, by the segmentation source.
+fn parts(agent: &Agent, view: &View, whole: &Mask) -> Result<Vec<Mask>, FailedStage> {
+    let question = SegmentQuestion { image: &view.image, ignore: &[], within: Some(whole) };
+    let parts = agent.services.segmenter.segment(&question);
+    parts.map_err(|error| FailedStage::new(AgentStage::Segmentation, StageCause::Service, error.to_string()))
 }
 
 /// The grab-point question.
@@ -193,9 +245,10 @@ impl<'a> GrabPointQuestion<'a> {
         }
     }
 
-    fn pixel(&self, answer: Answer) -> Result<usize, FailedStage> {
+    /// Index of the chosen point.
+    fn chosen(&self, answer: Answer) -> Result<usize, FailedStage> {
         match answer {
-            Answer::GrabPoint(answer) => Ok(self.points[answer.point]),
+            Answer::GrabPoint(answer) => Ok(answer.point),
             other => Err(unexpected(QuestionKind::GrabPoint, &other)),
         }
     }
@@ -280,14 +333,14 @@ impl<'a> PlacementQuestion<'a> {
         }
     }
 
-    fn place(&self, answer: Answer) -> Result<(PlacementTarget, Vec<(DVec3, PathCell)>), FailedStage> {
+    fn place(&self, answer: &Answer) -> Result<(PlacementTarget, Vec<(DVec3, PathCell)>), FailedStage> {
         let unusable =
             || FailedStage::new(self.stage(), StageCause::Unusable, format!("{} cannot be put there", self.name));
         let place = |cell| self.places.get(&cell).cloned().ok_or_else(unusable);
         match answer {
             Answer::Point(answer) => Ok((place(answer.cell)?, Vec::new())),
             Answer::Path(answer) => {
-                let cells = answer.cells;
+                let cells = &answer.cells;
                 let last = cells.last().map(|last| last.cell).ok_or_else(unusable)?;
                 let (grid, table_m) = (self.grid(), self.agent.settings.table_m);
                 let path = cells.iter().skip(1).filter_map(|&step| {
@@ -296,7 +349,7 @@ impl<'a> PlacementQuestion<'a> {
                 });
                 Ok((place(last)?, path.collect()))
             }
-            other => Err(unexpected(self.stage(), &other)),
+            other => Err(unexpected(self.stage(), other)),
         }
     }
 }

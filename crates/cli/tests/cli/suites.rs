@@ -202,7 +202,7 @@ fn recorded_answers_of_models_give_the_recorded_verdicts() {
     // One that succeeded and one that did not.
     let names = ["016_common_sense-000", "long_horizon-200-00015-000"];
     let files = names.map(|name| format!("{REPOSITORY}/suites/genmanip-200-rc/scenarios/{name}.json"));
-    let policy = format!("agent:vlm=recorded,answers={answers}");
+    let policy = format!("agent:vlm=recorded,answers={answers},asks=every");
     let made = genmanip(folder.path(), &["evaluate", &files[0], &files[1], "--policy", &policy, "--json"]).json(0);
     let results = made[0]["results"].as_array().unwrap();
     assert_eq!(made[0]["not_run"], Value::Array(Vec::new()));

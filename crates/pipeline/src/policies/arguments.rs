@@ -67,7 +67,7 @@ pub(super) const OPENPI_ARGUMENTS: [PolicyArgument; 6] = [
 ];
 
 /// Arguments of the agent.
-pub(super) const AGENT_ARGUMENTS: [PolicyArgument; 20] = [
+pub(super) const AGENT_ARGUMENTS: [PolicyArgument; 21] = [
     PolicyArgument::new("vlm", "oracle", "who answers: oracle, random, recorded, or the settings file of a model")
         .in_label(InLabel::Content),
     PolicyArgument::new("answers", "", "folder where answers are recorded and given again from")
@@ -76,6 +76,11 @@ pub(super) const AGENT_ARGUMENTS: [PolicyArgument; 20] = [
     PolicyArgument::new("grasps", "rgbd", "where grasps come from: rgbd, or http:URL").in_label(InLabel::Address),
     PolicyArgument::new("path", "p2p", "p2p asks for one cell, grid for a path over the grid"),
     PolicyArgument::new("preset", "full", "paper is as published, full is sturdier"),
+    PolicyArgument::new(
+        "asks",
+        "",
+        "every question, as paper, or those that are needed, as full; the preset's by default",
+    ),
     PolicyArgument::new("ctof", "no", "yes asks for the part to hold, too"),
     PolicyArgument::new("arrows", "yes", "no leaves out the robot's directions"),
     PolicyArgument::new("loop", "closed", "open splits the task once and picks each thing once"),
