@@ -271,6 +271,11 @@ pub fn table(reports: &[EvaluationReport]) -> String {
     head.extend(any_other.then(|| "did what was not asked".to_owned()));
     let any_stops = reports.iter().any(|report| report.stop_on_success);
     head.extend(any_stops.then(|| "ended on success".to_owned()));
+    let given_up = |report: &EvaluationReport| {
+        report.results.iter().filter(|it| it.success && it.ending == Some(Ending::GaveUp)).count()
+    };
+    let any_given_up = reports.iter().any(|report| given_up(report) > 0);
+    head.extend(any_given_up.then(|| "gave up after success".to_owned()));
     head.extend(any_left.then(|| "not run".to_owned()));
     let mut lines = vec![head];
     for report in reports {
@@ -298,6 +303,9 @@ pub fn table(reports: &[EvaluationReport]) -> String {
         if any_stops {
             let ended = report.results.iter().filter(|it| it.ending == Some(Ending::Success)).count();
             line.push(if report.stop_on_success { ended.to_string() } else { String::new() });
+        }
+        if any_given_up {
+            line.push(given_up(report).to_string());
         }
         if any_left {
             line.push(report.not_run.len().to_string());
