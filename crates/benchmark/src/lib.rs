@@ -21,16 +21,19 @@ pub mod evaluation;
 mod failure_page;
 mod leaderboard;
 pub mod leaderboard_files;
+mod line_chart;
 pub mod report;
 pub mod rows;
 pub mod statistics;
 pub mod suite_format;
 pub mod suites;
+mod training_page;
 
 pub use dataset_page::{FilmStrip, dataset_page};
 pub use evaluation::{EvaluationError, EvaluationReport, reference_paths_m, suite_hash};
 pub use failure_page::{CaseMoment, FailureCase, FailurePage, KindFailures, failure_page};
 pub use leaderboard::{Entry, Leaderboard, boards, leaderboard_html, leaderboard_markdown};
+pub use line_chart::{Line, LineChart};
 pub use report::{
     AttemptRow, EpisodeImage, ReportError, ReportInput, ReportSettings, TaskSection, Timing, report_html,
 };
@@ -38,3 +41,4 @@ pub use rows::{EpisodeRow, Outcome, TaskRow};
 pub use statistics::{
     PairedComparison, StatisticsError, StatisticsSettings, SuiteSummary, compare, failure_counts, spl, summarise,
 };
+pub use training_page::{PredictedMoment, training_page};

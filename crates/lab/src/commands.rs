@@ -19,11 +19,13 @@ use genmanip_lab::blame::BlameArguments;
 use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::hostile::HostileArguments;
 use genmanip_lab::learn::LearnArguments;
+use genmanip_lab::learned_controls::ControlArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
 use genmanip_lab::strangers::StrangersArguments;
 use genmanip_lab::{
     agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hostile, layout, learn,
-    motion, readers, relations, render, rendered, scale, segment, statistics, strangers, suite, wording,
+    learned_controls, motion, readers, relations, render, rendered, scale, segment, statistics, strangers, suite,
+    wording,
 };
 use genmanip_workspace::WorkspaceError;
 
@@ -159,6 +161,19 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             }
             let measured = learned?;
             printer.data(&measured, &learn::describe(&measured));
+        }
+        LabCommand::LearnedControls(arguments) => {
+            let controls = ControlArguments {
+                policy: arguments.policy.clone(),
+                run: arguments.run.clone(),
+                suite: arguments.suite.clone(),
+                distribution: arguments.distribution.clone(),
+                layouts: arguments.layouts,
+                only: arguments.only.clone(),
+                workers: workers::workers(arguments.workers),
+            };
+            let measured = learned_controls::measure(&controls, printer)?;
+            printer.data(&measured, &learned_controls::describe(&measured));
         }
         LabCommand::Scale(arguments) => {
             let measured = scale::measure(&arguments.run, arguments.episodes, &arguments.out, printer)?;

@@ -21,6 +21,7 @@ pub mod grasp;
 pub mod hostile;
 pub mod layout;
 pub mod learn;
+pub mod learned_controls;
 pub mod motion;
 mod program;
 pub mod readers;

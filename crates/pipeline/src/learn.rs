@@ -8,11 +8,17 @@ mod options;
 #[cfg(feature = "learn")]
 mod check;
 #[cfg(feature = "learn")]
+mod controls;
+#[cfg(feature = "learn")]
 mod demonstrations;
 #[cfg(feature = "learn")]
 mod images;
 #[cfg(feature = "learn")]
+mod page;
+#[cfg(feature = "learn")]
 mod presets;
+#[cfg(feature = "learn")]
+mod recorded;
 #[cfg(feature = "learn")]
 mod suite;
 #[cfg(feature = "learn")]
@@ -22,6 +28,8 @@ mod uninstalled;
 
 #[cfg(feature = "learn")]
 pub use check::check;
+#[cfg(feature = "learn")]
+pub use controls::controls;
 pub use genmanip_policy::Preset;
 pub use options::{CheckOptions, Checked, Length, SuiteDemonstrations, TRAINING, TrainOptions, Trained};
 #[cfg(feature = "learn")]
@@ -29,4 +37,4 @@ pub use suite::demonstrate;
 #[cfg(feature = "learn")]
 pub use training::train;
 #[cfg(not(feature = "learn"))]
-pub use uninstalled::{check, demonstrate, train};
+pub use uninstalled::{check, controls, demonstrate, train};

@@ -23,7 +23,7 @@ pub struct Demonstration {
 }
 
 /// Images of demonstrations.
-pub trait RowImages: Sync {
+pub trait RowImages: Send + Sync {
     /// Images of a row, in the order of [`Inputs::images`], one after the other: row-major, three bytes per pixel.
     ///
     /// # Errors

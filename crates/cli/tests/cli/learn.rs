@@ -53,6 +53,8 @@ fn a_served_policy_acts_as_in_the_program() {
     let task = example("024_appearance");
     done(&["collect", &task, "--episodes", "1", "--seed", "3", "--no-dataset", "--out", "run"]);
     done(&["train", "run", "--preset", "tiny", "--steps", "2", "--out", "policy"]);
+    let page = std::fs::read_to_string(here.join("policy/training.html")).unwrap();
+    assert_eq!(page.matches("data:image/jpeg").count(), 2, "a moment with the images of both cameras");
     let evaluate = |policy: &str| {
         genmanip(here, &["evaluate", "run/scenarios", "--policy", policy, "--horizon", "4", "--json"]).json(0)
     };

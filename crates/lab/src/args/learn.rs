@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use genmanip_benchmark::suites;
 use genmanip_pipeline::learn::Preset;
 use genmanip_terminal::parse;
 
@@ -37,6 +38,32 @@ pub struct LabLearnArguments {
     /// New folder for run, policy and layouts [default: a temporary one, which is removed]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Worker threads [default: all cores]
+    #[arg(long, value_parser = parse::count)]
+    pub workers: Option<usize>,
+}
+
+/// Arguments of `genmanip-lab learned-controls`.
+#[derive(Debug, Args)]
+pub struct LabControlArguments {
+    /// Folder of a policy made by `genmanip train`
+    #[arg(value_name = "POLICY")]
+    pub policy: PathBuf,
+    /// Run that it was trained on
+    #[arg(long, value_name = "RUN")]
+    pub run: PathBuf,
+    /// Suite of task distributions, folder or name, whose split `familiar` has the layouts
+    #[arg(long, value_name = "NAME|DIR", default_value = "genmanip-learn-10", value_parser = suites::parse_folder)]
+    pub suite: PathBuf,
+    /// Only this distribution of the suite
+    #[arg(long, value_name = "NAME")]
+    pub distribution: Option<String>,
+    /// Unseen layouts of each distribution, the first of the split
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = parse::count)]
+    pub layouts: usize,
+    /// Only these controls
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    pub only: Vec<String>,
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,

@@ -143,6 +143,12 @@ pub enum LabCommand {
                       expert's median. Evaluation is no part of CPU times."
     )]
     Learn(LabLearnArguments),
+    /// Compare a learned policy with itself without images, with those of another layout, with other numbers of executed
+    /// actions, and with the replay of the nearest demonstration
+    #[command(
+        after_help = "Example:\n  genmanip-lab learned-controls out/policy --run out/run --distribution into --json"
+    )]
+    LearnedControls(LabControlArguments),
     /// Copy a run's episodes to any number, and measure the cost of report, opening and resuming
     #[command(after_help = "Example:\n  genmanip-lab scale --run out/run --episodes 10000 --out out/scaled --json\n\n\
                       The copies are further attempts at the same tasks, with their own ids; synthetic.json marks \
@@ -174,20 +180,6 @@ pub struct LabStatisticsArguments {
     /// Evaluations per setting
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = parse::count)]
     pub repetitions: usize,
-}
-
-/// Arguments of `genmanip-lab scale`.
-#[derive(Debug, Args)]
-pub struct ScaleArguments {
-    /// Finished run to copy
-    #[arg(long, value_name = "DIR")]
-    pub run: PathBuf,
-    /// Total number of episodes
-    #[arg(long, value_name = "N", value_parser = parse::count)]
-    pub episodes: usize,
-    /// Empty folder for the copies: 0.5 MB per episode
-    #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
 }
 
 /// Arguments of `genmanip-lab hostile`.

@@ -1,4 +1,4 @@
-//! Arguments of the measurements on suites.
+//! Arguments of the measurements on suites and runs.
 
 use std::path::PathBuf;
 
@@ -46,4 +46,18 @@ pub struct LabReadersArguments {
     /// Seed of the order of the cards, and of the choice of episodes
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
+}
+
+/// Arguments of `genmanip-lab scale`.
+#[derive(Debug, Args)]
+pub struct ScaleArguments {
+    /// Finished run to copy
+    #[arg(long, value_name = "DIR")]
+    pub run: PathBuf,
+    /// Total number of episodes
+    #[arg(long, value_name = "N", value_parser = parse::count)]
+    pub episodes: usize,
+    /// Empty folder for the copies: 0.5 MB per episode
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
 }

@@ -3,6 +3,7 @@
 //! ```text
 //! checkpoint.safetensors   the state of a training under way: the same call continues it
 //! metrics.csv              loss, gradient norm, learning rate and time over steps
+//! training.html            their curves, and predicted beside recorded actions; written at the end
 //! weights.safetensors      averaged weights of the finished policy
 //! policy.json              its description; written last
 //! ```
@@ -15,7 +16,7 @@ use std::time::Instant;
 use genmanip_core::{Document, Seed};
 use genmanip_data::files;
 use genmanip_policy::{
-    Checkpoint, ModelSettings, PolicyDescription, Precision, Preset, TrainError, Trainer, TrainingFacts,
+    Checkpoint, ModelSettings, Network, PolicyDescription, Precision, Preset, TrainError, Trainer, TrainingFacts,
     TrainingSettings, TrainingStep,
 };
 use genmanip_workspace::{Progress, WorkspaceError, documents};
@@ -23,11 +24,12 @@ use serde::{Deserialize, Serialize};
 
 use super::options::{Length, TrainOptions, Trained};
 use super::presets::{PresetSettings, settings};
-use super::{demonstrations, images};
+use super::{demonstrations, images, page};
 use crate::learned::policy::{DESCRIPTION, MAX_DESCRIPTION, MAX_WEIGHTS, WEIGHTS};
 
 const CHECKPOINT: &str = "checkpoint.safetensors";
 const METRICS: &str = "metrics.csv";
+const PAGE: &str = "training.html";
 /// Keys of the checkpoint's metadata.
 const IDENTITY: &str = "training";
 const STEPS: &str = "steps";
@@ -94,7 +96,7 @@ pub fn train(
     let trainer = Trainer::new(arrays, &*images, &identity.model, &identity.settings, options.seed, options.threads);
     let mut course = Course::open(trainer.map_err(cannot)?, &identity, out)?;
     let Some(steps) = course.run(progress, stop)? else { return Ok(None) };
-    let Course { mut trainer, resumed_from, started, .. } = course;
+    let Course { mut trainer, resumed_from, started, metrics, .. } = course;
     let seconds = started.elapsed().as_secs_f64();
     let weights = trainer.average();
     let description = PolicyDescription {
@@ -118,13 +120,19 @@ pub fn train(
         },
         tensors_sha256: weights.sha256(),
     };
-    documents::write_file(&out.join(WEIGHTS), &weights.to_bytes(Precision::Half, &BTreeMap::new()))?;
+    let bytes = weights.to_bytes(Precision::Half, &BTreeMap::new());
+    let network = Network::new(description.clone(), &bytes)
+        .map_err(|error| WorkspaceError::broken("the trained network cannot be loaded", error))?;
+    let trained = trained(&description, out, resumed_from, seconds);
+    let html = page::html(&trained, &metrics, &read, &*images, &network)?;
+    documents::write_file(&out.join(WEIGHTS), &bytes)?;
+    documents::write_file(&out.join(PAGE), html.as_bytes())?;
     documents::write_file(&out.join(DESCRIPTION), description.to_json().as_bytes())?;
     let checkpoint = out.join(CHECKPOINT);
     if checkpoint.exists() {
         files::remove(&checkpoint).map_err(|error| WorkspaceError::of_file("remove", &checkpoint, error))?;
     }
-    Ok(Some(trained(&description, out, resumed_from, seconds)))
+    Ok(Some(trained))
 }
 
 /// A training under way in its folder.

@@ -1,10 +1,12 @@
 //! Refusals of a build without the feature `learn`.
 
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use genmanip_workspace::{Progress, WorkspaceError};
 
 use crate::learned::refusal;
+use crate::policies::PolicyFactory;
 
 use super::options::{CheckOptions, Checked, SuiteDemonstrations, TrainOptions, Trained};
 
@@ -17,6 +19,20 @@ pub fn train(
     _progress: &dyn Progress,
     _stop: &AtomicBool,
 ) -> Result<Option<Trained>, WorkspaceError> {
+    Err(refusal())
+}
+
+/// Refuses to make the controls of a policy.
+///
+/// # Errors
+/// Always, with the command that installs learned policies.
+pub fn controls(
+    _policy: &Path,
+    _run: &Path,
+    _workers: usize,
+    _progress: &dyn Progress,
+    _stop: &AtomicBool,
+) -> Result<Option<Vec<PolicyFactory>>, WorkspaceError> {
     Err(refusal())
 }
 

@@ -103,6 +103,27 @@ struct Slot {
     size_m: [f32; 3],
 }
 
+/// Squared distance between the objects of the goal in two rows of numbers, m²; infinite if they have other roles.
+pub(crate) fn goal_distance(inputs: &Inputs, one: &[f32], other: &[f32]) -> f32 {
+    let place = |name: &str| inputs.object.iter().position(|it| it == name).unwrap_or_default();
+    let roles = ["is_subject", "is_reference", "is_second_reference", "order"].map(place);
+    let position = ["x", "y", "z"].map(place);
+    let objects = |row: &[f32]| -> Vec<Vec<f32>> {
+        row[inputs.robot.len()..].chunks_exact(inputs.object.len()).map(<[f32]>::to_vec).collect()
+    };
+    let pairs = objects(one).into_iter().zip(objects(other));
+    pairs
+        .map(|(one, other)| {
+            if roles.iter().any(|at| one[*at] != other[*at]) {
+                return f32::INFINITY;
+            }
+            let is_in_goal = roles[..3].iter().any(|at| one[*at] > 0.0);
+            let squares = position.iter().map(|at| (one[*at] - other[*at]).powi(2));
+            if is_in_goal { squares.sum() } else { 0.0 }
+        })
+        .sum()
+}
+
 impl Observer {
     /// For inputs without objects.
     pub fn of_robot(inputs: &Inputs, robot: &Arc<RobotModel>) -> Self {

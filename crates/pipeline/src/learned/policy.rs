@@ -66,7 +66,8 @@ impl Learned {
         Box::new(ChunkPolicy::seeing(NAME, self.description(), self.predict(), observer))
     }
 
-    fn predict(self: &Arc<Self>) -> impl FnMut(&Seen) -> io::Result<Prediction> + Send + 'static {
+    /// Its predictions.
+    pub(crate) fn predict(self: &Arc<Self>) -> impl FnMut(&Seen) -> io::Result<Prediction> + Send + 'static {
         let learned = Arc::clone(self);
         move |seen: &Seen| learned.network.predict(seen)
     }

@@ -3,7 +3,8 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use genmanip_pipeline::learn::{CheckOptions, Length, Preset, TrainOptions, check, train};
+use genmanip_pipeline::evaluate::EndingRules;
+use genmanip_pipeline::learn::{CheckOptions, Length, Preset, TrainOptions, check, controls, train};
 
 use super::*;
 
@@ -28,7 +29,8 @@ fn without_the_feature_the_refusal_names_the_command_that_installs_it() {
     let asked = CheckOptions { run: run.into(), preset: Preset::State, demonstrations: 1, workers: 1 };
     let checked = check(&asked, &NoProgress, &never).unwrap_err();
     let evaluated = PolicyFactory::resolve("learned:policy").unwrap_err();
-    for refused in [trained, checked, evaluated] {
+    let controlled = controls(Path::new("policy"), run, 1, &NoProgress, &never).unwrap_err();
+    for refused in [trained, checked, evaluated, controlled] {
         assert!(refused.hint().unwrap().contains("cargo xtask install --learn"), "{refused}");
     }
 }
@@ -36,6 +38,21 @@ fn without_the_feature_the_refusal_names_the_command_that_installs_it() {
 /// Steps after which one episode is known by heart.
 #[cfg(feature = "learn")]
 const STEPS: u64 = 500;
+
+/// A policy with other images moves otherwise, though it has hardly learned anything.
+#[cfg(feature = "learn")]
+fn images_are_exchanged(run: &Path, suite: &Suite) {
+    let never = AtomicBool::new(false);
+    let tiny = TrainOptions { preset: Preset::Tiny, ..options(run, "tiny", 2) };
+    let trained = train(&tiny, &NoProgress, &never).unwrap().unwrap();
+    let mut all = controls(&trained.policy, run, 1, &NoProgress, &never).unwrap().unwrap();
+    all.retain(|policy| ["learned", "no_images", "other_images"].contains(&policy.name()));
+    let ending = EndingRules { horizon_s: Some(2.0), ..EndingRules::default() };
+    let short = EvaluateOptions { workers: 1, ending, ..EvaluateOptions::default() };
+    let reports = evaluate(suite, &all, &short, &NoProgress, &never).unwrap();
+    let paths: Vec<f64> = reports.iter().map(|report| report.results[0].tcp_path_m).collect();
+    assert!(paths[0] != paths[1] && paths[0] != paths[2] && paths[1] != paths[2], "{paths:?}");
+}
 
 /// Recorded rows solve their layouts as a learned policy's output; one episode is learned by heart, and solved in closed
 /// loop by the policy that was stopped and continued.
@@ -70,6 +87,8 @@ fn one_episode_is_learned_by_heart() {
 
     let trained = train(&options(&folder, "policy", STEPS), &NoProgress, &never).unwrap().unwrap();
     assert!(trained.final_l1 < 0.1, "{trained:?}");
+    let page = std::fs::read_to_string(trained.policy.join("training.html")).unwrap();
+    assert_eq!(page.matches("<svg").count(), 4 + 2, "four curves, and both charts of a moment of the only episode");
     let learned = PolicyFactory::resolve(&format!("learned:{}", trained.policy.display())).unwrap();
     assert!(learned.label().starts_with("learned_folder=policy-"), "{}", learned.label());
     let suite = Suite::of_run(&folder).unwrap();
@@ -77,6 +96,13 @@ fn one_episode_is_learned_by_heart() {
     let reports = evaluate(&suite, &[learned], &alone, &NoProgress, &never).unwrap();
     let result = &reports[0].results[0];
     assert!(result.success && result.oracle, "{result:?}");
+
+    let state = controls(&trained.policy, &folder, 1, &NoProgress, &never).unwrap().unwrap();
+    let names: Vec<&str> = state.iter().map(PolicyFactory::name).collect();
+    assert_eq!(names, ["learned", "execute_1", "execute_2", "execute_4", "execute_16", "nearest_replay"]);
+    let reports = evaluate(&suite, &state[5..], &alone, &NoProgress, &never).unwrap();
+    assert!(reports[0].results[0].success, "the nearest demonstration is its own: {:?}", reports[0].results[0]);
+    images_are_exchanged(&folder, &suite);
 
     // Other weights than those of the description are refused, and so are damaged ones.
     let weights = trained.policy.join("weights.safetensors");

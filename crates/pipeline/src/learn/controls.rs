@@ -1,0 +1,113 @@
+//! Controls of a learned policy: policies that differ from it in one thing, for paired comparisons on the same layouts.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use genmanip_core::Policy;
+use genmanip_policy::{ImageInput, PolicyDescription, Preset, Seen};
+use genmanip_workspace::{Progress, WorkspaceError};
+
+use super::demonstrations;
+use super::images;
+use super::presets::settings;
+use super::recorded::Recorded;
+use crate::learned::policy::{ChunkPolicy, Learned};
+use crate::learned::{self, inputs};
+use crate::policies::{PolicyContext, PolicyFactory};
+
+/// Numbers of executed actions of a chunk.
+const EXECUTED: [usize; 5] = [1, 2, 4, 8, 16];
+/// Level of an image without content.
+const GREY: u8 = 128;
+
+/// The policy of a folder, called `learned`, and its controls:
+///
+/// - `execute_N`: it executes another number of actions of each chunk;
+/// - `no_images`: its images are grey; `other_images`: they are those of a demonstration of the run on another layout;
+/// - `nearest_replay`: the rows of the demonstration whose goal objects lay nearest to the layout's, without looking
+///   again; the places are simulator truth.
+///
+/// `None` if stopped.
+///
+/// # Errors
+/// When the policy or the run cannot be read.
+pub fn controls(
+    policy: &Path,
+    run: &Path,
+    workers: usize,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Option<Vec<PolicyFactory>>, WorkspaceError> {
+    let learned = learned::load(policy)?;
+    let description = learned.description().clone();
+    let mut all = vec![changed("learned", &learned, &description, |_, seen| seen.clone())?];
+    for execute in EXECUTED {
+        if execute <= description.model.chunk && execute != description.execute {
+            let description = PolicyDescription { execute, ..description.clone() };
+            all.push(changed(&format!("execute_{execute}"), &learned, &description, |_, seen| seen.clone())?);
+        }
+    }
+    if !description.inputs.images.is_empty() {
+        let grey: Vec<u8> = vec![GREY; description.inputs.images.iter().map(ImageInput::bytes).sum()];
+        all.push(changed("no_images", &learned, &description, move |_, seen| Seen {
+            rgb: grey.clone(),
+            ..seen.clone()
+        })?);
+        let Some(read) = demonstrations::read(run, &settings(description.preset, false), workers, progress, stop)?
+        else {
+            return Ok(None);
+        };
+        let Some(images) = images::of_rows(&read, workers, progress, stop)? else { return Ok(None) };
+        let (images, execute) = (Arc::new(images), description.execute);
+        let rows: Vec<usize> = read.frames.iter().map(Vec::len).collect();
+        all.push(changed("other_images", &learned, &description, move |moment, seen| {
+            let episode = moment.layout as usize % rows.len();
+            let row = (moment.call * execute).min(rows[episode].saturating_sub(1));
+            // An image that cannot be read is refused by its size.
+            Seen { rgb: images.read(episode, row).unwrap_or_default(), ..seen.clone() }
+        })?);
+    }
+    let state = || settings(Preset::State, false);
+    let Some(read) = demonstrations::read(run, &state(), workers, progress, stop)? else { return Ok(None) };
+    let recorded = Arc::new(Recorded::of(Preset::State, state(), &read));
+    all.push(PolicyFactory::of("nearest_replay", move |episode: &PolicyContext| {
+        let predict = recorded.lookup(|recorded, seen| {
+            let distance = |start: &Vec<f32>| inputs::goal_distance(&recorded.description.inputs, &seen.numbers, start);
+            let distances = recorded.starts.iter().map(distance).enumerate();
+            distances.min_by(|(_, one), (_, other)| one.total_cmp(other)).map(|(place, _)| place)
+        });
+        let policy = ChunkPolicy::new("nearest_replay", &recorded.description, predict, episode.stage)?;
+        Ok(Box::new(policy) as Box<dyn Policy>)
+    })?);
+    Ok(Some(all.into_iter().map(PolicyFactory::never_finishing).collect()))
+}
+
+/// Moment of an episode.
+struct Moment {
+    /// Number that depends on the layout.
+    layout: u64,
+    /// Number of earlier predictions.
+    call: usize,
+}
+
+/// The policy with changed inputs.
+fn changed(
+    name: &str,
+    learned: &Arc<Learned>,
+    description: &PolicyDescription,
+    change: impl Fn(&Moment, &Seen) -> Seen + Send + Sync + 'static,
+) -> Result<PolicyFactory, WorkspaceError> {
+    let (learned, description, change) = (Arc::clone(learned), description.clone(), Arc::new(change));
+    let own = name.to_owned();
+    PolicyFactory::of(name, move |episode: &PolicyContext| {
+        let (mut predict, change) = (learned.predict(), Arc::clone(&change));
+        let mut moment = Moment { layout: episode.stage.scenario.seed.fork("other_images").value(), call: 0 };
+        let predict = move |seen: &Seen| {
+            let predicted = predict(&change(&moment, seen));
+            moment.call += 1;
+            predicted
+        };
+        Ok(Box::new(ChunkPolicy::new(&own, &description, predict, episode.stage)?) as Box<dyn Policy>)
+    })
+}

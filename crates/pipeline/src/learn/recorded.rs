@@ -1,0 +1,81 @@
+//! Recorded rows on the way of a learned policy's output, as if a network had predicted them.
+
+use std::io;
+use std::sync::Arc;
+
+use genmanip_core::Seed;
+use genmanip_policy::{Inputs, PolicyDescription, Prediction, Preset, Seen, TrainingFacts};
+
+use super::demonstrations::RunDemonstrations;
+use super::presets::PresetSettings;
+
+/// Recorded rows of demonstrations, normalised, with the description of a policy that has them as its output.
+pub(super) struct Recorded {
+    pub description: PolicyDescription,
+    /// Inputs before the first row of each demonstration.
+    pub starts: Vec<Vec<f32>>,
+    /// Rows of each demonstration.
+    pub rows: Vec<Vec<Vec<f32>>>,
+}
+
+/// Settings of a preset whose inputs need neither images nor words.
+pub(super) fn without_images(preset: PresetSettings) -> PresetSettings {
+    let inputs = Inputs { images: Vec::new(), words: 0, ..preset.inputs.clone() };
+    PresetSettings { inputs, ..preset }
+}
+
+impl Recorded {
+    /// From demonstrations that were read with the settings of a preset.
+    pub fn of(preset: Preset, settings: PresetSettings, read: &RunDemonstrations) -> Self {
+        let PresetSettings { model, execute, training, privileged, .. } = settings;
+        let (arrays, contract) = (&read.arrays, read.contract.clone());
+        let normalisation = arrays.normalisation();
+        let normalised = |action: &[f32]| normalisation.action.normalise(action).collect();
+        let (entries, width) = (contract.names.len(), arrays.inputs.width());
+        let rows =
+            arrays.episodes.iter().map(|it| it.actions.chunks_exact(entries).map(normalised).collect()).collect();
+        let starts = arrays.episodes.iter().map(|it| it.inputs[..width].to_vec()).collect();
+        let description = PolicyDescription {
+            preset,
+            privileged,
+            inputs: arrays.inputs.clone(),
+            execute,
+            contract,
+            training: TrainingFacts {
+                run: read.run.clone(),
+                demonstrations: read.ids.len(),
+                rows: arrays.total_rows(),
+                seed: Seed::new(0),
+                steps: 0,
+                settings: training,
+                final_l1: 0.0,
+                parameters: 0,
+                genmanip_version: env!("CARGO_PKG_VERSION").into(),
+            },
+            tensors_sha256: String::new(),
+            normalisation,
+            model,
+        };
+        Self { description, starts, rows }
+    }
+
+    /// Predictions from the demonstration that `choose` names at the first call: at each call the rows that follow the
+    /// executed ones.
+    pub fn lookup(
+        self: &Arc<Self>,
+        choose: impl Fn(&Self, &Seen) -> Option<usize> + Send + 'static,
+    ) -> impl FnMut(&Seen) -> io::Result<Prediction> + Send + 'static {
+        let recorded = Arc::clone(self);
+        let (chunk, execute) = (self.description.model.chunk, self.description.execute);
+        let (mut next, mut chosen) = (0, None);
+        move |seen| {
+            let episode = *chosen.get_or_insert_with(|| choose(&recorded, seen));
+            let rows = episode.and_then(|episode| recorded.rows.get(episode)).map_or(&[][..], Vec::as_slice);
+            let row = |place: usize| rows.get(place).or(rows.last()).cloned().unwrap_or_default();
+            let window = next..next + chunk;
+            let end = window.clone().map(|place| if place < rows.len() { 0.0 } else { 1.0 }).collect();
+            next += execute;
+            Ok(Prediction { actions: window.map(row).collect(), end })
+        }
+    }
+}
