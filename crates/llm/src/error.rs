@@ -9,7 +9,7 @@ use crate::reply::is_token_limit;
 #[serde(tag = "error", rename_all = "snake_case")]
 pub enum ChatError {
     /// No connection could be made.
-    #[error("cannot reach {url}: {message}")]
+    #[error("cannot connect to {url}: {message}")]
     Unreachable {
         /// Address without secrets.
         url: String,
@@ -217,7 +217,7 @@ impl ChatError {
     /// Advice for fixing the error.
     pub fn hint(&self) -> &'static str {
         match self {
-            Self::Unreachable { .. } => "start the server, or correct `base_url` in the settings",
+            Self::Unreachable { .. } => "start the server, check the network, or correct `base_url` in the settings",
             Self::Timeout { .. } => "raise `total_timeout_s`, or choose a faster model",
             Self::CutOff { .. } => "try again; if it persists, check the server's log",
             Self::Status { status: 401 | 403, .. } => {

@@ -114,6 +114,8 @@ impl Transport {
             ureq::Error::Io(io) if is_unreachable(io.kind()) => {
                 Failure::permanent(ChatError::Unreachable { url, message })
             }
+            // Name servers fail for moments: worth a retry.
+            ureq::Error::Io(io) if is_unresolved(&io) => Failure::transient(ChatError::Unreachable { url, message }),
             ureq::Error::Io(_) | ureq::Error::Protocol(_) | ureq::Error::BodyStalled => {
                 Failure::transient(ChatError::CutOff { url, message })
             }
@@ -158,4 +160,30 @@ fn is_unreachable(kind: std::io::ErrorKind) -> bool {
             | ErrorKind::AddrNotAvailable
             | ErrorKind::PermissionDenied
     )
+}
+
+/// True if the host has no known address: the standard library gives this error no kind that can be named, only a text.
+fn is_unresolved(error: &std::io::Error) -> bool {
+    error.to_string().starts_with("failed to lookup address information")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Error, ErrorKind};
+
+    use super::*;
+
+    fn failure(error: Error) -> Failure {
+        let limits = Limits { connect_timeout_s: 1.0, total_timeout_s: 1.0, max_body_bytes: 1 };
+        Transport::new(limits, true, None).failure("http://host/v1", ureq::Error::Io(error))
+    }
+
+    #[test]
+    fn a_host_without_address_is_not_a_truncated_answer() {
+        let unknown = failure(Error::other("failed to lookup address information: Name or service not known"));
+        assert!(unknown.error.to_string().starts_with("cannot connect to http://host/v1: "), "{}", unknown.error);
+        assert!(unknown.transient);
+        let closed = failure(Error::from(ErrorKind::UnexpectedEof));
+        assert!(closed.error.to_string().contains("truncated") && closed.transient, "{}", closed.error);
+    }
 }

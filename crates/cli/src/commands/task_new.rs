@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use genmanip_core::limits;
 use genmanip_core::{Document, ObjectCard, Seed, TaskKind};
 use genmanip_llm::CassetteMode;
-use genmanip_task_writer::{Designer, GenerationOutcome, LlmSettings};
+use genmanip_task_writer::{Designed, Designer, GenerationOutcome, LlmSettings, Refusal};
 use genmanip_tasks::designer::DesignSettings;
 use genmanip_workspace::Progress;
 use genmanip_workspace::designed_tasks::{self, Design, NewTask, design_into};
@@ -65,13 +65,13 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
     };
     printer.data(&rows, &describe(&rows, arguments.each));
     let missing = shortfall(&rows);
-    let refused: usize = missing.values().map(|(count, _)| count).sum();
-    for (kind, (count, why)) in &missing {
+    for ((kind, _), (count, why)) in &missing {
         let are_missing = if *count == 1 { "task is missing" } else { "tasks are missing" };
         printer.say(format!("{count} {kind} {are_missing}: {why}"));
     }
-    if refused > 0 {
-        printer.say(format!("{refused} of {} refused; the others are written", rows.len()));
+    let missing: usize = missing.values().map(|(count, _)| count).sum();
+    if missing > 0 {
+        printer.say(format!("{missing} of {} tasks missing, {} written", rows.len(), rows.len() - missing));
         return Ok(ExitStatus::NotMet);
     }
     Ok(ExitStatus::Done)
@@ -173,16 +173,20 @@ fn write_outcome(outcome: &GenerationOutcome, folder: &Path) -> Result<NewTask, 
             kind: outcome.kind.name(),
             instruction: None,
             file: None,
-            refused: outcome.refusal(),
+            refused: outcome.refusal().map(|why| match &outcome.result {
+                Designed::Refused(Refusal::Unanswered { .. }) => format!("{why}\nhint: {}", outcome.hint()),
+                _ => why,
+            }),
         }),
     }
 }
 
-/// Number of missing tasks per kind, and the reason for the last one.
-fn shortfall(rows: &[NewTask]) -> BTreeMap<&'static str, (usize, &str)> {
+/// Number of missing tasks per kind and sort of reason (the text before its first colon), and the reason for the last.
+fn shortfall(rows: &[NewTask]) -> BTreeMap<(&'static str, &str), (usize, &str)> {
     let mut missing = BTreeMap::new();
     for (kind, why) in rows.iter().filter_map(|row| Some((row.kind, row.refused.as_deref()?))) {
-        let (count, last) = missing.entry(kind).or_insert((0, why));
+        let sort = why.split(':').next().unwrap_or_default();
+        let (count, last) = missing.entry((kind, sort)).or_insert((0, why));
         (*count, *last) = (*count + 1, why);
     }
     missing
@@ -195,7 +199,7 @@ fn describe(rows: &[NewTask], each: bool) -> String {
     }
     let mut lines = vec![["task", "instruction"].map(String::from).to_vec()];
     for row in rows {
-        let said = row.instruction.clone().or_else(|| row.refused.as_ref().map(|why| format!("refused: {why}")));
+        let said = row.instruction.clone().or_else(|| row.refused.as_ref().map(|why| format!("missing: {why}")));
         lines.push(vec![row.task.clone(), said.unwrap_or_default()]);
     }
     text_table(&lines)
