@@ -4,7 +4,8 @@ use std::path::Path;
 
 use genmanip_assets::worlds::DEFAULT_TEXT;
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Camera, CameraMount, Document};
+use genmanip_core::sensor::SENSORS;
+use genmanip_core::{Camera, CameraMount, CameraSensor, Document};
 use genmanip_viz::views;
 use genmanip_workspace::documents;
 use genmanip_workspace::text_table;
@@ -146,7 +147,7 @@ fn presets(printer: &Printer) {
 }
 
 fn cameras_table(cameras: &[Camera]) -> String {
-    let mut rows = vec![["camera", "on", "at, m", "pixels", "field, degrees"].map(String::from).to_vec()];
+    let mut rows = vec![["camera", "on", "at, m", "pixels", "field, degrees", "sensor"].map(String::from).to_vec()];
     for camera in cameras {
         let k = &camera.intrinsics;
         let at = camera.mount_from_camera.position.to_array().map(|value| format!("{value:.3}")).join(", ");
@@ -156,9 +157,27 @@ fn cameras_table(cameras: &[Camera]) -> String {
             at,
             format!("{}x{}", k.width, k.height),
             format!("{:.1} x {:.1}", k.horizontal_fov().to_degrees(), k.vertical_fov().to_degrees()),
+            sensor_text(camera),
         ]);
     }
     text_table(&rows)
+}
+
+/// Sensor preset, exposure time and lens of a camera: `d435, shutter 0.02 s, distorted`.
+fn sensor_text(camera: &Camera) -> String {
+    let mut parts = Vec::new();
+    if let Some(still) = CameraSensor::with_shutter(camera.sensor, 0.0) {
+        let preset = SENSORS.iter().find(|preset| preset.sensor == still);
+        parts.push(preset.map_or("own values", |preset| preset.name).to_owned());
+    }
+    let color = camera.sensor.and_then(|sensor| sensor.color);
+    if let Some(color) = color.filter(|color| color.shutter_s > 0.0) {
+        parts.push(format!("shutter {} s", color.shutter_s));
+    }
+    if camera.distortion.is_some() {
+        parts.push("distorted".into());
+    }
+    if parts.is_empty() { "ideal".into() } else { parts.join(", ") }
 }
 
 fn change(arguments: &CameraEditArguments) -> CameraChange {
