@@ -4,6 +4,7 @@ mod full;
 mod rows;
 mod sections;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use genmanip_benchmark::rows::cases::{self, Case, MAX_CASES};
@@ -167,7 +168,7 @@ fn page(
         title: "GenManip: from tasks to verified demonstrations".into(),
         generated_by: format!("genmanip {}", env!("CARGO_PKG_VERSION")),
         seed: run.seed,
-        commands: commands(name, run, !rows.episodes.iter().any(|row| row.is_attempt())),
+        commands: commands(name, run, &evaluations, !rows.episodes.iter().any(|row| row.is_attempt())),
         versions: vec![("genmanip".into(), run.genmanip_version.clone()), ("physics".into(), run.engine.clone())],
         summaries: evaluations.iter().map(|report| report.summary.clone()).collect(),
         not_run: evaluations
@@ -187,26 +188,37 @@ fn page(
     }
 }
 
-/// Commands that reproduce the run; a run made from scenario files was not collected.
-fn commands(name: &str, run: &Run, is_given: bool) -> Vec<String> {
-    let made = match is_given {
-        true => format!("genmanip evaluate SCENARIOS --out {name}"),
-        false => {
-            let amount = match run.episodes_per_task {
-                0 => "--verified N".into(),
-                count => format!("--episodes {count}"),
-            };
-            format!("genmanip collect TASKS --out {name} {amount} --seed {}", run.seed)
+/// Commands that made the run, with the options that it records; a run made from scenario files was not collected.
+fn commands(name: &str, run: &Run, evaluations: &[EvaluationReport], is_given: bool) -> Vec<String> {
+    let policies: BTreeSet<&str> = evaluations.iter().map(|report| report.policy.as_str()).collect();
+    let policies: String = policies.iter().map(|policy| format!(" --policy {policy}")).collect();
+    let mut commands = Vec::new();
+    if is_given {
+        commands.push(format!("genmanip evaluate SCENARIOS{policies} --out {name}"));
+    } else {
+        let amount = match run.episodes_per_task {
+            0 => "--verified N".into(),
+            count => format!("--episodes {count}"),
+        };
+        let options = [("--no-dataset", run.settings.images.is_none()), ("--keep-failed", run.settings.keep_failed)];
+        let options: String =
+            options.iter().filter(|(_, is_set)| *is_set).map(|(option, _)| format!(" {option}")).collect();
+        commands.push(format!("genmanip collect TASKS --out {name} {amount} --seed {}{options}", run.seed));
+        if !policies.is_empty() {
+            commands.push(format!("genmanip evaluate {name}{policies}"));
         }
-    };
-    let evaluated = (!is_given).then(|| format!("genmanip evaluate {name}"));
-    [made].into_iter().chain(evaluated).chain([format!("genmanip report {name}")]).collect()
+    }
+    commands.push(format!("genmanip report {name}"));
+    commands
 }
 
 /// Notes that a reader of the report needs.
 fn notes(run: &Run, rows: &Rows) -> Vec<String> {
     let tasks = run.tasks.entries().len();
     let mut notes = vec![
+        "The commands do not show every option: run.json has every setting of the run, and the label of an evaluation \
+             the arguments of its policy."
+            .into(),
         "The expert reads simulator truth; its results are marked oracle.".into(),
         "Replay applies the recorded commands without looking; it shows that the simulation is deterministic, \
              not that a policy is good."
