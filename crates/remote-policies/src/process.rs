@@ -18,6 +18,8 @@ const PROGRAM: [&str; 2] = [include_str!("../../../python/genmanip/_policy.py"),
 const MAX_BYTES: usize = 4 << 20;
 /// Maximum reported length of a mistake (characters).
 const MAX_MISTAKE_CHARS: usize = 2000;
+/// First request to a process, as messages name it.
+const MAKING: &str = "the constructor or spec()";
 
 /// Class and interpreter.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -252,7 +254,7 @@ impl Process {
         if let (Value::Object(head), Value::Object(given)) = (&mut head, given) {
             head.extend(given);
         }
-        let method = if what == "make" { "the class or spec()".to_owned() } else { format!("{what}()") };
+        let method = if what == "make" { MAKING.to_owned() } else { format!("{what}()") };
         self.is_lost = true;
         let sent = send(&mut self.input, head, arrays);
         let answer = sent.map(|()| self.messages.recv_timeout(self.answer));
@@ -276,7 +278,10 @@ impl Process {
     fn ended(&mut self, method: &str) -> PolicyError {
         let _ = self.child.kill();
         let status = self.child.wait().map_or_else(|error| error.to_string(), |status| status.to_string());
-        let hint = "a policy returns or raises; a process that is killed may lack memory; its own output is above";
+        let hint = match method {
+            MAKING => "its own output is above; the Python that runs a policy needs NumPy: pip install numpy",
+            _ => "a policy returns or raises; a process that is killed may lack memory; its own output is above",
+        };
         PolicyError::Mistake(format!("its Python process ended during {method} ({status})\nhint: {hint}"))
     }
 }
