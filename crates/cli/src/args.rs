@@ -43,7 +43,7 @@ mod world;
 #[derive(Debug, Parser)]
 #[command(name = "genmanip", version, about, max_term_width = 100)]
 #[command(after_help = "Exit codes: 0 done, 1 the request could not be met, 2 the command line was not understood,\n\
-                        130 stopped by a second Ctrl-C. Data goes to stdout, talk to stderr.")]
+                        130 stopped by a second Ctrl-C. Data goes to stdout, messages to stderr.")]
 pub struct Arguments {
     /// Options of every subcommand
     #[command(flatten)]
@@ -83,7 +83,7 @@ pub enum Command {
                       genmanip collect examples/tasks --seed 7 --out out/shards --shard 0/3"
     )]
     Collect(CollectArguments),
-    /// Bring the shards of a run together: the bytes of a run in one go, with its dataset
+    /// Merge the shards of a run and write its dataset: the same bytes as an undivided run
     #[command(
         after_help = "Examples:\n  genmanip collect TASKS --out out/shards --shard 0/3   # and 1/3, 2/3, anywhere\n  \
                       genmanip merge out/shards --out out/run\n\n\

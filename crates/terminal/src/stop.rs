@@ -13,7 +13,7 @@ pub fn on_interrupt() -> Arc<AtomicBool> {
             std::process::exit(130);
         }
         use std::io::Write;
-        let _ = writeln!(std::io::stderr(), "finishing the attempts under way; press Ctrl-C again to stop at once");
+        let _ = writeln!(std::io::stderr(), "finishing the attempts in progress; press Ctrl-C again to stop at once");
     });
     flag
 }

@@ -210,7 +210,7 @@ impl WorkspaceError {
                 "move {} away, or repeat the command that it was begun with to continue it",
                 path.display()
             )),
-            Self::Unreachable { .. } => Some("see that it runs, then start again".into()),
+            Self::Unreachable { .. } => Some("check that it is running, then repeat the command".into()),
             Self::Mistaken { hint, .. } => Some(hint.clone()),
             Self::NoRun { .. } => Some("make one with `genmanip collect TASKS --out FOLDER`".into()),
         }

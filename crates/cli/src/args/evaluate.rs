@@ -15,7 +15,7 @@ pub struct AskingArguments {
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
-    /// Episodes under way at once, of which those that wait for a model need no core [default: 16 where a model is
+    /// Episodes in progress at once, of which those that wait for a model need no core [default: 16 where a model is
     /// asked, else the workers]
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub at_once: Option<usize>,
@@ -38,7 +38,8 @@ pub struct EvaluateArguments {
     pub suite: Option<PathBuf>,
     #[command(flatten)]
     pub layouts: SplitArguments,
-    /// A policy, with arguments if it takes any; may be given several times [default: all of them]
+    /// A policy, with arguments if it takes any; may be given several times [default: expert and do_nothing, on a
+    /// run also replay]
     #[arg(long = "policy", value_name = "NAME[:KEY=VALUE,…]")]
     pub policies: Vec<String>,
     /// Folder for the results and episodes of scenarios; a run keeps its own

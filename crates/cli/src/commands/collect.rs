@@ -16,6 +16,7 @@ use genmanip_workspace::documents::nearest_folder;
 use genmanip_workspace::task_spool::Tasks;
 use genmanip_workspace::{task_files, workers, worlds};
 
+use super::plural;
 use crate::args::{CollectArguments, MergeArguments, Part};
 use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
@@ -144,11 +145,13 @@ fn tell(collected: &Collected, printer: &Printer) {
         printer.say(format!("interrupted after {finished} of {attempts} attempts; start again to continue"));
     }
     if !collected.not_run.is_empty() {
-        printer.say(format!("{} attempts were not run; start again to make them", collected.not_run.len()));
+        let count = collected.not_run.len();
+        printer.say(format!("not run: {}; start again to make them", plural(count, "attempt")));
     }
     if !collected.damaged.is_empty() {
         let count = collected.damaged.len();
-        printer.say(format!("{count} damaged episodes left out; start again with --repair to make them anew"));
+        printer
+            .say(format!("{} left out; start again with --repair to make them anew", plural(count, "damaged episode")));
     }
 }
 

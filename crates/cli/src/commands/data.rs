@@ -20,6 +20,7 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::text_table;
 use serde_json::json;
 
+use super::plural;
 use crate::args::{
     DataCardArguments, DataCheckArguments, DataCommand, DataConvertArguments, DataDeleteArguments, DataFilterArguments,
     DataImportArguments, DataPullArguments, DataPushArguments, DataRerenderArguments, DataShowArguments,
@@ -136,7 +137,7 @@ fn taken_over(
 }
 
 fn line(made: &ExportReport) -> String {
-    format!("{}: {} episodes, {} rows\n", made.dataset.display(), made.episodes, made.frames)
+    format!("{}: {}, {} rows\n", made.dataset.display(), plural(made.episodes, "episode"), made.frames)
 }
 
 /// Counts episodes of how many there are.
@@ -201,9 +202,9 @@ fn check_all(arguments: &DataCheckArguments, printer: &Printer) -> Result<ExitSt
         let DatasetCheck { dataset, format, episodes, frames, findings, further, .. } = one;
         let verdict = match findings.len() + further {
             0 => "sound".to_owned(),
-            count => format!("{count} findings"),
+            count => plural(count, "finding"),
         };
-        text += &format!("{dataset}: {format}, {episodes} episodes, {frames} rows: {verdict}\n");
+        text += &format!("{dataset}: {format}, {}, {frames} rows: {verdict}\n", plural(*episodes, "episode"));
         text += &findings.iter().map(describe).collect::<String>();
         if *further > 0 {
             text += &format!("  and {further} more of these\n");
@@ -256,14 +257,19 @@ fn show(arguments: &DataShowArguments, printer: &Printer) -> Result<ExitStatus, 
     let groups = groups(overview);
     let ranges = ranges(overview);
     let about = format!(
-        "{}: {}, {} episodes, {} rows at {} Hz, robot {}",
-        checked.dataset, checked.format, checked.episodes, checked.frames, overview.fps, overview.robot
+        "{}: {}, {}, {} rows at {} Hz, robot {}",
+        checked.dataset,
+        checked.format,
+        plural(checked.episodes, "episode"),
+        checked.frames,
+        overview.fps,
+        overview.robot
     );
     let action = overview.action.as_ref().map_or(String::new(), |action| format!("action: {action}\n"));
     let images = images(overview);
     let findings = match checked.findings.len() + checked.further {
         0 => "sound".to_owned(),
-        count => format!("{count} findings: see genmanip data check"),
+        count => format!("{}: see genmanip data check", plural(count, "finding")),
     };
     if let Some(path) = &arguments.html {
         let (tasks, lengths) = (tasks(&overview.tasks, usize::MAX), lengths(overview));

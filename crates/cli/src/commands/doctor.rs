@@ -1,4 +1,4 @@
-//! `genmanip doctor`: what this machine has, what is missing and how to mend it.
+//! `genmanip doctor`: what this machine has, what is missing and how to fix it.
 
 use std::path::Path;
 use std::process::Command;
@@ -28,7 +28,7 @@ struct Finding {
 
 pub fn run(printer: &Printer) -> Result<ExitStatus, Failed> {
     let findings = [processor(), physics(), python(), disk()];
-    let mut rows = vec![["", "part", "found", "how to mend"].map(String::from).to_vec()];
+    let mut rows = vec![["", "part", "found", "how to fix it"].map(String::from).to_vec()];
     for finding in &findings {
         let mark = match (finding.ok, finding.needed) {
             (true, _) => "ok",

@@ -7,6 +7,7 @@ use genmanip_workspace::documents;
 use genmanip_workspace::scenarios;
 use genmanip_workspace::workers;
 
+use super::plural;
 use crate::args::{DatasetArguments, ExportArguments};
 use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
@@ -28,7 +29,8 @@ pub fn run(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus,
         printer.say("interrupted; pictures that were drawn are kept, start again to continue");
         return Ok(ExitStatus::NotMet);
     };
-    let text = format!("{}: {} episodes, {} rows\n", exported.dataset.display(), exported.episodes, exported.frames);
+    let text =
+        format!("{}: {}, {} rows\n", exported.dataset.display(), plural(exported.episodes, "episode"), exported.frames);
     printer.data(&exported, &text);
     Ok(if exported.left_out.is_empty() { ExitStatus::Done } else { ExitStatus::NotMet })
 }

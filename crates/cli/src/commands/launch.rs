@@ -54,8 +54,8 @@ pub fn run(arguments: &LaunchArguments, printer: &Printer) -> Result<ExitStatus,
     let submission = launched.submission.join(" ");
     let Need { minutes, memory_mib, disk_mib, core_hours } = need;
     printer.say(format!(
-        "{} attempts took {:.1} s; each of {} shards gets {minutes} min and {memory_mib} MiB; together some \
-         {core_hours:.2} core hours and {disk_mib} MiB on the disk",
+        "{} attempts took {:.1} s; limits of each of {} shards: {minutes} min and {memory_mib} MiB; together some \
+         {core_hours:.2} core hours (wall time × cores) and {disk_mib} MiB of episodes on the disk",
         sample.attempts, sample.wall_s, job.shards
     ));
     if arguments.dry_run {

@@ -26,3 +26,8 @@ pub mod task;
 pub mod task_new;
 pub mod train;
 pub mod world;
+
+/// A count with its noun: `1 episode`, `2 episodes`.
+fn plural(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+}
