@@ -251,6 +251,11 @@ fn segment_of(arguments: &args::SegmentArguments, printer: &Printer) -> Result<(
         MaskChoice::Oracle => Arc::new(OracleSegmenter),
         MaskChoice::Http(service) => service,
     };
+    if arguments.extents {
+        let measured = segment::extents::measure(&asked, &*segmenter, &world, seed, printer)?;
+        printer.data(&measured, &segment::extents::describe(&measured));
+        return Ok(());
+    }
     let measured = segment::measure(&asked, &*segmenter, &world, seed, printer)?;
     printer.data(&measured, &segment::describe(&measured));
     Ok(())

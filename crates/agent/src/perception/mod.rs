@@ -4,6 +4,7 @@ mod height_map;
 mod object;
 mod placement;
 mod smoothing;
+mod stray_points;
 
 use std::sync::Arc;
 
@@ -15,6 +16,7 @@ pub use object::ObservedObject;
 pub use placement::{CellSettings, PlacementTarget, on_plane, targets};
 pub use smoothing::{RESIDUAL_NOISE, smoothed};
 
+use self::stray_points::without_stray_points;
 use crate::image::RgbImage;
 use crate::segmentation::{Mask, SegmentError, SegmentQuestion, Segmenter};
 
@@ -92,13 +94,16 @@ impl SegmentedViews {
         Self { views, matches }
     }
 
-    /// Points of an object from all cameras, by its mask in the first view, world frame.
+    /// Points of an object from all cameras, by its mask in the first view, world frame, without stray ones on what lies
+    /// behind it.
     pub fn points(&self, mask: usize) -> Vec<DVec3> {
         let mut points = Vec::new();
+        let mut shown = None;
         for (view, mask) in self.masks_of(mask) {
             points.extend(view.points(&view.masks[mask]));
+            shown.get_or_insert(points.len());
         }
-        points
+        without_stray_points(points, shown.unwrap_or_default())
     }
 
     /// Images with the depth of an object removed, including one pixel around its outline.

@@ -133,7 +133,8 @@ pub enum LabCommand {
     Fit(FitArguments),
     /// Segment images of the data cameras from colour and depth, and compare with the renderer's ids
     #[command(after_help = "Examples:\n  genmanip-lab segment --seed 1 --count 60 --json\n  \
-                      genmanip-lab segment --seed 1 --count 60 --noise d435 --out out/segment\n\n\
+                      genmanip-lab segment --seed 1 --count 60 --noise d435 --out out/segment\n  \
+                      genmanip-lab segment --seed 1 --count 50 --extents --json\n\n\
                       Scenes of 5 to 12 objects, two views each; objects with at least 200 visible pixels count.")]
     Segment(SegmentArguments),
     /// Learn one distribution of genmanip-learn-10 from nothing: demonstrations, training, success on unseen layouts

@@ -20,6 +20,9 @@ pub struct SegmentArguments {
     /// Source of the masks; `oracle` is the renderer's ground truth
     #[arg(long, default_value = "rgbd", value_name = "rgbd|oracle|http:URL")]
     pub masks: String,
+    /// Locate the objects from the depth of the agent's three cameras, and compare centres and sizes with the truth
+    #[arg(long, conflicts_with_all = ["fit", "out"])]
+    pub extents: bool,
     /// Fit the weights of region merging to these scenes instead of measuring
     #[arg(long, conflicts_with_all = ["masks", "out"])]
     pub fit: bool,

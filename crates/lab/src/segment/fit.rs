@@ -49,7 +49,7 @@ pub fn fit_weights(
     progress: &dyn Progress,
 ) -> Result<Fitted, LabError> {
     let tasks = task_files::designed_tasks(arguments.count * SPARE, seed.value(), Catalogue::builtin())?;
-    let mut scenes = Scenes::new(world, seed)?;
+    let mut scenes = Scenes::new(world, seed, &super::DATA_CAMERAS)?;
     let mut views: Vec<(Oversegmentation, Vec<Option<usize>>)> = Vec::new();
     progress.begin("drawing", arguments.count);
     for (index, task) in tasks.iter().enumerate() {

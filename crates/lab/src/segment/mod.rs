@@ -1,5 +1,6 @@
 //! Segmentation from colour and depth, compared with the renderer's ids.
 
+pub mod extents;
 pub mod fit;
 mod pictures;
 mod scenes;
@@ -23,6 +24,8 @@ pub use scenes::Stratum;
 use scenes::{Scenes, SegmentView, TrueObject};
 use sensor::D435;
 
+/// The fixed cameras used for datasets and for models.
+const DATA_CAMERAS: [&str; 2] = ["overview", "static"];
 /// Minimum number of visible pixels of an object that counts.
 const MIN_PIXELS: usize = 200;
 /// Minimum IoU of an object with its mask to count as found.
@@ -96,7 +99,7 @@ pub fn measure(
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
     let tasks = task_files::designed_tasks(arguments.count * SPARE, seed.value(), Catalogue::builtin())?;
-    let mut scenes = Scenes::new(world, seed)?;
+    let mut scenes = Scenes::new(world, seed, &DATA_CAMERAS)?;
     let mut clock = cpu_clock();
     let (mut ious, mut masks_made, mut spurious, mut cpu_ms) = (Vec::new(), 0, 0, Vec::new());
     let mut worst = pictures::Worst::new(if arguments.out.is_some() { DRAWN } else { 0 });
@@ -185,6 +188,11 @@ fn is_spurious(mask: &Mask, view: &SegmentView) -> bool {
     view.objects.iter().all(|object| object.mask.iou(mask) < FOUND_IOU)
 }
 
+/// Name of a category in JSON.
+fn name_of(stratum: Stratum) -> String {
+    serde_json::to_value(stratum).ok().and_then(|name| name.as_str().map(String::from)).unwrap_or_default()
+}
+
 /// Text summary.
 pub fn describe(measured: &Measured) -> String {
     let mut rows = vec![["", "objects", "mean IoU", "IoU ≥ 0.5"].map(String::from).to_vec()];
@@ -197,8 +205,7 @@ pub fn describe(measured: &Measured) -> String {
         ]);
     };
     for (stratum, found) in &measured.strata {
-        let name = serde_json::to_value(stratum).ok().and_then(|name| name.as_str().map(String::from));
-        row(name.unwrap_or_default(), found);
+        row(name_of(*stratum), found);
     }
     row("all".into(), &measured.found);
     let mut text = format!(

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use genmanip_agent::segmentation::{Mask, RobotSilhouette};
 use genmanip_assets::{Catalogue, GraspLibrary};
-use genmanip_core::{Camera, Pose, RgbdImage, Scenario, Seed, Task, World};
+use genmanip_core::{Aabb, Camera, Pose, RgbdImage, Scenario, Seed, Task, World};
 use genmanip_layout::{LayoutSettings, lay_out, posed};
 use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_relations::{Label, PosedObject, PosedScene, ShapeCache, label_pair};
@@ -16,8 +16,6 @@ use serde::Serialize;
 
 use crate::LabError;
 
-/// The fixed cameras used for datasets and for models.
-const CAMERAS: [&str; 2] = ["overview", "static"];
 /// Minimum and maximum number of objects in a scene.
 const OBJECTS: [usize; 2] = [5, 12];
 /// Number of failed layouts after which a scene is given up.
@@ -61,6 +59,8 @@ pub struct TrueObject {
     pub mask: Mask,
     /// Category.
     pub stratum: Stratum,
+    /// Bounds of its posed geometry, world frame.
+    pub bounds: Aabb,
 }
 
 /// Generator of scenes.
@@ -70,14 +70,15 @@ pub struct Scenes {
     silhouette: RobotSilhouette,
     shapes: ShapeCache,
     seed: Seed,
+    cameras: &'static [&'static str],
 }
 
 impl Scenes {
-    pub fn new(world: &Arc<World>, seed: Seed) -> Result<Self, LabError> {
+    pub fn new(world: &Arc<World>, seed: Seed, cameras: &'static [&'static str]) -> Result<Self, LabError> {
         let planner = worlds::planner(world, &PlannerSettings::default())?;
         let silhouette = RobotSilhouette::new(planner.robot())
             .map_err(|error| LabError::broken("the robot cannot be drawn", error))?;
-        Ok(Self { world: Arc::clone(world), planner, silhouette, shapes: ShapeCache::default(), seed })
+        Ok(Self { world: Arc::clone(world), planner, silhouette, shapes: ShapeCache::default(), seed, cameras })
     }
 
     /// Views of a task laid out with additional objects; `None` without a layout.
@@ -125,7 +126,7 @@ impl Scenes {
         let poses = scene.objects().map(|object| (object.pose, object.joint_positions.as_slice()));
         let state = assets.frame_state(&robot.home, robot.gripper.max_width, poses).map_err(drawn)?;
         let cameras: Vec<(&str, &Camera)> =
-            CAMERAS.iter().filter_map(|name| Some((*name, self.world.camera(name)?))).collect();
+            self.cameras.iter().filter_map(|name| Some((*name, self.world.camera(name)?))).collect();
         let channels = Channels { normal: false, ..Channels::ALL };
         let jobs: Vec<ViewJob> = cameras.iter().map(|(_, camera)| ViewJob::new(&state, camera, channels)).collect();
         let mut pictures = vec![FrameBuffers::default(); jobs.len()];
@@ -151,7 +152,8 @@ impl Scenes {
                 } else {
                     Stratum::Free
                 };
-                found.push(TrueObject { name: object.model.card.name.clone(), mask, stratum });
+                let bounds = object.model.world_bounds(&object.pose, &object.joint_positions);
+                found.push(TrueObject { name: object.model.card.name.clone(), mask, stratum, bounds });
             }
         }
         found

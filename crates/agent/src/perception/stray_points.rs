@@ -1,0 +1,74 @@
+//! Removal of points that belong to what lies behind an object: its outline in an image is never exact to the pixel.
+
+use std::collections::BTreeMap;
+
+use glam::{DVec3, IVec3};
+
+/// Edge of the voxels by which points are connected (m); chosen: twice the distance of neighbouring pixels on a surface
+/// seen at a slant. Points in neighbouring voxels are connected.
+const VOXEL_M: f64 = 0.008;
+/// Share of the shown camera's points that a cluster of the object has at least.
+const SHOWN_SHARE: f64 = 0.05;
+/// Share of all points that a cluster which the shown camera does not see has at least.
+const HIDDEN_SHARE: f64 = 0.2;
+
+/// The points without small clusters apart from the others; the first `shown` points are those of the camera that is
+/// shown to models. A part cut off by what stands before it stays if it is large enough.
+pub(super) fn without_stray_points(points: Vec<DVec3>, shown: usize) -> Vec<DVec3> {
+    let mut voxels: BTreeMap<[i32; 3], Vec<usize>> = BTreeMap::new();
+    let voxel = |point: DVec3| (point / VOXEL_M).floor().as_ivec3();
+    for (index, point) in points.iter().enumerate() {
+        voxels.entry(voxel(*point).to_array()).or_default().push(index);
+    }
+    let mut keeps = vec![false; points.len()];
+    let mut left = voxels.clone();
+    while let Some((first, members)) = left.pop_first() {
+        let (mut cluster, mut open) = (members, vec![IVec3::from_array(first)]);
+        while let Some(from) = open.pop() {
+            for neighbour in neighbours(from) {
+                if let Some(members) = left.remove(&neighbour.to_array()) {
+                    cluster.extend(members);
+                    open.push(neighbour);
+                }
+            }
+        }
+        let of_shown = cluster.iter().filter(|index| **index < shown).count();
+        let is_object = of_shown as f64 >= SHOWN_SHARE * shown as f64 && of_shown > 0
+            || cluster.len() as f64 >= HIDDEN_SHARE * points.len() as f64;
+        cluster.into_iter().for_each(|index| keeps[index] = is_object);
+    }
+    points.into_iter().zip(keeps).filter_map(|(point, keeps)| keeps.then_some(point)).collect()
+}
+
+fn neighbours(voxel: IVec3) -> impl Iterator<Item = IVec3> {
+    let steps = || -1..=1;
+    steps().flat_map(move |x| steps().flat_map(move |y| steps().map(move |z| voxel + IVec3::new(x, y, z))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wall of points 5 mm apart.
+    fn wall(at: DVec3, width: i32, height: i32) -> Vec<DVec3> {
+        let point = |index: i32| at + DVec3::new(0.0, f64::from(index % width), f64::from(index / width)) * 0.005;
+        (0..width * height).map(point).collect()
+    }
+
+    #[test]
+    fn pixels_on_what_lies_behind_are_no_part_of_the_object() {
+        let can = wall(DVec3::ZERO, 12, 20);
+        let check = |name: &str, other: Vec<DVec3>, is_shown: bool, stays: bool| {
+            let shown = can.len() + if is_shown { other.len() } else { 0 };
+            let all: Vec<DVec3> = can.iter().copied().chain(other.clone()).collect();
+            let kept = without_stray_points(all.clone(), shown);
+            assert_eq!(kept, if stays { all } else { can.clone() }, "{name}");
+        };
+        check("a rim on a book behind it", wall(DVec3::new(0.08, 0.0, 0.0), 2, 6), true, false);
+        check("the same, seen by another camera", wall(DVec3::new(0.08, 0.0, 0.0), 2, 20), false, false);
+        check("its side, seen by another camera", wall(DVec3::new(0.008, 0.0, 0.0), 2, 6), false, true);
+        check("half of it, behind a hammer", wall(DVec3::new(0.0, 0.1, 0.0), 6, 10), true, true);
+        check("its back, which only another camera sees", wall(DVec3::new(0.06, 0.0, 0.0), 12, 20), false, true);
+        assert_eq!(without_stray_points(Vec::new(), 0), []);
+    }
+}
