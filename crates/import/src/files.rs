@@ -77,6 +77,11 @@ impl<'a> Files<'a> {
         }
     }
 
+    /// True if these are the files of an object, which may lack some, and not those of a robot.
+    pub fn is_object(&self) -> bool {
+        self.packages.is_none()
+    }
+
     /// Resolves the name of a mesh or texture in a description; `package://NAME/` is a folder of that name, or one with
     /// a `package.xml` of that name, on the way from the description to the root.
     ///

@@ -30,6 +30,7 @@ pub mod robots;
 pub mod simplify;
 pub mod typical_sizes;
 pub mod units_and_frame;
+mod vertex_colors;
 
 use genmanip_assets::imported::Origin;
 use genmanip_core::ObjectModel;

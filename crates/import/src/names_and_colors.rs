@@ -40,6 +40,8 @@ const UNINFORMATIVE: [&str; 32] = [
     "node",
     "robot",
 ];
+/// Extensions of files after which robots and models are named.
+const FILES: [&str; 6] = ["urdf", "xml", "obj", "glb", "gltf", "dae"];
 /// Colour words by upper bound of the hue, degrees, for saturated colours.
 const HUES: [(f64, &str); 8] = [
     (15.0, "red"),
@@ -57,9 +59,20 @@ pub fn name(path: &str, said: &str) -> String {
     let mut parts: Vec<&str> = path.split('/').collect();
     let file = parts.pop().unwrap_or_default();
     let stem = file.rsplit_once('.').map_or(file, |(stem, _)| stem);
-    let is_informative = |part: &&str| !is_uninformative(part) && part.chars().any(char::is_alphabetic);
+    // Some robots are named after their file, and libraries name objects by hashes.
+    let said = said.rsplit_once('.').filter(|(_, end)| FILES.contains(end)).map_or(said, |(name, _)| name);
+    let said = said.strip_prefix("partnet_").filter(|rest| is_hash(rest)).map_or(said, |_| "");
+    let is_informative =
+        |part: &&str| !is_uninformative(part) && !is_hash(part) && part.chars().any(char::is_alphabetic);
     let candidates = [stem, said].into_iter().chain(parts.into_iter().rev());
     title(candidates.into_iter().find(is_informative).unwrap_or("thing"))
+}
+
+/// True for numbers and hashes.
+fn is_hash(word: &str) -> bool {
+    let has_digit = word.chars().any(|c| c.is_ascii_digit());
+    let is_long = word.len() >= 12 || word.chars().all(|c| c.is_ascii_digit());
+    has_digit && is_long && word.chars().all(|c| c.is_ascii_hexdigit() || c == '-')
 }
 
 fn is_uninformative(word: &str) -> bool {
@@ -226,6 +239,11 @@ mod tests {
             ("partnet/45132/mobility.urdf", "StorageFurniture", "StorageFurniture"),
             ("a/redMug-3.glb", "", "Red Mug 3"),
             ("model.obj", "", "Thing"),
+            ("SteelBolt/model.urdf", "model.urdf", "Steel Bolt"),
+            ("RedMug/model.urdf", "mug.urdf", "Mug"),
+            ("bottles/3f2a9c81b7e04d55/model.obj", "", "Bottles"),
+            ("bottle/mobility.urdf", "partnet_3f2a9c81b7e04d55", "Bottle"),
+            ("can-2048/model.obj", "", "Can 2048"),
         ] {
             assert_eq!(name(path, said).replace(' ', ""), expected.replace(' ', ""), "{path}");
         }

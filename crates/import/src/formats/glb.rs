@@ -11,11 +11,13 @@ use glam::{DMat4, DVec3};
 use gltf::Semantic;
 use gltf::accessor::{DataType, Dimensions};
 use gltf::mesh::Mode;
+use serde::Deserialize;
 
 use crate::ImportError;
 use crate::files::{Files, beside, shortened};
 use crate::image;
 use crate::raw::{MAX_TRIANGLES, RawLink, RawMesh, RawObject, Surface, Unit, Up};
+use crate::vertex_colors;
 
 /// Maximum nesting depth of nodes and maximum number of nodes.
 const MAX_DEPTH: usize = 64;
@@ -31,7 +33,9 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     let bytes = files.bytes(path, IMPORTED_MESH)?;
     check_header(path, &bytes)?;
     let gltf = parsed(path, &bytes)?;
-    let mut reader = Reader { path, gltf: &gltf, buffers: Vec::new(), notes: Vec::new(), textures: BTreeMap::new() };
+    let glossy = specular_glossiness(&gltf, &bytes);
+    let mut reader =
+        Reader { path, gltf: &gltf, glossy, buffers: Vec::new(), notes: Vec::new(), textures: BTreeMap::new() };
     for buffer in gltf.buffers() {
         let bytes = reader.buffer(&buffer, files)?;
         if bytes.len() < buffer.length() {
@@ -77,6 +81,10 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     if surfaces.is_empty() {
         return Err(ImportError::new(path, "its scene contains no triangles"));
     }
+    let others = gltf.scenes().len().saturating_sub(1);
+    if others > 0 {
+        reader.notes.push(format!("{others} scenes besides the default one are not used"));
+    }
     let name = scene.nodes().next().and_then(|node| node.name().map(str::to_owned)).unwrap_or_default();
     let copyright = gltf.as_json().asset.copyright.clone();
     let link = RawLink { name: "body".into(), surfaces, ..RawLink::default() };
@@ -98,7 +106,9 @@ fn parsed(path: &str, bytes: &[u8]) -> Result<gltf::Gltf, ImportError> {
             .hint("compressed meshes (Draco, meshopt) are not supported: export without compression")
     };
     let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes).map_err(unreadable)?;
-    let json = document.into_json();
+    let mut json = document.into_json();
+    // Read by this program.
+    json.extensions_required.retain(|name| name != GLOSSY);
     // The library accesses positions before it validates their accessor.
     for (index, mesh) in json.meshes.iter().enumerate() {
         let mut accessors = mesh.primitives.iter().flat_map(|primitive| primitive.attributes.values());
@@ -109,6 +119,61 @@ fn parsed(path: &str, bytes: &[u8]) -> Result<gltf::Gltf, ImportError> {
     }
     let document = gltf::Document::from_json(json).map_err(unreadable)?;
     Ok(gltf::Gltf { document, blob })
+}
+
+/// The old extension for materials by diffuse colour, specular colour and glossiness, which the library does not read.
+const GLOSSY: &str = "KHR_materials_pbrSpecularGlossiness";
+
+/// A material of that extension.
+#[derive(Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+struct Glossy {
+    diffuse_factor: [f32; 4],
+    diffuse_texture: Option<TextureRef>,
+    specular_factor: [f32; 3],
+    glossiness_factor: f32,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct TextureRef {
+    index: usize,
+    #[serde(default)]
+    tex_coord: u32,
+}
+
+impl Default for Glossy {
+    fn default() -> Self {
+        Self { diffuse_factor: [1.0; 4], diffuse_texture: None, specular_factor: [1.0; 3], glossiness_factor: 1.0 }
+    }
+}
+
+impl Glossy {
+    /// Metalness: how far the specular colour exceeds that of dielectrics, compared with the diffuse one.
+    fn metallic(&self) -> f32 {
+        let specular = self.specular_factor.into_iter().fold(0.0, f32::max);
+        let diffuse = self.diffuse_factor[..3].iter().copied().fold(0.0, f32::max);
+        if specular > 0.3 && specular > diffuse { ((specular - 0.04) / 0.96).clamp(0.0, 1.0) } else { 0.0 }
+    }
+}
+
+/// Materials of the old extension by index.
+fn specular_glossiness(gltf: &gltf::Gltf, bytes: &[u8]) -> BTreeMap<usize, Glossy> {
+    if !gltf.as_json().extensions_used.iter().any(|name| name == GLOSSY) {
+        return BTreeMap::new();
+    }
+    let json = match bytes.get(12..16).and_then(|length| length.try_into().ok()).map(u32::from_le_bytes) {
+        Some(length) if bytes.starts_with(b"glTF") => {
+            bytes.get(20..20_usize.saturating_add(length as usize)).unwrap_or_default()
+        }
+        _ => bytes,
+    };
+    let json: serde_json::Value = serde_json::from_slice(json).unwrap_or_default();
+    let materials = json["materials"].as_array().into_iter().flatten().enumerate();
+    let glossy = |(index, material): (usize, &serde_json::Value)| {
+        Some((index, Glossy::deserialize(material.get("extensions")?.get(GLOSSY)?).ok()?))
+    };
+    materials.filter_map(glossy).collect()
 }
 
 /// Checks the length in a GLB header.
@@ -127,6 +192,8 @@ fn check_header(path: &str, bytes: &[u8]) -> Result<(), ImportError> {
 struct Reader<'a> {
     path: &'a str,
     gltf: &'a gltf::Gltf,
+    /// Materials of the old extension by index.
+    glossy: BTreeMap<usize, Glossy>,
     buffers: Vec<Vec<u8>>,
     notes: Vec<String>,
     /// Textures by image index; `None` for images that could not be read.
@@ -169,13 +236,25 @@ impl Reader<'_> {
             self.notes.push("points and lines are ignored".into());
             return Ok(None);
         }
-        let material = self.material(&primitive.material(), files)?;
-        let set = primitive.material().pbr_metallic_roughness().base_color_texture().map_or(0, |info| info.tex_coord());
+        let mut material = self.material(&primitive.material(), files)?;
+        let glossy = primitive.material().index().and_then(|index| self.glossy.get(&index));
+        let set = match glossy {
+            Some(glossy) => glossy.diffuse_texture.as_ref().map_or(0, |texture| texture.tex_coord),
+            None => {
+                let texture = primitive.material().pbr_metallic_roughness().base_color_texture();
+                texture.map_or(0, |info| info.tex_coord())
+            }
+        };
         for (semantic, accessor) in primitive.attributes() {
             match semantic {
                 Semantic::Positions => self.check_accessor(&accessor, Dimensions::Vec3, &[DataType::F32])?,
                 Semantic::TexCoords(_) => {
                     self.check_accessor(&accessor, Dimensions::Vec2, &[DataType::F32, DataType::U8, DataType::U16])?;
+                }
+                Semantic::Colors(0) => {
+                    let three = accessor.dimensions() == Dimensions::Vec3;
+                    let dimensions = if three { Dimensions::Vec3 } else { Dimensions::Vec4 };
+                    self.check_accessor(&accessor, dimensions, &[DataType::F32, DataType::U8, DataType::U16])?;
                 }
                 _ => {}
             }
@@ -213,7 +292,19 @@ impl Reader<'_> {
             Mode::TriangleFan => order.windows(2).skip(1).map(|t| [order[0], t[0], t[1]]).collect(),
             _ => order.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
         };
-        Ok(Some((RawMesh { positions, uvs, triangles }, material)))
+        let colors: Vec<[f32; 3]> = reader
+            .read_colors(0)
+            .map_or_else(Vec::new, |colors| colors.into_rgb_f32().map(|color| color.map(srgb)).collect());
+        let mesh = RawMesh { positions, uvs, triangles };
+        if colors.len() != mesh.positions.len() {
+            return Ok(Some((mesh, material)));
+        }
+        if material.texture.is_some() {
+            self.notes.push("colours of vertices under a texture are ignored".into());
+            return Ok(Some((mesh, material)));
+        }
+        let mesh = vertex_colors::paint(mesh, &colors, &mut material);
+        Ok(Some((mesh, material)))
     }
 
     /// Validates an accessor's type and bounds, which the library takes for granted.
@@ -267,6 +358,11 @@ impl Reader<'_> {
     }
 
     fn material(&mut self, material: &gltf::Material<'_>, files: &mut Files<'_>) -> Result<Material, ImportError> {
+        if let Some(glossy) = material.index().and_then(|index| self.glossy.remove(&index)) {
+            let read = self.glossy_material(material, &glossy, files);
+            self.glossy.insert(material.index().unwrap_or_default(), glossy);
+            return read;
+        }
         let pbr = material.pbr_metallic_roughness();
         let [r, g, b, alpha] = pbr.base_color_factor();
         let texture = match pbr.base_color_texture() {
@@ -286,6 +382,31 @@ impl Reader<'_> {
             ior: material.ior().filter(|ior| ior.is_finite()).unwrap_or(1.5).clamp(1.0, 2.5),
             texture,
             ..Material::plain([r, g, b].map(srgb), 0.5)
+        })
+    }
+
+    /// A material of the old extension.
+    fn glossy_material(
+        &mut self,
+        material: &gltf::Material<'_>,
+        glossy: &Glossy,
+        files: &mut Files<'_>,
+    ) -> Result<Material, ImportError> {
+        let source = glossy.diffuse_texture.as_ref().and_then(|named| self.gltf.textures().nth(named.index));
+        let texture = match source {
+            Some(texture) => self.image(&texture.source(), files)?,
+            None => None,
+        };
+        let [r, g, b, alpha] = glossy.diffuse_factor;
+        let opacity = if material.alpha_mode() == gltf::material::AlphaMode::Opaque { 1.0 } else { alpha };
+        let metallic = glossy.metallic();
+        let color = if metallic > 0.5 { glossy.specular_factor } else { [r, g, b] };
+        Ok(Material {
+            roughness: (1.0 - glossy.glossiness_factor).clamp(0.05, 1.0),
+            metallic,
+            opacity: opacity.clamp(0.05, 1.0),
+            texture,
+            ..Material::plain(color.map(srgb), 0.5)
         })
     }
 

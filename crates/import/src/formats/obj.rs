@@ -11,6 +11,7 @@ use super::PLAIN;
 use crate::ImportError;
 use crate::files::{Files, beside, shortened};
 use crate::raw::{RawLink, RawMesh, RawObject, Surface, Unit, Up};
+use crate::vertex_colors;
 
 /// Maximum number of surfaces; groups that alternate between materials share one.
 const MAX_SURFACES: usize = 4096;
@@ -77,14 +78,19 @@ pub fn surfaces(path: &str, files: &mut Files<'_>, notes: &mut Vec<String>) -> R
             _ => {}
         }
     }
-    let plain = Material::plain(mean_color(&reader.colors), 0.5);
     let surfaces: Vec<Surface> = reader
         .surfaces
         .into_iter()
-        .map(|((name, material), Part { mesh, .. })| Surface {
-            name,
-            mesh,
-            material: materials.get(&material).cloned().unwrap_or_else(|| plain.clone()),
+        .map(|((name, material), Part { mesh, corners, .. })| {
+            let Some(material) = materials.get(&material).cloned() else {
+                let is_colored = reader.colors.len() == reader.corners.len();
+                let colors: Vec<[f32; 3]> =
+                    corners.iter().filter(|_| is_colored).map(|corner| reader.colors[*corner]).collect();
+                let mut material = Material::plain(if is_colored { [1.0; 3] } else { PLAIN }, 0.5);
+                let mesh = if is_colored { vertex_colors::paint(mesh, &colors, &mut material) } else { mesh };
+                return Surface { name, mesh, material };
+            };
+            Surface { name, mesh, material }
         })
         .collect();
     if surfaces.is_empty() {
@@ -114,6 +120,8 @@ struct Reader<'a> {
 struct Part {
     mesh: RawMesh,
     known: HashMap<(usize, usize), u32>,
+    /// Index in the file of each vertex.
+    corners: Vec<usize>,
 }
 
 impl Reader<'_> {
@@ -168,6 +176,7 @@ impl Reader<'_> {
             .map(|(corner, place)| {
                 *part.known.entry((corner, place.unwrap_or(usize::MAX))).or_insert_with(|| {
                     part.mesh.positions.push(self.corners[corner]);
+                    part.corners.push(corner);
                     part.mesh.uvs.push(place.map_or([0.0; 2], |place| self.places[place]));
                     part.mesh.positions.len() as u32 - 1
                 })
@@ -280,12 +289,4 @@ pub fn image(path: &str, files: &mut Files<'_>, notes: &mut Vec<String>) -> Opti
             None
         }
     }
-}
-
-fn mean_color(colors: &[[f32; 3]]) -> [f32; 3] {
-    let sound = colors.iter().filter(|color| color.iter().all(|value| value.is_finite()));
-    let (sum, count) = sound.fold(([0.0; 3], 0.0), |(sum, count), color| {
-        ([0, 1, 2].map(|channel| sum[channel] + color[channel].clamp(0.0, 1.0)), count + 1.0)
-    });
-    if count == 0.0 { PLAIN } else { sum.map(|sum: f32| sum / count) }
 }

@@ -113,6 +113,29 @@ pub fn drawer() -> Disk {
     ])
 }
 
+/// PartNet-Mobility's files lack meshes now and then; the name is that of the metadata.
+#[test]
+fn missing_meshes_are_left_out_and_noted() {
+    let robot = r#"<robot name="partnet_3f2a9c81b7e04d55"><link name="base">
+        <visual><geometry><mesh filename="objs/a.obj"/></geometry></visual><visual><geometry><mesh filename="objs/gone.obj"/></geometry></visual>
+        <collision><geometry><mesh filename="objs/a.obj"/></geometry></collision><collision><geometry><mesh filename="objs/gone.obj"/></geometry></collision>
+        </link></robot>"#;
+    let body = box_obj([0.5, 0.4, 1.8]);
+    let mut files = disk(&[
+        ("45132/mobility.urdf", robot.as_bytes()),
+        ("45132/objs/a.obj", &body),
+        ("45132/meta.json", br#"{"model_cat": "StorageFurniture", "anno_id": "7"}"#),
+    ]);
+    let object = import_from(&files, "45132/mobility.urdf", &Given::default()).unwrap();
+    assert_eq!(object.model.card.name, "Storage Furniture");
+    let left_out = |note: &&String| note.contains("left out") && note.contains("gone.obj");
+    assert!(object.report.repairs.iter().any(|note| left_out(&note)), "{:?}", object.report.repairs);
+    let proportions = object.model.card.size_m / object.model.card.size_m.z;
+    assert!(proportions.abs_diff_eq(DVec3::new(0.5 / 1.8, 0.4 / 1.8, 1.0), 1e-6), "{proportions}");
+    files.remove("45132/objs/a.obj");
+    assert!(refused(&files, "45132/mobility.urdf").to_string().contains("no such file"));
+}
+
 /// Found by `genmanip-lab hostile`: a plausible diagonal with products of inertia that no body can have.
 #[test]
 fn an_impossible_inertia_is_replaced_and_reported() {

@@ -59,6 +59,12 @@ pub fn png(width: u32, height: u32, rgb: &[u8]) -> Vec<u8> {
 
 /// A GLB of one triangle mesh.
 pub fn glb(positions: &[[f32; 3]], triangles: &[[u32; 3]], extra: &str) -> Vec<u8> {
+    let (json, binary) = gltf(positions, triangles, extra);
+    glb_of(json, binary)
+}
+
+/// JSON and binary part of a glTF file with one mesh.
+fn gltf(positions: &[[f32; 3]], triangles: &[[u32; 3]], extra: &str) -> (String, Vec<u8>) {
     let mut binary: Vec<u8> = positions.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
     let corners = binary.len();
     binary.extend(triangles.iter().flatten().flat_map(|index| index.to_le_bytes()));
@@ -82,6 +88,10 @@ pub fn glb(positions: &[[f32; 3]], triangles: &[[u32; 3]], extra: &str) -> Vec<u
         binary.len() - corners,
         binary.len()
     );
+    (json, binary)
+}
+
+fn glb_of(json: String, mut binary: Vec<u8>) -> Vec<u8> {
     let mut json = json.into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
     binary.resize(binary.len().next_multiple_of(4), 0);
@@ -196,4 +206,63 @@ fn stl_of_both_kinds_is_read() {
         let object = import_from(&disk, path, &Given::default()).unwrap();
         assert!((object.model.card.size_m.z - 0.03).abs() < 1e-6, "{path}");
     }
+}
+
+/// Colours of vertices, and the old extension by specular colour and glossiness, as in public bug reports.
+#[test]
+fn colours_of_vertices_and_of_old_materials_are_seen() {
+    let material = |name: &str, bytes: &[u8]| {
+        let object = import_from(&disk(&[(name, bytes)]), name, &Given::default()).unwrap();
+        (object.model.links[0].visual[0].material.clone(), object.model.card.colors.clone())
+    };
+    let is_near = |one: [f32; 3], other: [f32; 3]| one.iter().zip(other).all(|(a, b)| (a - b).abs() < 0.01);
+    let (corners, triangles) = upright_box([0.05, 0.2, 0.03]);
+    let (json, mut binary) = gltf(&corners, &triangles, "");
+    let start = binary.len();
+    (0..corners.len()).for_each(|_| binary.extend([0.8_f32, 0.05, 0.05].iter().flat_map(|value| value.to_le_bytes())));
+    let length = binary.len() - start;
+    let json = json
+        .replace(r#""POSITION":0"#, r#""POSITION":0,"COLOR_0":2"#)
+        .replace(r#""baseColorFactor":[0.0,0.2,1.0,1.0],"#, "")
+        .replace(
+            r#""type":"SCALAR"}"#,
+            &format!(
+                r#""type":"SCALAR"}},{{"bufferView":2,"componentType":5126,"count":{},"type":"VEC3"}}"#,
+                corners.len()
+            ),
+        )
+        .replace(
+            "}],\n\"buffers\"",
+            &format!("}},{{\"buffer\":0,\"byteOffset\":{start},\"byteLength\":{length}}}],\n\"buffers\""),
+        )
+        .replace(
+            &format!(r#""buffers":[{{"byteLength":{start}}}]"#),
+            &format!(r#""buffers":[{{"byteLength":{}}}]"#, binary.len()),
+        );
+    let (painted, words) = material("soap.glb", &glb_of(json, binary));
+    assert!(is_near(painted.base_color, [0.906, 0.247, 0.247]), "{painted:?}");
+    assert_eq!(words, ["red"]);
+    let (json, binary) = gltf(&corners, &triangles, r#","extensionsUsed":["KHR_materials_pbrSpecularGlossiness"]"#);
+    let old = r#""extensions":{"KHR_materials_pbrSpecularGlossiness":{"diffuseFactor":[0.05,0.1,0.7,1],"specularFactor":[0.1,0.1,0.1],"glossinessFactor":0.4}}"#;
+    let json =
+        json.replace(r#""pbrMetallicRoughness":{"baseColorFactor":[0.0,0.2,1.0,1.0],"metallicFactor":0.0}"#, old);
+    let (glossy, words) = material("soap.glb", &glb_of(json, binary));
+    assert!(is_near(glossy.base_color, [0.248, 0.349, 0.854]), "{glossy:?}");
+    assert!((glossy.roughness - 0.6).abs() < 1e-6 && glossy.metallic == 0.0, "{glossy:?}");
+    assert_eq!(words, ["blue"]);
+    let half = "v 0 0 0 1 0 0\nv 0.1 0 0 1 0 0\nv 0 0.1 0 1 0 0\nv 0 0 0.1 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+    let (painted, _) = material("half.obj", half.as_bytes());
+    let texture = painted.texture.unwrap();
+    assert!(texture.rgb.chunks_exact(3).any(|pixel| pixel == [255, 0, 0]), "{texture:?}");
+    assert!(texture.rgb.chunks_exact(3).any(|pixel| pixel == [170, 0, 85]), "{texture:?}");
+}
+
+/// Scenes besides the default one are not read, which is said.
+#[test]
+fn other_scenes_are_noted() {
+    let (corners, triangles) = upright_box([0.05, 0.2, 0.03]);
+    let (json, binary) = gltf(&corners, &triangles, "");
+    let json = json.replace(r#""scenes":[{"nodes":[0]}]"#, r#""scenes":[{"nodes":[0]},{"nodes":[]}]"#);
+    let object = import_from(&disk(&[("a.glb", &glb_of(json, binary))]), "a.glb", &Given::default()).unwrap();
+    assert!(object.report.repairs.iter().any(|note| note.contains("1 scenes besides")), "{:?}", object.report.repairs);
 }

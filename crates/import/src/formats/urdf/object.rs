@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use genmanip_core::limits::{IMPORTED_MESH, SETTINGS};
 use genmanip_core::{Joint, MassProperties, Material, Piece, Pose};
 use glam::{DMat3, DMat4, DVec3};
 
 use super::{Form, Motion, form, links, mass, origin, robot};
 use crate::ImportError;
-use crate::files::Files;
+use crate::files::{Files, beside, shortened};
 use crate::formats::xml::Element;
 use crate::formats::{self, dae, mesh, obj, solid};
 use crate::raw::{MAX_LINKS, RawCollision, RawLink, RawObject, Surface, Unit, Up};
@@ -60,10 +61,15 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     if made.len() > MAX_LINKS {
         return Err(ImportError::new(path, format!("{} moving links; at most {MAX_LINKS} are supported", made.len())));
     }
-    let notes = reader.notes;
+    let is_empty = |link: &RawLink| link.surfaces.is_empty() && link.collision.is_empty();
+    if let Some(missing) = reader.missing.take().filter(|_| made.iter().all(is_empty)) {
+        return Err(missing);
+    }
+    let notes = std::mem::take(&mut reader.notes);
     let is_partnet = path.rsplit('/').next() == Some("mobility.urdf");
+    let said = robot.attribute("name").unwrap_or_default().to_owned();
     Ok(RawObject {
-        name: robot.attribute("name").unwrap_or_default().to_owned(),
+        name: is_partnet.then(|| partnet_category(path, files)).flatten().unwrap_or(said),
         links: made,
         // PartNet-Mobility normalises every object to a diagonal of about two.
         unit: if is_partnet { Unit::Normalised } else { Unit::Metre },
@@ -72,6 +78,13 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
         creator: None,
         notes,
     })
+}
+
+/// Category in the metadata beside an object of PartNet-Mobility.
+fn partnet_category(path: &str, files: &mut Files<'_>) -> Option<String> {
+    let text = files.text(&beside(path, "meta.json").ok()?, SETTINGS).ok()?;
+    let metadata: serde_json::Value = serde_json::from_str(&text).ok()?;
+    metadata["model_cat"].as_str().map(shortened)
 }
 
 /// The joint of an object; its parent and frame are filled in later. A joint with an empty range is fixed.
@@ -100,6 +113,8 @@ pub struct Surfaces<'a, 'b> {
     /// Repairs and omissions.
     pub notes: Vec<String>,
     colors: BTreeMap<String, Material>,
+    /// The first mesh of an object that is missing.
+    missing: Option<ImportError>,
 }
 
 impl<'a, 'b> Surfaces<'a, 'b> {
@@ -108,7 +123,7 @@ impl<'a, 'b> Surfaces<'a, 'b> {
     /// # Errors
     /// If a colour is invalid.
     pub fn new(path: &'a str, files: &'a mut Files<'b>, robot: &Element) -> Result<Self, ImportError> {
-        let mut reader = Self { path, files, notes: Vec::new(), colors: BTreeMap::new() };
+        let mut reader = Self { path, files, notes: Vec::new(), colors: BTreeMap::new(), missing: None };
         for material in robot.all("material") {
             if let (Some(name), Some(color)) = (material.attribute("name"), reader.color(material)?) {
                 reader.colors.insert(name.to_owned(), color);
@@ -125,6 +140,7 @@ impl<'a, 'b> Surfaces<'a, 'b> {
             match form(self.path, collision, self.files)? {
                 None | Some(Form::Nothing) => {}
                 Some(Form::Shape(shape)) => link.collision.push(RawCollision::Piece(Piece { shape, link_from_piece })),
+                Some(Form::Mesh(file, _)) if self.is_missing(&file) => {}
                 Some(Form::Mesh(file, scale)) => {
                     let mesh = mesh(&file, self.files)?.transformed(&DMat4::from_scale(scale));
                     let Pose { position, rotation } = link_from_piece;
@@ -166,6 +182,16 @@ impl<'a, 'b> Surfaces<'a, 'b> {
         Ok(all)
     }
 
+    /// True if a mesh of an object cannot be had, which is noted; robots need all of theirs.
+    fn is_missing(&mut self, file: &str) -> bool {
+        let Some(error) = self.files.is_object().then(|| self.files.bytes(file, IMPORTED_MESH).err()).flatten() else {
+            return false;
+        };
+        self.notes.push(format!("a mesh is left out: {error}"));
+        self.missing.get_or_insert(error);
+        true
+    }
+
     fn color(&mut self, node: &Element) -> Result<Option<Material>, ImportError> {
         let rgba = match node.first("color") {
             Some(color) => color.exactly::<4>("rgba")?,
@@ -193,6 +219,7 @@ impl<'a, 'b> Surfaces<'a, 'b> {
             Some(Form::Shape(shape)) => {
                 return Ok(vec![Surface { name: String::new(), mesh: solid::mesh(&shape), material: own }]);
             }
+            Some(Form::Mesh(file, _)) if self.is_missing(&file) => return Ok(Vec::new()),
             Some(Form::Mesh(file, scale)) => (file, scale),
         };
         let mut surfaces = match formats::extension(&file).as_str() {
