@@ -18,6 +18,7 @@ use genmanip_data::{DataError, files};
 pub(crate) enum Version {
     V30,
     V21,
+    V20,
 }
 
 impl Version {
@@ -25,6 +26,7 @@ impl Version {
         match self {
             Self::V30 => "lerobot-v3.0",
             Self::V21 => "lerobot-v2.1",
+            Self::V20 => "lerobot-v2.0",
         }
     }
 }
@@ -45,6 +47,14 @@ impl Feature {
 
     pub(crate) fn is_image(&self) -> bool {
         self.dtype == "image"
+    }
+
+    /// Height and width of an image in colour, whose channels may come first.
+    pub(crate) fn rgb_size(&self) -> Option<[usize; 2]> {
+        match self.shape[..] {
+            [height, width, 3] | [3, height, width] => Some([height, width]),
+            _ => None,
+        }
     }
 
     pub(crate) fn width(&self) -> usize {
@@ -150,11 +160,12 @@ pub(crate) fn read_info(root: &Path, findings: &mut Findings) -> Result<Info, Da
     let version = match json["codebase_version"].as_str() {
         Some("v3.0") => Version::V30,
         Some("v2.1") => Version::V21,
+        Some("v2.0") => Version::V20,
         other => {
             let got = other.unwrap_or("none");
             return Err(DataError::mismatch(
                 format!("codebase_version in {}", path.display()),
-                "LeRobot v3.0 or v2.1, or zarr",
+                "LeRobot v3.0, v2.1 or v2.0, or zarr",
                 got,
             ));
         }

@@ -110,7 +110,7 @@ fn read(dataset: &Path, listed: &BTreeSet<String>, findings: &mut Findings) -> R
     let info = metadata::read_info(dataset, findings)?;
     Ok(match info.version {
         Version::V30 => v30::read(dataset, info, listed, findings),
-        Version::V21 => v21::read(dataset, info, listed, findings),
+        Version::V21 | Version::V20 => v21::read(dataset, info, listed, findings),
     })
 }
 

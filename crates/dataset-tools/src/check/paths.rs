@@ -29,7 +29,11 @@ pub(super) fn list(root: &Path) -> Result<BTreeSet<String>, DataError> {
 
 /// Reports missing and foreign files; `extras` is left to the check of the record.
 pub(super) fn check(metadata: &Metadata, listed: &BTreeSet<String>, findings: &mut Findings) {
-    let mut expected: BTreeSet<String> = ["meta/info.json", "meta/stats.json"].map(String::from).into();
+    let mut expected: BTreeSet<String> = ["meta/info.json"].map(String::from).into();
+    // LeRobot's own tools write v2.1 without statistics of the whole.
+    if metadata.is_own || metadata.info.version != Version::V21 {
+        expected.insert("meta/stats.json".into());
+    }
     expected.extend(metadata.meta_files.iter().cloned());
     for episode in &metadata.episodes {
         expected.insert(episode.data.clone());

@@ -192,7 +192,9 @@ fn check_episode(metadata: &Metadata, episode: &EpisodeEntry, rows: &Rows, findi
     }
     ends(episode, rows, findings);
     steps(metadata, episode, rows, findings);
-    for (key, column) in rows.iter().filter(|(_, column)| column.width > 0 && !column.values.is_empty()) {
+    let is_whole = |column: &Column| column.values.iter().all(|value| value.is_finite());
+    let counted = |column: &Column| column.width > 0 && !column.values.is_empty() && is_whole(column);
+    for (key, column) in rows.iter().filter(|(_, column)| counted(column)) {
         let names = ["min", "max", "mean", "std", "q01", "q10", "q50", "q90", "q99", "count"];
         let Some(recorded) = v30::statistics(metadata, episode, key, &names) else {
             if metadata.is_own {

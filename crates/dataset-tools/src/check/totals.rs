@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde_json::Value;
 
 use super::findings::Findings;
-use super::metadata::{Metadata, Statistics};
+use super::metadata::{Metadata, Statistics, Version};
 use super::v30;
 use genmanip_data::columns::{Column, Rows};
 
@@ -97,7 +97,8 @@ impl Entry {
 
 /// Compares `stats.json` with the rows.
 pub(super) fn check(metadata: &Metadata, totals: &Totals, findings: &mut Findings) {
-    if metadata.stats == Value::Null || totals.rows == 0 {
+    // The tools of v2.0 computed statistics from samples and in single precision.
+    if metadata.stats == Value::Null || totals.rows == 0 || metadata.info.version == Version::V20 {
         return;
     }
     let rows = totals.rows as f64;
@@ -115,7 +116,8 @@ pub(super) fn check(metadata: &Metadata, totals: &Totals, findings: &mut Finding
                 abbreviated(recorded.get("count").unwrap_or(&Vec::new())),
             );
         }
-        for (index, entry) in entries.iter().enumerate() {
+        // Values that are not finite are named by their rows.
+        for (index, entry) in entries.iter().enumerate().filter(|(_, entry)| entry.sum.is_finite()) {
             let mean = entry.sum / rows;
             let variance = (entry.squares / rows - (mean - entry.shift).powi(2)).max(0.0);
             let size = entry.max.abs().max(entry.min.abs());

@@ -1,4 +1,4 @@
-//! Reader of LeRobotDataset v2.1 metadata.
+//! Reader of LeRobotDataset v2.1 and v2.0 metadata; v2.0 has no statistics of episodes.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -7,7 +7,7 @@ use genmanip_core::limits;
 use serde_json::Value;
 
 use super::findings::Findings;
-use super::metadata::{self, EpisodeEntry, EpisodeStats, Info, Metadata, VideoSpan};
+use super::metadata::{self, EpisodeEntry, EpisodeStats, Info, Metadata, Version, VideoSpan};
 use genmanip_data::lerobot::{RECORD, SETTINGS};
 use genmanip_data::{EpisodeStore, files};
 
@@ -37,7 +37,8 @@ pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings:
         from = episode.to;
         episodes.push(episode);
     }
-    let statistics = lines(root, STATISTICS, findings);
+    let has_statistics = info.version == Version::V21;
+    let statistics = if has_statistics { lines(root, STATISTICS, findings) } else { Vec::new() };
     for (row, line) in statistics.iter().enumerate() {
         let expected = i64::try_from(row).ok();
         findings.require(
@@ -48,8 +49,11 @@ pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings:
             &line["episode_index"].as_i64(),
         );
     }
-    findings.require("statistics", STATISTICS, "lines", &episodes.len(), &statistics.len());
-    let own = [TASKS, EPISODES, STATISTICS].into_iter().chain(info.has_steps().then_some(SUBTASKS));
+    if has_statistics {
+        findings.require("statistics", STATISTICS, "lines", &episodes.len(), &statistics.len());
+    }
+    let own = [TASKS, EPISODES].into_iter().chain(has_statistics.then_some(STATISTICS));
+    let own = own.chain(info.has_steps().then_some(SUBTASKS));
     let meta_files = own.map(str::to_owned).collect();
     Metadata {
         root: root.into(),
@@ -119,10 +123,21 @@ fn lines(root: &Path, name: &str, findings: &mut Findings) -> Vec<Value> {
     };
     let mut documents = Vec::new();
     for (number, line) in bytes.split(|byte| *byte == b'\n').enumerate().filter(|(_, line)| !line.is_empty()) {
-        match serde_json::from_slice(line) {
+        match serde_json::from_slice(line).or_else(|error| without_nan(line).ok_or(error)) {
             Ok(document) => documents.push(document),
-            Err(error) => findings.add("files", name, format!("line {}", number + 1), "JSON", error),
+            // The lines after it keep their numbers.
+            Err(error) => {
+                findings.add("files", name, format!("line {}", number + 1), "JSON", error);
+                documents.push(Value::Null);
+            }
         }
     }
     documents
+}
+
+/// A line with Python's NaN and Infinity, as null.
+fn without_nan(line: &[u8]) -> Option<Value> {
+    let text = std::str::from_utf8(line).ok()?;
+    let plain = text.replace("-Infinity", "null").replace("Infinity", "null").replace("NaN", "null");
+    serde_json::from_str(&plain).ok()
 }

@@ -197,6 +197,8 @@ pub(super) fn named(entry: &Value) -> Statistics {
 fn flatten(value: &Value, into: &mut Vec<f64>) {
     match value {
         Value::Array(values) => values.iter().for_each(|value| flatten(value, into)),
+        // A statistic that is not finite keeps its place.
+        Value::Null => into.push(f64::NAN),
         value => into.extend(value.as_f64()),
     }
 }

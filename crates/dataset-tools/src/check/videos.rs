@@ -43,7 +43,7 @@ fn check_file(
     findings: &mut Findings,
 ) {
     let size = [video.height as usize, video.width as usize, 3];
-    if feature.shape != size {
+    if feature.rgb_size() != Some([size[0], size[1]]) {
         findings.add(
             "video",
             file,

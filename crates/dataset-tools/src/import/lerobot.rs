@@ -1,4 +1,4 @@
-//! Reader of LeRobot data sets, v3.0 and v2.1, of any program.
+//! Reader of LeRobot data sets, v3.0, v2.1 and v2.0, of any program.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -6,17 +6,19 @@ use std::path::Path;
 use arrow_array::cast::AsArray;
 use arrow_array::{Array, RecordBatch};
 
+use super::image_file;
 use super::metadata::{self, ImportedMetadata};
 use super::videos::{FrameRequest, VideoReader};
 use super::{ImportSettings, Importer, OnEpisode, SourceInfo};
 use crate::check::{self, EpisodeEntry, Metadata, Version};
 use genmanip_data::columns::{Column, Rows};
 use genmanip_data::export::EpisodeRows;
-use genmanip_data::export::features::{Feature, ImageFeature, Values};
+use genmanip_data::export::features::{Feature, ImageFeature, Values, VideoFeature};
 use genmanip_data::lerobot::RECORD;
 use genmanip_data::lerobot::info::INFO;
 use genmanip_data::table::Table;
-use genmanip_data::{DataError, EpisodeStore, depth};
+use genmanip_data::video::{VideoEncoder, VideoSettings};
+use genmanip_data::{ColorHistogram, DataError, EpisodeStore, depth};
 
 /// Index columns, which the writer regenerates.
 const INDEX_COLUMNS: [&str; 5] = ["timestamp", "frame_index", "episode_index", "index", "task_index"];
@@ -85,10 +87,10 @@ impl Lerobot {
         Err(DataError::mismatch(self.metadata.root.display().to_string(), expected, got))
     }
 
-    /// Columns to import: numbers, and depth images.
-    fn wanted(&mut self, path: &Path, known: &[String]) -> Result<(Vec<String>, Vec<String>), DataError> {
+    /// Columns to import.
+    fn wanted(&mut self, path: &Path, known: &[String]) -> Result<Wanted, DataError> {
         let has_steps = !self.metadata.subtasks.is_empty();
-        let (mut numbers, mut depths) = (Vec::new(), Vec::new());
+        let Wanted { mut numbers, mut depths, mut colors } = Wanted::default();
         for feature in &self.metadata.info.features {
             if !known.contains(&feature.key) {
                 if feature.is_video() {
@@ -108,11 +110,14 @@ impl Lerobot {
                 numbers.push(key.clone());
             } else if feature.is_image() && is_depth {
                 depths.push(key.clone());
+            } else if feature.is_image() && feature.rgb_size().is_some() {
+                self.notes.insert(format!("images of {key} in tables were encoded as H.264"));
+                colors.push(key.clone());
             } else if !feature.is_video() {
                 self.notes.insert(format!("column {key} of {} is left out", feature.dtype));
             }
         }
-        Ok((numbers, depths))
+        Ok(Wanted { numbers, depths, colors })
     }
 
     fn episode(
@@ -120,6 +125,7 @@ impl Lerobot {
         listed: &EpisodeEntry,
         rows: &Rows,
         images: Vec<ImageFeature>,
+        encoded: Vec<VideoFeature>,
     ) -> Result<EpisodeRows<ImportedMetadata>, DataError> {
         let place = || format!("{} of {}", listed.place(), self.metadata.root.join(&listed.data).display());
         let frames = usize::try_from(listed.length).unwrap_or(0);
@@ -153,6 +159,11 @@ impl Lerobot {
                 let what = format!("column {} of {}", feature.key, place());
                 return Err(DataError::mismatch(what, "numbers in every row, a single one if bool", column.width));
             }
+            if let Some(entry) = column.values.iter().position(|value| !value.is_finite()) {
+                let (row, element) = (entry / column.width, entry % column.width);
+                let what = format!("{}[{element}] of row {row}, {}", feature.key, place());
+                return Err(DataError::mismatch(what, "a finite number", column.values[entry]));
+            }
             features.push(Feature {
                 key: feature.key.clone(),
                 names: names(feature, column.width),
@@ -166,12 +177,11 @@ impl Lerobot {
         let texts = if steps.is_empty() { Vec::new() } else { self.texts(listed) };
         let videos = listed.videos.iter().map(|span| {
             let feature = self.metadata.info.features.iter().find(|feature| feature.key == span.key);
-            let shape = feature.map(|feature| feature.shape.as_slice()).unwrap_or_default();
-            let [height, width, 3] = *shape else {
+            let Some([height, width]) = feature.and_then(check::Feature::rgb_size) else {
                 return Err(DataError::mismatch(
                     format!("shape of {} in {}", span.key, self.metadata.root.join(INFO).display()),
-                    "[height, width, 3]",
-                    format!("{shape:?}"),
+                    "[height, width, 3] or [3, height, width]",
+                    format!("{:?}", feature.map(|feature| &feature.shape)),
                 ));
             };
             let first = (span.from_s * f64::from(self.fps)).round();
@@ -190,7 +200,7 @@ impl Lerobot {
                 count: frames,
             })
         });
-        let videos = videos.collect::<Result<Vec<_>, _>>()?;
+        let videos = videos.chain(encoded.into_iter().map(Ok)).collect::<Result<Vec<_>, _>>()?;
         let succeeded = rows.get("next.success").and_then(|column| column.values.last().copied());
         let index = usize::try_from(listed.index).unwrap_or(0);
         let metadata = ImportedMetadata {
@@ -238,10 +248,11 @@ impl Lerobot {
     fn file(&mut self, file: &str, episodes: &[EpisodeEntry], take: OnEpisode) -> Result<(), DataError> {
         let path = self.metadata.root.join(file);
         let table = Table::open(&path)?;
-        let (numbers, depths) = self.wanted(&path, &table.names())?;
-        let wanted: Vec<&str> = numbers.iter().chain(&depths).map(String::as_str).collect();
+        let Wanted { numbers, depths, colors } = self.wanted(&path, &table.names())?;
+        let wanted: Vec<&str> = numbers.iter().chain(&depths).chain(&colors).map(String::as_str).collect();
         let mut left = episodes.iter().peekable();
         let (mut rows, mut depth_png, mut held) = (Rows::new(), BTreeMap::<String, Vec<Vec<u8>>>::new(), 0);
+        let mut encoded = BTreeMap::<String, Encoded>::new();
         for batch in table.batches(&wanted, ROWS_PER_BATCH)? {
             let batch = batch?;
             let mut at = 0;
@@ -255,11 +266,18 @@ impl Lerobot {
                 for key in &depths {
                     depth_png.entry(key.clone()).or_default().extend(bytes(&path, &part, key)?);
                 }
+                for key in &colors {
+                    for file in bytes(&path, &part, key)? {
+                        encode(&file, self.fps, encoded.entry(key.clone()).or_default())
+                            .map_err(|error| error.with_path(&path))?;
+                    }
+                }
                 at += part.num_rows();
                 held += part.num_rows();
                 if held == length {
                     let images = images(std::mem::take(&mut depth_png)).map_err(|error| error.with_path(&path))?;
-                    let episode = self.episode(listed, &std::mem::take(&mut rows), images)?;
+                    let videos = std::mem::take(&mut encoded).into_iter().filter_map(finished).collect();
+                    let episode = self.episode(listed, &std::mem::take(&mut rows), images, videos)?;
                     take(&path, episode)?;
                     held = 0;
                     left.next();
@@ -274,6 +292,37 @@ impl Lerobot {
             None => Ok(()),
         }
     }
+}
+
+/// Columns of a table by what they become.
+#[derive(Default)]
+struct Wanted {
+    numbers: Vec<String>,
+    depths: Vec<String>,
+    /// Images in colour, which become videos.
+    colors: Vec<String>,
+}
+
+/// Frames of one episode so far.
+#[derive(Default)]
+struct Encoded {
+    encoder: Option<VideoEncoder>,
+    colors: ColorHistogram,
+}
+
+/// Adds an image file to a video.
+fn encode(file: &[u8], fps: u32, into: &mut Encoded) -> Result<(), DataError> {
+    let (width, height, rgb) = image_file::decode(file)?;
+    let encoder = match &mut into.encoder {
+        Some(encoder) => encoder,
+        none => none.insert(VideoEncoder::new(width, height, fps, &VideoSettings::default())?),
+    };
+    into.colors.add_image(&rgb, width as usize);
+    encoder.push(&rgb)
+}
+
+fn finished((key, encoded): (String, Encoded)) -> Option<VideoFeature> {
+    Some(VideoFeature { key, video: encoded.encoder?.finish(), colors: encoded.colors })
 }
 
 impl Importer for Lerobot {

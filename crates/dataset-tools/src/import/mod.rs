@@ -1,11 +1,11 @@
-//! Import of data sets of other programs: LeRobot v3.0 and v2.1, and the episode folders of the original GenManip.
+//! Import of data sets of other programs: LeRobot v3.0, v2.1 and v2.0, and the episode folders of the original GenManip.
 //!
 //! The result is a LeRobotDataset v3.0, with the sibling `<name>-depth` if the source has depth. Numbers, names and
 //! sentences are kept, H.264 video is copied without re-encoding. Nothing in the source is executed.
 
 mod convert;
+mod image_file;
 mod importer;
-mod jpeg;
 mod lerobot;
 mod lmdb;
 mod metadata;

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 use genmanip_core::limits::{ENTRIES, Limit};
 
-use super::jpeg;
+use super::image_file;
 use super::lmdb::Lmdb;
 use super::metadata::{self, ImportedMetadata};
 use super::pickle::{Pickle, Value};
@@ -332,7 +332,7 @@ impl Record<'_> {
             let mut colors = ColorHistogram::default();
             for file in self.image_files(&camera, "color_image")? {
                 let (key, file) = file?;
-                let (width, height, rgb) = jpeg::decode(&file).map_err(|error| self.bad_image(&key, &error))?;
+                let (width, height, rgb) = image_file::decode(&file).map_err(|error| self.bad_image(&key, &error))?;
                 let encoder = match &mut encoder {
                     Some(encoder) => encoder,
                     none => {

@@ -6,5 +6,6 @@ mod checking;
 mod editing;
 mod importing;
 mod masking;
+mod strangers;
 #[path = "../../../data/tests/synthetic/mod.rs"]
 mod synthetic;
