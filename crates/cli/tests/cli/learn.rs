@@ -52,16 +52,22 @@ fn a_served_policy_acts_as_in_the_program() {
     };
     let task = example("024_appearance");
     done(&["collect", &task, "--episodes", "1", "--seed", "3", "--no-dataset", "--out", "run"]);
-    done(&["train", "run", "--preset", "tiny", "--steps", "2", "--out", "policy"]);
-    let page = std::fs::read_to_string(here.join("policy/training.html")).unwrap();
-    assert_eq!(page.matches("data:image/jpeg").count(), 2, "a moment with the images of both cameras");
     let evaluate = |policy: &str| {
         genmanip(here, &["evaluate", "run/scenarios", "--policy", policy, "--horizon", "4", "--json"]).json(0)
     };
-    let expected = results(evaluate("learned:policy"));
+    // Half of all initial networks say at once that they have finished.
+    let moving = (0..8).find_map(|seed| {
+        let policy = format!("policy-{seed}");
+        done(&["train", "run", "--preset", "tiny", "--steps", "1", "--seed", &seed.to_string(), "--out", &policy]);
+        let results = results(evaluate(&format!("learned:{policy}")));
+        (results[0]["tcp_path_m"].as_f64().unwrap() > 0.01).then_some((policy, results))
+    });
+    let (moving, expected) = moving.unwrap();
     assert_eq!(expected.as_array().map(Vec::len), Some(1));
-    assert!(expected[0]["tcp_path_m"].as_f64().unwrap() > 0.01, "{expected}");
-    let serving = Serving::start(here, &["serve", "policy", "learned:policy", "--address", "127.0.0.1:0"]);
+    let page = std::fs::read_to_string(here.join(&moving).join("training.html")).unwrap();
+    assert_eq!(page.matches("data:image/jpeg").count(), 2, "a moment with the images of both cameras");
+    let moving = format!("learned:{moving}");
+    let serving = Serving::start(here, &["serve", "policy", &moving, "--address", "127.0.0.1:0"]);
     let policy = |more: &str| format!("openpi:url=ws://{},preset=genmanip{more}", serving.address);
     assert_eq!(results(evaluate(&policy(""))), expected);
     genmanip(here, &["evaluate", "run/scenarios", "--policy", &policy(",wrist=other")])
