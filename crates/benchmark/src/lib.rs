@@ -13,6 +13,7 @@
 //! - [`suites`]: suite folders: check, freeze, review, differences, training tasks.
 //! - [`distributions`]: suites of task distributions, whose layouts are regenerated: to learn from and to be tested on.
 //! - [`compare`](mod@compare): paired comparison of two evaluations of one suite.
+//! - [`sim2real`]: agreement of success rates in simulation and in reality.
 
 pub mod compare;
 mod dataset_page;
@@ -24,6 +25,7 @@ pub mod leaderboard_files;
 mod line_chart;
 pub mod report;
 pub mod rows;
+pub mod sim2real;
 pub mod statistics;
 pub mod suite_format;
 pub mod suites;

@@ -111,6 +111,18 @@ pub enum Command {
                       several episodes. docs/guides/evaluate.md says how."
     )]
     Compare(CompareArguments),
+    /// Agreement of success rates in simulation and in reality: MMRV, correlations, rank violations, intervals
+    #[command(
+        name = "sim2real",
+        after_help = "Examples:\n  genmanip sim2real examples/sim2real/rates.csv --svg out/agreement.svg\n  \
+                      genmanip sim2real examples/sim2real/pairs.csv --json\n\n\
+                      Columns are found by name, in any order:\n  \
+                      task, policy, world (sim or real), trials, successes\n  \
+                      task, policy, sim, real (rates from 0 to 1), trials or sim_trials and real_trials\n  \
+                      first, second, world, first_wins, second_wins, ties: preferences between two policies\n\
+                      Task, trials of rates and ties may be left out; docs/guides/sim-against-real.md has the rest."
+    )]
+    SimToReal(SimToRealArguments),
     /// Build, check and show suites of frozen scenarios
     Suite {
         /// Subcommand

@@ -48,6 +48,7 @@ fn run(arguments: &Arguments, printer: &Printer) -> Result<ExitStatus, Failed> {
         Command::Ablate(arguments) => commands::ablate::run(arguments, printer),
         Command::Evaluate(arguments) => commands::evaluate::run(arguments, printer),
         Command::Compare(arguments) => commands::compare::run(arguments, printer),
+        Command::SimToReal(arguments) => commands::sim2real::run(arguments, printer),
         Command::Suite { command } => commands::suite::run(command, printer),
         Command::Leaderboard(arguments) => commands::leaderboard::run(arguments, printer),
         Command::Replay(arguments) => commands::replay::run(arguments, printer),

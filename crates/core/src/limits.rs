@@ -66,6 +66,8 @@ pub const INDEX: Limit = Limit::mib("the index of a run", 192);
 pub const TIMINGS: Limit = Limit::mib("the timings of a run", 16);
 /// A results file of an evaluation, 3 to 5 KiB per episode.
 pub const EVALUATION: Limit = Limit::mib("an evaluation", 192);
+/// A table of success rates in simulation and reality, CSV; a row is below 100 bytes.
+pub const RATES: Limit = Limit::mib("a table of success rates", 4);
 /// The identity of an evaluation in progress.
 pub const IDENTITY: Limit = Limit::mib("the identity of an evaluation", 4);
 /// Results of an evaluation in progress, one per line.

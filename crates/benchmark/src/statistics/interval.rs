@@ -116,7 +116,7 @@ pub(super) fn student_quantile(count: usize, coverage: f64) -> f64 {
 
 /// Tail probability at which to cut the bootstrap distribution of `count` values for an interval of `coverage`: widened
 /// by √(count / (count − 1)) for the bias of the variance, and by Student's t (Hesterberg 2015).
-pub(super) fn expanded_tail(count: usize, coverage: f64) -> f64 {
+pub(crate) fn expanded_tail(count: usize, coverage: f64) -> f64 {
     let few = count.max(2) as f64;
     Normal::standard().cdf(-(few / (few - 1.0)).sqrt() * student_quantile(count, coverage))
 }
@@ -132,11 +132,16 @@ pub fn mean_with_interval(values: &[f64], settings: &StatisticsSettings, seed: S
     }
     let value = values.iter().sum::<f64>() / count as f64;
     let mut rng = seed.rng();
-    let mut means: Vec<f64> = (0..settings.resamples.max(1))
+    let means = (0..settings.resamples.max(1))
         .map(|_| (0..count).map(|_| values[rng.random_range(0..count)]).sum::<f64>() / count as f64)
         .collect();
-    means.sort_by(f64::total_cmp);
-    let tail = (1.0 - settings.coverage.clamp(0.0, 1.0)) / 2.0;
-    let quantile = |share: f64| means[((means.len() - 1) as f64 * share).round() as usize];
-    Mean { count, value, low: quantile(tail).min(value), high: quantile(1.0 - tail).max(value) }
+    let [low, high] = percentiles(means, (1.0 - settings.coverage.clamp(0.0, 1.0)) / 2.0);
+    Mean { count, value, low: low.min(value), high: high.max(value) }
+}
+
+/// Values of a bootstrap statistic, one per resample and at least one, with `tail` of them cut off at each end.
+pub(crate) fn percentiles(mut resampled: Vec<f64>, tail: f64) -> [f64; 2] {
+    resampled.sort_by(f64::total_cmp);
+    let quantile = |share: f64| resampled[((resampled.len() - 1) as f64 * share).round() as usize];
+    [quantile(tail), quantile(1.0 - tail)]
 }

@@ -1,5 +1,7 @@
-//! Statistics of results: rates and means with intervals, summaries, paired comparisons.
+//! Statistics of results: rates and means with intervals, summaries, paired comparisons, agreement of
+//! simulation and reality.
 
+mod agreement;
 mod interval;
 mod paired;
 mod power;
@@ -9,7 +11,9 @@ mod summary;
 mod tests;
 mod traits;
 
+pub use agreement::{Duel, RankViolation, bradley_terry, kendall, mmrv, pearson, rank_violations, spearman};
 pub use interval::{Mean, Rate, mean_with_interval, wilson_interval};
+pub(crate) use interval::{expanded_tail, percentiles};
 pub use paired::{PairedComparison, compare, mcnemar_exact, paired_difference, permutation_test};
 pub use power::{detectable_difference, power};
 pub use sequential::{Sequential, sequential};

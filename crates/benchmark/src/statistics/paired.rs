@@ -7,7 +7,7 @@ use rand::RngExt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::interval::{Mean, Rate, expanded_tail};
+use super::interval::{Mean, Rate, expanded_tail, percentiles};
 use super::power::detectable_difference;
 use super::sequential::{Sequential, sequential};
 use super::{StatisticsError, StatisticsSettings};
@@ -139,7 +139,7 @@ fn bonett_price(differences: &[f64], settings: &StatisticsSettings) -> [f64; 2] 
 
 fn bootstrap_by_scenario(sums: &[f64], sizes: &[f64], settings: &StatisticsSettings, seed: Seed) -> [f64; 2] {
     let mut rng = seed.rng();
-    let mut means: Vec<f64> = (0..settings.resamples.max(1))
+    let means = (0..settings.resamples.max(1))
         .map(|_| {
             let (mut sum, mut size) = (0.0, 0.0);
             for _ in 0..sums.len() {
@@ -150,10 +150,7 @@ fn bootstrap_by_scenario(sums: &[f64], sizes: &[f64], settings: &StatisticsSetti
             sum / size
         })
         .collect();
-    means.sort_by(f64::total_cmp);
-    let tail = expanded_tail(sums.len(), settings.coverage);
-    let quantile = |share: f64| means[((means.len() - 1) as f64 * share).round() as usize];
-    [quantile(tail), quantile(1.0 - tail)]
+    percentiles(means, expanded_tail(sums.len(), settings.coverage))
 }
 
 /// Two-sided exact p-value of the null hypothesis that the two policies are exchangeable within every scenario.

@@ -87,6 +87,20 @@ pub struct CompareArguments {
     pub second: PathBuf,
 }
 
+/// Arguments of `sim2real`.
+#[derive(Clone, Debug, Args)]
+pub struct SimToRealArguments {
+    /// Table with a head line, CSV
+    #[arg(value_name = "TABLE.csv")]
+    pub table: PathBuf,
+    /// Also draw the policies as points, simulation to the right, reality upwards
+    #[arg(long, value_name = "FILE")]
+    pub svg: Option<PathBuf>,
+    /// Seed of the bootstrap
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
+    pub seed: u64,
+}
+
 /// Arguments of `leaderboard`.
 #[derive(Clone, Debug, Args)]
 pub struct LeaderboardArguments {

@@ -21,6 +21,7 @@ pub mod replay;
 pub mod report;
 pub mod robot;
 pub mod serve;
+pub mod sim2real;
 pub mod suite;
 pub mod task;
 pub mod task_new;

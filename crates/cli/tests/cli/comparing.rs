@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::{copy_of_finished_run, genmanip};
+use crate::{REPOSITORY, copy_of_finished_run, genmanip};
 
 /// Policies on the finished run, each with several episodes per scenario.
 #[test]
@@ -73,6 +73,28 @@ fn what_cannot_be_compared_is_refused() {
         (&["compare", &ours, "run"], &["run is a folder", "RUN/evaluation/expert.json"]),
         (&["compare", &ours, "run/run.json"], &["run/run.json", "genmanip.evaluation/2"]),
         (&["leaderboard", "empty"], &["no evaluation below empty", "RUN/evaluation/*.json"]),
+    ];
+    for (call, said) in cases {
+        genmanip(folder.path(), call).assert_refused(said);
+    }
+}
+
+#[test]
+fn simulation_is_compared_with_reality() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = format!("{REPOSITORY}/examples/sim2real/rates.csv");
+    let report = genmanip(folder.path(), &["sim2real", &table, "--json", "--svg", "agreement.svg"]).json(0);
+    assert_eq!(report["overall"]["policies"].as_array().unwrap().len(), 6, "{report}");
+    assert!(report["overall"]["mmrv"]["value"].as_f64().unwrap() > 0.0);
+    assert_eq!(report["tasks"][0]["task"], "coke");
+    assert!(fs::read_to_string(folder.path().join("agreement.svg")).unwrap().starts_with("<svg"));
+
+    fs::write(folder.path().join("percent.csv"), "policy,sim,real\na,80,0.5\n").unwrap();
+    fs::write(folder.path().join("other.csv"), "model,sim,real\na,0.8,0.5\n").unwrap();
+    let cases: [(&[&str], &[&str]); 3] = [
+        (&["sim2real", "percent.csv"], &["line 2: sim 80; expected a rate from 0 to 1, not per cent", "percent.csv"]),
+        (&["sim2real", "other.csv"], &["unknown column \"model\"", "accepted, in any order", "other.csv"]),
+        (&["sim2real", "."], &["expected a file"]),
     ];
     for (call, said) in cases {
         genmanip(folder.path(), call).assert_refused(said);

@@ -20,6 +20,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["launch"],
         &["evaluate"],
         &["ablate"],
+        &["sim2real"],
         &["agent", "act"],
         &["serve", "segment"],
         &["serve", "agent"],
