@@ -11,6 +11,7 @@ use split::SplitArguments;
 
 pub use agent::*;
 pub use assets::*;
+pub use calibrate::*;
 pub use collect::*;
 pub use data::*;
 pub use evaluate::*;
@@ -25,6 +26,7 @@ pub use world::*;
 
 mod agent;
 mod assets;
+mod calibrate;
 mod collect;
 mod data;
 mod evaluate;
@@ -219,6 +221,12 @@ pub enum Command {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         rest: Vec<String>,
     },
+    /// Calibrate the pose of a camera, on the hand or beside the robot, from views of a board and robot states
+    #[command(after_help = "Examples:\n  genmanip calibrate plan --camera wrist --board-at 0.5,0,0\n  \
+                      genmanip calibrate examples/calibrate/wrist.json --world world.toml\n\n\
+                      Views are paired by id. Sets that cannot determine the pose are refused with the motion that is\n\
+                      missing. docs/guides/calibrate-a-camera.md has the file and the frames.")]
+    Calibrate(CalibrateArguments),
     /// Serve masks, grasps, motions or environments to other programs over HTTP; local only by default
     Serve {
         /// Service to run

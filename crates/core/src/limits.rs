@@ -68,6 +68,8 @@ pub const TIMINGS: Limit = Limit::mib("the timings of a run", 16);
 pub const EVALUATION: Limit = Limit::mib("an evaluation", 192);
 /// A table of success rates in simulation and reality, CSV; a row is below 100 bytes.
 pub const RATES: Limit = Limit::mib("a table of success rates", 4);
+/// Views of a calibration board: 144 corners per view take 10 KiB.
+pub const VIEWS: Limit = Limit::mib("a list of views of a calibration board", 64);
 /// The identity of an evaluation in progress.
 pub const IDENTITY: Limit = Limit::mib("the identity of an evaluation", 4);
 /// Results of an evaluation in progress, one per line.

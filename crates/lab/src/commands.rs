@@ -23,9 +23,9 @@ use genmanip_lab::learned_controls::ControlArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
 use genmanip_lab::strangers::StrangersArguments;
 use genmanip_lab::{
-    agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hostile, layout, learn,
-    learned_controls, motion, readers, relations, render, rendered, scale, segment, statistics, strangers, suite,
-    wording,
+    agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hand_eye, hostile, layout,
+    learn, learned_controls, motion, readers, relations, render, rendered, scale, segment, statistics, strangers,
+    suite, wording,
 };
 use genmanip_workspace::WorkspaceError;
 
@@ -69,6 +69,10 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let amount = arguments.minutes.map_or(Amount::Texts(arguments.count), Amount::Minutes);
             let measured = answers::measure(&arguments.answers, amount, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &answers::describe(&measured));
+        }
+        LabCommand::Calibrate(arguments) => {
+            let measured = hand_eye::measure(arguments.count, Seed::new(arguments.seed));
+            printer.data(&measured, &hand_eye::describe(&measured));
         }
         LabCommand::Wording(arguments) => {
             let cards = catalogue(&arguments.catalog).cards();

@@ -18,6 +18,7 @@ mod episodes;
 pub mod expert;
 pub mod fit;
 pub mod grasp;
+pub mod hand_eye;
 pub mod hostile;
 pub mod layout;
 pub mod learn;

@@ -257,6 +257,8 @@ pub enum CameraEdit {
     Add(String, CameraChange),
     /// Changes an existing camera.
     Set(String, CameraChange),
+    /// Puts a calibrated camera in the place of the one of that name, whose sensor model stays, or adds it.
+    Put(Box<Camera>),
     /// Removes a camera.
     Remove(String),
 }
@@ -291,6 +293,13 @@ pub fn edit(path: &Path, edit: &CameraEdit) -> Result<CameraFile, WorkspaceError
             let before = setting.camera(name)?.clone();
             setting.world_mut().cameras[index] = change.applied(name, Some(&before), &robot)?;
         }
+        CameraEdit::Put(camera) => {
+            let cameras = &mut setting.world_mut().cameras;
+            match cameras.iter_mut().find(|old| old.name == camera.name) {
+                Some(old) => *old = Camera { sensor: old.sensor, ..(**camera).clone() },
+                None => cameras.push((**camera).clone()),
+            }
+        }
         CameraEdit::Remove(name) => {
             let index = at(&setting, name)?;
             setting.world_mut().cameras.remove(index);
@@ -304,7 +313,10 @@ pub fn edit(path: &Path, edit: &CameraEdit) -> Result<CameraFile, WorkspaceError
         CameraFile::Scenario(scenario) => scenario.to_json(),
         CameraFile::World(world) if text.trim_start().starts_with('{') => world.to_json(),
         CameraFile::World(world) => {
-            let (CameraEdit::Add(name, _) | CameraEdit::Set(name, _) | CameraEdit::Remove(name)) = edit;
+            let name = match edit {
+                CameraEdit::Add(name, _) | CameraEdit::Set(name, _) | CameraEdit::Remove(name) => name,
+                CameraEdit::Put(camera) => &camera.name,
+            };
             let edited = edited_toml(&text, name, world.camera(name));
             // Accepted only if the edited text parses to the intended world.
             if worlds::read(&edited).ok().map(|(read, _)| read) != Some((**world).clone()) {

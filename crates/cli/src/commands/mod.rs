@@ -3,6 +3,7 @@
 pub mod ablate;
 pub mod agent;
 pub mod assets;
+pub mod calibrate;
 pub mod collect;
 pub mod compare;
 pub mod data;

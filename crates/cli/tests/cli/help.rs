@@ -21,6 +21,8 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["evaluate"],
         &["ablate"],
         &["sim2real"],
+        &["calibrate"],
+        &["calibrate", "plan"],
         &["agent", "act"],
         &["serve", "segment"],
         &["serve", "agent"],

@@ -7,11 +7,13 @@ use genmanip_assets::CATALOGUES;
 use genmanip_core::ExpertStyle;
 use genmanip_terminal::{GlobalArguments, parse};
 
+pub use design::*;
 pub use learn::*;
 pub use motion::*;
 pub use perception::*;
 pub use suites::*;
 
+mod design;
 mod learn;
 mod motion;
 mod perception;
@@ -69,6 +71,10 @@ pub enum LabCommand {
                       Faults are 429, dropped connections, answers that are not JSON, and time-outs after 5 s."
     )]
     Batch(BatchArguments),
+    /// Calibrate cameras of random setups with known truth, on the hand and beside the robot; refuse degenerate sets
+    #[command(after_help = "Example:\n  genmanip-lab calibrate --seed 7 --count 200 --json\n\n\
+                      COUNT sets of 15 to 20 views for each mounting and noise, and as many degenerate ones of all kinds.")]
+    Calibrate(LabCalibrateArguments),
     /// Compose tasks with the rule-based designer and check validity, variety, quotas and references
     #[command(after_help = "Example:\n  genmanip-lab design --seed 7 --count 2000 --json")]
     Design(DesignArguments),
@@ -341,20 +347,6 @@ pub struct LabRenderArguments {
     /// Python with the packages mujoco, pybullet and numpy
     #[arg(long, value_name = "PROGRAM", requires = "baselines", default_value = ".python/bin/python")]
     pub python: PathBuf,
-}
-
-/// Arguments of `genmanip-lab design`.
-#[derive(Debug, Args)]
-pub struct DesignArguments {
-    /// Seed of the tasks
-    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
-    pub seed: u64,
-    /// Tasks, the six kinds in turn
-    #[arg(long, default_value_t = 300, value_parser = parse::count)]
-    pub count: usize,
-    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
-    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
-    pub catalog: String,
 }
 
 /// Arguments of `genmanip-lab answers`.

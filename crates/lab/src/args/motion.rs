@@ -58,3 +58,14 @@ pub struct MotionArguments {
     #[arg(long, value_name = "FILE")]
     pub paths: Option<PathBuf>,
 }
+
+/// Arguments of `genmanip-lab calibrate`.
+#[derive(Debug, Args)]
+pub struct LabCalibrateArguments {
+    /// Seed
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
+    pub seed: u64,
+    /// Sets of each mounting and noise
+    #[arg(long, default_value_t = 50, value_parser = parse::count)]
+    pub count: usize,
+}

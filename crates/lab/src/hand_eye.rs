@@ -1,0 +1,163 @@
+//! Calibrations of random setups with known truth: errors, refusals, coverage of the stated uncertainty.
+
+use std::collections::BTreeMap;
+
+use genmanip_core::Seed;
+use genmanip_real::calibrate::{Calibration, CalibrationError, CalibrationSettings, Mounting, Noise, View, calibrate};
+use genmanip_real::synthetic::{Degeneracy, Scene};
+use genmanip_workspace::text_table;
+use serde::Serialize;
+
+use crate::clock::cpu_clock;
+
+/// Fewest and most views of a set.
+const VIEWS: [usize; 2] = [15, 20];
+/// Noise of images and robot: sharp images and an exact robot; a camera of a D435 and an arm of 0.1 mm and 0.05 degrees.
+const NOISES: [(&str, Noise); 2] = [
+    ("clean", Noise { corner_px: 0.1, hand_m: 0.0, hand_rad: 0.0 }),
+    ("noisy", Noise { corner_px: 0.3, hand_m: 1e-4, hand_rad: 0.05 * std::f64::consts::PI / 180.0 }),
+];
+/// Standard deviations that an interval of 95 % extends to each side.
+const Z: f64 = 1.959_963_984_540_054;
+
+/// Results.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Sound sets, by mounting and noise.
+    pub setups: Vec<SetupReport>,
+    /// Degenerate sets by kind: refused and all.
+    pub degenerate: BTreeMap<Degeneracy, [usize; 2]>,
+    /// CPU time, s.
+    pub cpu_s: f64,
+}
+
+/// Results of one mounting and noise.
+#[derive(Clone, Debug, Serialize)]
+pub struct SetupReport {
+    /// Place of the camera.
+    pub mounting: &'static str,
+    /// Noise.
+    pub noise: &'static str,
+    /// Sets.
+    pub sets: usize,
+    /// Refused ones, with their reasons.
+    pub refused: Vec<String>,
+    /// Position error of points on the table seen through the result, m.
+    pub table_m: Spread,
+    /// Error of the camera's position, m.
+    pub position_m: Spread,
+    /// Error of its orientation, degrees.
+    pub rotation_deg: Spread,
+    /// Reprojection error of views held out, px.
+    pub held_out_px: Spread,
+    /// Share of coordinates of the position whose stated 95 % interval holds the truth.
+    pub coverage: f64,
+}
+
+/// Median and 95th percentile.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Spread {
+    /// Median.
+    pub median: f64,
+    /// 95th percentile.
+    pub p95: f64,
+}
+
+/// Calibrates `count` random sets of each mounting and noise, and as many degenerate ones of all kinds together.
+pub fn measure(count: usize, seed: Seed) -> Report {
+    let mut clock = cpu_clock();
+    let began = clock();
+    let mut setups = Vec::new();
+    for mounting in [Mounting::EyeInHand, Mounting::EyeToHand] {
+        for (name, noise) in &NOISES {
+            setups.push(setup(mounting, name, noise, count, seed.fork(mounting.name()).fork(name)));
+        }
+    }
+    let mut degenerate: BTreeMap<Degeneracy, [usize; 2]> = BTreeMap::new();
+    let (_, noise) = &NOISES[1];
+    for index in 0..count {
+        let how = Degeneracy::ALL[index % Degeneracy::ALL.len()];
+        let mounting =
+            if (index / Degeneracy::ALL.len()).is_multiple_of(2) { Mounting::EyeInHand } else { Mounting::EyeToHand };
+        let own = seed.fork("degenerate").fork_index(index as u64);
+        let (stated, views) = scene(mounting, index, own).degenerate(how, noise, own);
+        let counts = degenerate.entry(how).or_default();
+        counts[0] += usize::from(calibrated(&stated, &views).is_err());
+        counts[1] += 1;
+    }
+    Report { setups, degenerate, cpu_s: clock() - began }
+}
+
+fn scene(mounting: Mounting, index: usize, seed: Seed) -> Scene {
+    Scene::random(mounting, VIEWS[0] + index % (VIEWS[1] - VIEWS[0] + 1), seed.fork("scene"))
+}
+
+fn calibrated(scene: &Scene, views: &[View]) -> Result<Calibration, CalibrationError> {
+    calibrate(&scene.camera, scene.mounting, views, Vec::new(), &CalibrationSettings::default())
+}
+
+fn setup(mounting: Mounting, name: &'static str, noise: &Noise, count: usize, seed: Seed) -> SetupReport {
+    let (mut table, mut position, mut rotation, mut held_out) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut refused, mut within) = (Vec::new(), 0);
+    for index in 0..count {
+        let own = seed.fork_index(index as u64);
+        let scene = scene(mounting, index, own);
+        match calibrated(&scene, &scene.views(noise, own)) {
+            Ok(found) => {
+                let pose = found.camera.mount_from_camera;
+                table.extend(scene.table_errors_m(&pose));
+                let off = pose.inverse() * scene.mount_from_camera;
+                position.push(off.position.length());
+                rotation.push(pose.angle_to(&scene.mount_from_camera).to_degrees());
+                held_out.extend(found.held_out_rms_px);
+                let off = off.position.to_array();
+                within += (0..3).filter(|&axis| off[axis].abs() <= Z * found.position_sd_m[axis]).count();
+            }
+            Err(error) => refused.push(error.to_string()),
+        }
+    }
+    let coverage = within as f64 / (3 * position.len()).max(1) as f64;
+    SetupReport {
+        mounting: mounting.name(),
+        noise: name,
+        sets: count,
+        refused,
+        table_m: spread(table),
+        position_m: spread(position),
+        rotation_deg: spread(rotation),
+        held_out_px: spread(held_out),
+        coverage,
+    }
+}
+
+fn spread(mut values: Vec<f64>) -> Spread {
+    values.sort_by(f64::total_cmp);
+    let at = |share: f64| values.get((values.len().saturating_sub(1) as f64 * share).round() as usize).copied();
+    Spread { median: at(0.5).unwrap_or_default(), p95: at(0.95).unwrap_or_default() }
+}
+
+/// Text summary.
+pub fn describe(report: &Report) -> String {
+    let pair = |spread: Spread, scale: f64| format!("{:.2} / {:.2}", scale * spread.median, scale * spread.p95);
+    let head =
+        ["camera", "noise", "sets", "refused", "table, mm", "position, mm", "rotation, deg", "held out, px", "95 %"];
+    let mut rows = vec![head.map(String::from).to_vec()];
+    rows.extend(report.setups.iter().map(|it| {
+        vec![
+            it.mounting.into(),
+            it.noise.into(),
+            it.sets.to_string(),
+            it.refused.len().to_string(),
+            pair(it.table_m, 1e3),
+            pair(it.position_m, 1e3),
+            pair(it.rotation_deg, 1.0),
+            pair(it.held_out_px, 1.0),
+            format!("{:.1} %", 100.0 * it.coverage),
+        ]
+    }));
+    let mut text = text_table(&rows) + "median / 95th percentile; 95 %: coverage of the stated intervals\n";
+    for (how, [refused, all]) in &report.degenerate {
+        text += &format!("{how:?}: {refused} of {all} refused\n");
+    }
+    text
+}

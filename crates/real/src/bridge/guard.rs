@@ -1,0 +1,295 @@
+//! Decision whether the arm may move: lease, sequence, deadline, dead-man's switch. A pure state machine: time is an
+//! argument.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::interpolator::{Interpolator, JointLimits, JointState};
+
+/// Settings of a guard.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GuardSettings {
+    /// Time between setpoints, s.
+    pub tick_s: f64,
+    /// Longest time for which a command may be valid, s.
+    pub longest_validity_s: f64,
+    /// Time after which a lease without a command ends, s.
+    pub lease_s: f64,
+}
+
+impl Default for GuardSettings {
+    fn default() -> Self {
+        Self {
+            // The rate of the control protocols of collaborative arms.
+            tick_s: 1e-3,
+            // Three action chunks of slow policies; nobody looks away for longer.
+            longest_validity_s: 1.0,
+            lease_s: 10.0,
+        }
+    }
+}
+
+/// Command of the holder of the lease.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Command {
+    /// Lease under which it is sent.
+    pub lease: u64,
+    /// Number that grows with every command of the lease.
+    pub sequence: u64,
+    /// Time after reception until which it holds, s.
+    pub valid_for_s: f64,
+    /// True while a person holds the dead-man's switch.
+    pub dead_man: bool,
+    /// Positions of the joints, rad.
+    pub positions: Vec<f64>,
+}
+
+/// Reason why a command or a request is refused; nothing changes.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum Refused {
+    /// Another holder has the lease.
+    #[error("the lease is held by another; it ends {after_s:.1} s after the holder's last command")]
+    Leased {
+        /// Time until it ends, s.
+        after_s: f64,
+    },
+    /// Lease unknown or ended.
+    #[error("the lease {0} is not in force; acquire one")]
+    NoLease(u64),
+    /// A command that is older than the last one.
+    #[error("command {got} came after {last}: late or sent twice")]
+    Sequence {
+        /// Number of the command.
+        got: u64,
+        /// Largest number so far.
+        last: u64,
+    },
+    /// Positions of wrong number, or not finite.
+    #[error("expected {expected} finite positions")]
+    Positions {
+        /// Joints of the arm.
+        expected: usize,
+    },
+    /// Validity out of range.
+    #[error("valid for {got} s; expected more than 0 and at most {most}")]
+    Validity {
+        /// Validity of the command, s.
+        got: f64,
+        /// Longest one, s.
+        most: f64,
+    },
+    /// The arm brakes or has stopped; it has to be started again.
+    #[error("the arm has stopped ({0:?}); start it again once the reason is gone")]
+    Stopped(StopReason),
+    /// The dead-man's switch is not held.
+    #[error("the dead-man's switch is not held")]
+    DeadMan,
+    /// The arm still moves.
+    #[error("the arm still moves; wait until it stands")]
+    Moving,
+}
+
+/// Reason why the arm stands or brakes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StopReason {
+    /// Not started yet.
+    NotStarted,
+    /// No command came before the deadline of the last one.
+    Deadline,
+    /// The dead-man's switch was released.
+    DeadMan,
+    /// The holder gave the lease back, or asked for a stop.
+    Released,
+    /// The arm itself reported an error, such as a reflex.
+    Arm,
+}
+
+/// Mode of a guard.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mode {
+    /// Follows commands.
+    Following,
+    /// Brakes, or stands after braking.
+    Stopping(StopReason),
+}
+
+/// Guard in front of an interpolator.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Guard {
+    settings: GuardSettings,
+    interpolator: Interpolator,
+    mode: Mode,
+    lease: Option<Lease>,
+    next_lease: u64,
+}
+
+/// A lease in force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Lease {
+    id: u64,
+    /// Time of the last sign of life, s.
+    seen_s: f64,
+    last_sequence: Option<u64>,
+    /// Time until which the last command holds, s.
+    deadline_s: f64,
+}
+
+impl Guard {
+    /// A guard of a standing arm; `None` as [`Interpolator::new`].
+    pub fn new(limits: &[JointLimits], measured: &[f64], settings: GuardSettings) -> Option<Self> {
+        let interpolator = Interpolator::new(limits, measured, settings.tick_s)?;
+        let mode = Mode::Stopping(StopReason::NotStarted);
+        Some(Self { settings, interpolator, mode, lease: None, next_lease: 1 })
+    }
+
+    /// Mode.
+    pub fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// Setpoints in force.
+    pub fn joints(&self) -> &[JointState] {
+        self.interpolator.joints()
+    }
+
+    /// True if the setpoints do not move.
+    pub fn is_at_rest(&self) -> bool {
+        self.interpolator.is_at_rest()
+    }
+
+    /// Acquires the lease, if nobody holds it.
+    ///
+    /// # Errors
+    /// [`Refused::Leased`].
+    pub fn acquire(&mut self, now_s: f64) -> Result<u64, Refused> {
+        if let Some(lease) = &self.lease {
+            let after_s = lease.seen_s + self.settings.lease_s - now_s;
+            if after_s > 0.0 {
+                return Err(Refused::Leased { after_s });
+            }
+        }
+        // Whatever the former holder left moving.
+        if self.mode == Mode::Following {
+            self.stop(StopReason::Released);
+        }
+        let id = self.next_lease;
+        self.next_lease += 1;
+        self.lease = Some(Lease { id, seen_s: now_s, last_sequence: None, deadline_s: now_s });
+        Ok(id)
+    }
+
+    /// Starts, or starts again after a stop, from where the arm stands; the first command has to follow within
+    /// `longest_validity_s`. `measured` replaces the setpoints after the arm itself had stopped.
+    ///
+    /// # Errors
+    /// [`Refused`] if the lease is not in force, the arm moves or the switch is not held.
+    pub fn start(&mut self, now_s: f64, lease: u64, dead_man: bool, measured: &[f64]) -> Result<(), Refused> {
+        let is_moving = !self.is_at_rest();
+        let most = self.settings.longest_validity_s;
+        let expected = self.joints().len();
+        let held = self.held(now_s, lease)?;
+        if is_moving {
+            return Err(Refused::Moving);
+        }
+        if !dead_man {
+            return Err(Refused::DeadMan);
+        }
+        if measured.len() != expected || !measured.iter().all(|position| position.is_finite()) {
+            return Err(Refused::Positions { expected });
+        }
+        held.deadline_s = now_s + most;
+        held.seen_s = now_s;
+        let was_off = matches!(self.mode, Mode::Stopping(StopReason::NotStarted | StopReason::Arm));
+        if was_off {
+            self.interpolator.place(measured);
+        }
+        self.interpolator.hold();
+        self.mode = Mode::Following;
+        Ok(())
+    }
+
+    /// Takes a command.
+    ///
+    /// # Errors
+    /// [`Refused`]; a released dead-man's switch also stops the arm.
+    pub fn command(&mut self, now_s: f64, command: &Command) -> Result<(), Refused> {
+        self.expire(now_s);
+        let (most, expected, mode) = (self.settings.longest_validity_s, self.joints().len(), self.mode);
+        let held = self.held(now_s, command.lease)?;
+        if let Some(last) = held.last_sequence.filter(|last| command.sequence <= *last) {
+            return Err(Refused::Sequence { got: command.sequence, last });
+        }
+        held.last_sequence = Some(command.sequence);
+        held.seen_s = now_s;
+        if !command.dead_man {
+            if mode == Mode::Following {
+                self.stop(StopReason::DeadMan);
+            }
+            return Err(Refused::DeadMan);
+        }
+        if let Mode::Stopping(reason) = mode {
+            return Err(Refused::Stopped(reason));
+        }
+        if !(command.valid_for_s > 0.0 && command.valid_for_s <= most) {
+            return Err(Refused::Validity { got: command.valid_for_s, most });
+        }
+        if command.positions.len() != expected || !command.positions.iter().all(|position| position.is_finite()) {
+            return Err(Refused::Positions { expected });
+        }
+        held.deadline_s = now_s + command.valid_for_s;
+        self.interpolator.aim(&command.positions);
+        Ok(())
+    }
+
+    /// Gives the lease back, or stops without giving it back; the arm brakes.
+    ///
+    /// # Errors
+    /// [`Refused::NoLease`].
+    pub fn release(&mut self, now_s: f64, lease: u64, is_kept: bool) -> Result<(), Refused> {
+        self.held(now_s, lease)?;
+        if !is_kept {
+            self.lease = None;
+        }
+        if self.mode == Mode::Following {
+            self.stop(StopReason::Released);
+        }
+        Ok(())
+    }
+
+    /// Reports that the arm has stopped by itself: setpoints rest where it was measured.
+    pub fn arm_stopped(&mut self, measured: &[f64]) {
+        if measured.iter().all(|position| position.is_finite()) {
+            self.interpolator.place(measured);
+        }
+        self.stop(StopReason::Arm);
+    }
+
+    /// Next setpoints.
+    pub fn tick(&mut self, now_s: f64) -> &[JointState] {
+        self.expire(now_s);
+        self.interpolator.tick()
+    }
+
+    /// Stops if the deadline has passed.
+    fn expire(&mut self, now_s: f64) {
+        let is_late = self.lease.is_none_or(|lease| now_s > lease.deadline_s);
+        if self.mode == Mode::Following && is_late {
+            self.stop(StopReason::Deadline);
+        }
+    }
+
+    fn stop(&mut self, reason: StopReason) {
+        self.mode = Mode::Stopping(reason);
+        self.interpolator.brake();
+    }
+
+    fn held(&mut self, now_s: f64, id: u64) -> Result<&mut Lease, Refused> {
+        let longest_s = self.settings.lease_s;
+        let lease = self.lease.as_mut().filter(|lease| lease.id == id && now_s <= lease.seen_s + longest_s);
+        lease.ok_or(Refused::NoLease(id))
+    }
+}

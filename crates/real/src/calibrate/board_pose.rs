@@ -1,0 +1,130 @@
+//! Pose of a flat board in one view: homography, then least squares of the reprojection error.
+
+use genmanip_core::Pose;
+use genmanip_core::glam::{DQuat, DVec2, DVec3};
+
+use super::views::{CameraModel, View};
+use crate::least_squares::{Normal, minimise, moved};
+use crate::linear::Square;
+
+/// Angle between the normals of two poses from which they count as different, rad.
+const DIFFERENT_RAD: f64 = 0.05;
+
+/// Pose of the board in one view.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoardPose {
+    /// Board in the camera frame.
+    pub camera_from_board: Pose,
+    /// Root mean square of the distances of corners from their pixels, px.
+    pub rms_px: f64,
+    /// The same for the best pose that is tilted the other way; infinite if there is none.
+    pub flipped_rms_px: f64,
+}
+
+/// Pose of the board in a view; `None` if its corners fit no pose in front of the camera.
+pub fn board_pose(camera: &CameraModel, view: &View) -> Option<BoardPose> {
+    let start = from_homography(camera, view)?;
+    let (found, rms) = refined(camera, view, start)?;
+    let other =
+        refined(camera, view, flipped(&found, view)).filter(|(other, _)| normal_angle(&found, other) > DIFFERENT_RAD);
+    Some(match other {
+        Some((other, other_rms)) if other_rms < rms => {
+            BoardPose { camera_from_board: other, rms_px: other_rms, flipped_rms_px: rms }
+        }
+        other => {
+            let flipped_rms_px = other.map_or(f64::INFINITY, |(_, rms)| rms);
+            BoardPose { camera_from_board: found, rms_px: rms, flipped_rms_px }
+        }
+    })
+}
+
+/// Derivative of a pixel by the point in the camera frame, px per m: rows of u and v; `None` behind the camera.
+pub fn pixel_derivative(camera: &CameraModel, point: DVec3) -> Option<[DVec3; 2]> {
+    let step = 1e-5 * point.z;
+    let mut rows = [DVec3::ZERO; 2];
+    for axis in 0..3 {
+        let mut by = DVec3::ZERO;
+        by[axis] = step;
+        let change = (camera.pixel(point + by)? - camera.pixel(point - by)?) / (2.0 * step);
+        (rows[0][axis], rows[1][axis]) = (change.x, change.y);
+    }
+    Some(rows)
+}
+
+fn normal_angle(a: &Pose, b: &Pose) -> f64 {
+    (a.rotation * DVec3::Z).angle_between(b.rotation * DVec3::Z)
+}
+
+/// Middle of the corners of a view on the board, m.
+fn middle(view: &View) -> DVec3 {
+    view.corners.iter().map(|(point, _)| *point).sum::<DVec3>() / view.corners.len() as f64
+}
+
+/// The pose with the board's normal mirrored at the line of sight to its middle, which nearly looks the same from afar.
+fn flipped(pose: &Pose, view: &View) -> Pose {
+    let center = middle(view);
+    let sight = pose.transform_point(center);
+    let toward = sight.normalize();
+    let normal = pose.rotation * DVec3::Z;
+    let mirrored = (2.0 * normal.dot(toward) * toward - normal).normalize();
+    let rotation = DQuat::from_rotation_arc(normal, mirrored) * pose.rotation;
+    Pose::new(sight - rotation * center, rotation)
+}
+
+/// Least squares of the reprojection error from a start, with the error, px.
+fn refined(camera: &CameraModel, view: &View, start: Pose) -> Option<(Pose, f64)> {
+    let evaluate = |pose: &Pose| {
+        let mut normal = Normal::new(6);
+        for &(point, pixel) in &view.corners {
+            let seen = pose.transform_point(point);
+            let miss = camera.pixel(seen)? - pixel;
+            for (by_point, residual) in pixel_derivative(camera, seen)?.into_iter().zip(miss.to_array()) {
+                let by_board = pose.rotation.inverse() * by_point;
+                normal.add(residual, &entries(0, point.cross(by_board), by_board), 1.0);
+            }
+        }
+        Some(normal)
+    };
+    let (pose, normal) = minimise(start, evaluate, moved)?;
+    Some((pose, (normal.cost / view.corners.len() as f64).sqrt()))
+}
+
+/// Entries of a row of the Jacobian from column `at`: rotation, then translation.
+pub fn entries(at: usize, rotation: DVec3, translation: DVec3) -> [(usize, f64); 6] {
+    let (r, t) = (rotation.to_array(), translation.to_array());
+    [(at, r[0]), (at + 1, r[1]), (at + 2, r[2]), (at + 3, t[0]), (at + 4, t[1]), (at + 5, t[2])]
+}
+
+/// Pose from the homography between board and image plane (direct linear transform, normalised).
+fn from_homography(camera: &CameraModel, view: &View) -> Option<Pose> {
+    let center = middle(view);
+    let scale = view.corners.iter().map(|(point, _)| point.distance(center)).fold(0.0, f64::max).max(1e-9);
+    let seen: Vec<DVec2> = view.corners.iter().map(|&(_, pixel)| camera.on_plane(pixel)).collect::<Option<_>>()?;
+    let seen_center = seen.iter().sum::<DVec2>() / seen.len() as f64;
+    let seen_scale = seen.iter().map(|at| at.distance(seen_center)).fold(0.0, f64::max).max(1e-12);
+    let mut sum = Square::zero(9);
+    for ((point, _), at) in view.corners.iter().zip(&seen) {
+        let p = (*point - center) / scale;
+        let q = (*at - seen_center) / seen_scale;
+        sum.add_outer(&[p.x, p.y, 1.0, 0.0, 0.0, 0.0, -q.x * p.x, -q.x * p.y, -q.x], 1.0);
+        sum.add_outer(&[0.0, 0.0, 0.0, p.x, p.y, 1.0, -q.y * p.x, -q.y * p.y, -q.y], 1.0);
+    }
+    let pairs = sum.eigen();
+    if pairs[1].0 < 1e-9 * pairs[8].0 {
+        return None; // corners on a line
+    }
+    let h = &pairs[0].1;
+    // Columns of the homography, with the image's normalisation undone; z is the third row.
+    let column = |index: usize| {
+        let (x, y, z) = (h[index], h[3 + index], h[6 + index]);
+        DVec3::new(seen_scale * x + seen_center.x * z, seen_scale * y + seen_center.y * z, z)
+    };
+    let size = f64::midpoint(column(0).length(), column(1).length()) * if column(2).z < 0.0 { -1.0 } else { 1.0 };
+    let (x, y, origin) = (column(0) / size, column(1) / size, column(2) / size);
+    // The nearest pair of orthogonal unit vectors.
+    let (sum, difference) = ((x + y).normalize(), (x - y).normalize());
+    let (x, y) = ((sum + difference).normalize(), (sum - difference).normalize());
+    let pose = Pose::from_axes(origin * scale, x, y, x.cross(y));
+    let pose = Pose::new(pose.position - pose.rotation * center, pose.rotation);
+    (pose.position.is_finite() && pose.rotation.is_finite()).then_some(pose)
+}

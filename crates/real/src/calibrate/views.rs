@@ -1,0 +1,269 @@
+//! Views of a board: the input of a calibration.
+
+use std::collections::BTreeMap;
+
+use genmanip_core::glam::{DVec2, DVec3};
+use genmanip_core::{Camera, CameraMount, Distortion, Document, DocumentError, Intrinsics, Pose};
+use serde::{Deserialize, Serialize};
+
+use super::error::CalibrationError;
+
+/// Views, at most: the equations grow with the cube of their number.
+const MAX_VIEWS: usize = 150;
+/// Corners of a board, at most.
+const MAX_CORNERS: usize = 2_000;
+/// Corners that fix the pose of a board; four in general position do, more average the noise.
+const MIN_CORNERS: usize = 6;
+
+/// Document `genmanip.board_views/1`: robot states and detected corners by the id of a view.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoardViews {
+    /// Camera: name, intrinsics, distortion.
+    pub camera: CameraModel,
+    /// Place of the camera.
+    pub mounting: Mounting,
+    /// The board.
+    pub board: Board,
+    /// Robot states by view.
+    pub robot: BTreeMap<String, RobotState>,
+    /// Detected corners by view: id of the corner, then pixel u and v. An image without a board has an empty list.
+    pub detections: BTreeMap<String, Vec<(u32, f64, f64)>>,
+}
+
+/// Projection of the camera; its pose is what is sought.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraModel {
+    /// Name in the world file.
+    pub name: String,
+    /// Pinhole, pixels.
+    pub intrinsics: Intrinsics,
+    /// Lens distortion; absent for an ideal pinhole.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distortion: Option<Distortion>,
+}
+
+/// Place of a camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mounting {
+    /// On the hand; the board stays in its place.
+    EyeInHand,
+    /// Beside the robot; the hand holds the board.
+    EyeToHand,
+}
+
+/// Flat board with numbered corners.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Board {
+    /// Corners of a chessboard or ChArUco board, numbered row by row.
+    Grid {
+        /// Corners in a row.
+        columns: u32,
+        /// Rows of corners.
+        rows: u32,
+        /// Distance of neighbours, metres.
+        spacing_m: f64,
+    },
+    /// Corners at x and y on the board, metres; their ids are their indices.
+    PointsM(Vec<[f64; 2]>),
+}
+
+/// State of the robot when an image was taken.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RobotState {
+    /// Hand link in the robot's base.
+    BaseFromHand(Pose),
+    /// Joint positions of the arm, rad.
+    JointsRad(Vec<f64>),
+}
+
+/// A robot pose with the corners seen from there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// Id of the view.
+    pub id: String,
+    /// Hand link in the robot's base.
+    pub base_from_hand: Pose,
+    /// Corners: on the board (m), and their pixels.
+    pub corners: Vec<(DVec3, DVec2)>,
+}
+
+/// A view that is not used.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Skipped {
+    /// Id of the view.
+    pub id: String,
+    /// Reason.
+    pub reason: String,
+}
+
+impl Mounting {
+    /// Frame that the camera is fixed to.
+    pub const fn mount(self) -> CameraMount {
+        match self {
+            Self::EyeInHand => CameraMount::Hand,
+            Self::EyeToHand => CameraMount::World,
+        }
+    }
+
+    /// The other one.
+    #[must_use]
+    pub const fn other(self) -> Self {
+        match self {
+            Self::EyeInHand => Self::EyeToHand,
+            Self::EyeToHand => Self::EyeInHand,
+        }
+    }
+
+    /// Name in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::EyeInHand => "eye_in_hand",
+            Self::EyeToHand => "eye_to_hand",
+        }
+    }
+
+    /// Frame that the camera is fixed to, in words.
+    pub const fn camera_frame(self) -> &'static str {
+        match self {
+            Self::EyeInHand => "hand",
+            Self::EyeToHand => "base",
+        }
+    }
+
+    /// Frame that the board is fixed to, in words.
+    pub const fn board_frame(self) -> &'static str {
+        self.other().camera_frame()
+    }
+}
+
+impl CameraModel {
+    /// The camera at a pose in the frame that it is fixed to.
+    pub fn placed(&self, mounting: Mounting, mount_from_camera: Pose) -> Camera {
+        let camera = Camera::new(&self.name, mounting.mount(), mount_from_camera, self.intrinsics);
+        Camera { distortion: self.distortion, ..camera }
+    }
+
+    /// Pixel of a point in the camera frame (m); `None` behind the camera.
+    pub fn pixel(&self, point: DVec3) -> Option<DVec2> {
+        let on_plane = (point.z > 1e-6).then(|| point.truncate() / point.z)?;
+        let shown = self.distortion.map_or(on_plane, |lens| lens.distort(on_plane));
+        let Intrinsics { fx, fy, cx, cy, .. } = self.intrinsics;
+        Some(DVec2::new(fx * shown.x + cx, fy * shown.y + cy))
+    }
+
+    /// Point of the plane z = 1 in the camera frame that is shown at a pixel; `None` where the lens folds over.
+    pub fn on_plane(&self, pixel: DVec2) -> Option<DVec2> {
+        let Intrinsics { fx, fy, cx, cy, .. } = self.intrinsics;
+        let shown = DVec2::new((pixel.x - cx) / fx, (pixel.y - cy) / fy);
+        self.distortion.map_or(Some(shown), |lens| lens.undistort(shown))
+    }
+}
+
+impl Board {
+    /// Corners on the board by id, metres; z = 0.
+    pub fn corners(&self) -> Vec<DVec3> {
+        match self {
+            Self::Grid { columns, rows, spacing_m } => (0..*rows)
+                .flat_map(|row| (0..*columns).map(move |column| (column, row)))
+                .map(|(column, row)| DVec3::new(f64::from(column), f64::from(row), 0.0) * *spacing_m)
+                .collect(),
+            Self::PointsM(points) => points.iter().map(|[x, y]| DVec3::new(*x, *y, 0.0)).collect(),
+        }
+    }
+}
+
+impl BoardViews {
+    /// Views with robot state and corners, and those that lack one of them. `hand_of` is the forward kinematics of
+    /// the arm: hand link in the base from joint positions.
+    ///
+    /// # Errors
+    /// [`CalibrationError::Joints`] if a view has joint positions and `hand_of` refuses them.
+    pub fn paired(
+        &self,
+        hand_of: impl Fn(&[f64]) -> Result<Pose, String>,
+    ) -> Result<(Vec<View>, Vec<Skipped>), CalibrationError> {
+        let board = self.board.corners();
+        let (mut views, mut skipped) = (Vec::new(), Vec::new());
+        let mut skip = |id: &str, reason: String| skipped.push(Skipped { id: id.into(), reason });
+        for id in self.robot.keys().filter(|id| !self.detections.contains_key(*id)) {
+            skip(id, "a robot state without an image".into());
+        }
+        for (id, found) in &self.detections {
+            let Some(state) = self.robot.get(id) else {
+                skip(id, "an image without a robot state".into());
+                continue;
+            };
+            if found.len() < MIN_CORNERS {
+                let count = found.len();
+                skip(
+                    id,
+                    if count == 0 { "no board in the image".into() } else { format!("{count} corners of the board") },
+                );
+                continue;
+            }
+            let base_from_hand = match state {
+                RobotState::BaseFromHand(pose) => *pose,
+                RobotState::JointsRad(joints) => {
+                    hand_of(joints).map_err(|reason| CalibrationError::Joints { view: id.clone(), reason })?
+                }
+            };
+            let corners = found.iter().map(|&(corner, u, v)| (board[corner as usize], DVec2::new(u, v))).collect();
+            views.push(View { id: id.clone(), base_from_hand, corners });
+        }
+        Ok((views, skipped))
+    }
+}
+
+impl Document for BoardViews {
+    const SCHEMA: &'static str = "genmanip.board_views/1";
+
+    fn check(&self) -> Result<(), DocumentError> {
+        let fault = |path: &str, message: String| Err(DocumentError::Invalid { path: path.into(), message });
+        let Intrinsics { fx, fy, cx, cy, .. } = self.camera.intrinsics;
+        if !(fx > 0.0 && fy > 0.0 && [fx, fy, cx, cy].iter().all(|value| value.is_finite())) {
+            return fault("camera.intrinsics", format!("focal lengths {fx} and {fy} px; expected positive numbers"));
+        }
+        if let Board::Grid { columns, rows, spacing_m } = &self.board {
+            if !(spacing_m.is_finite() && (1e-4..10.0).contains(spacing_m)) {
+                return fault("board.grid.spacing_m", format!("{spacing_m}; expected metres, such as 0.025"));
+            }
+            if u64::from(*columns) * u64::from(*rows) > MAX_CORNERS as u64 || *columns < 2 || *rows < 2 {
+                return fault(
+                    "board.grid",
+                    format!("{columns} x {rows} corners; expected 2 x 2 to {MAX_CORNERS} in all"),
+                );
+            }
+        }
+        let corners = self.board.corners();
+        let is_flat = |point: &DVec3| point.is_finite() && point.length() < 10.0;
+        if corners.len() > MAX_CORNERS || corners.len() < MIN_CORNERS || !corners.iter().all(is_flat) {
+            return fault(
+                "board",
+                format!("{} corners; expected {MIN_CORNERS} to {MAX_CORNERS}, in metres", corners.len()),
+            );
+        }
+        if self.detections.len() > MAX_VIEWS || self.robot.len() > MAX_VIEWS {
+            return fault("detections", format!("expected at most {MAX_VIEWS} views"));
+        }
+        for (id, found) in &self.detections {
+            let path = format!("detections.{id}");
+            for (index, &(corner, u, v)) in found.iter().enumerate() {
+                if corner as usize >= corners.len() {
+                    return fault(&path, format!("corner {corner}; the board has {}, counted from 0", corners.len()));
+                }
+                if !(u.abs() < 1e5 && v.abs() < 1e5) {
+                    return fault(&path, format!("corner {corner} at pixel {u}, {v}"));
+                }
+                if found[..index].iter().any(|&(other, ..)| other == corner) {
+                    return fault(&path, format!("corner {corner} stands there twice"));
+                }
+            }
+        }
+        Ok(())
+    }
+}

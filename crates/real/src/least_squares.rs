@@ -1,0 +1,94 @@
+//! Levenberg–Marquardt minimisation, and the tangent space of poses.
+
+use genmanip_core::Pose;
+use genmanip_core::glam::{DQuat, DVec3};
+
+use crate::linear::Square;
+
+/// Iterations, at most; from the closed-form starts five to ten are enough.
+const ITERATIONS: usize = 60;
+
+/// Sum of squares at a point: its value, half its gradient, and the Gauss–Newton approximation of half its Hessian.
+pub struct Normal {
+    /// Sum of squared, weighted residuals.
+    pub cost: f64,
+    /// Jᵀ r.
+    pub gradient: Vec<f64>,
+    /// Jᵀ J.
+    pub hessian: Square,
+}
+
+impl Normal {
+    /// Empty sum over `size` unknowns.
+    pub fn new(size: usize) -> Self {
+        Self { cost: 0.0, gradient: vec![0.0; size], hessian: Square::zero(size) }
+    }
+
+    /// Adds a residual with the non-zero entries of its row of the Jacobian.
+    pub fn add(&mut self, residual: f64, row: &[(usize, f64)], weight: f64) {
+        self.cost += weight * residual * residual;
+        for &(i, a) in row {
+            self.gradient[i] += weight * a * residual;
+            for &(j, b) in row {
+                self.hessian.add(i, j, weight * a * b);
+            }
+        }
+    }
+}
+
+/// Minimum of a sum of squares from a start, with the sum there; `evaluate` is `None` outside the domain.
+pub fn minimise<S>(
+    start: S,
+    evaluate: impl Fn(&S) -> Option<Normal>,
+    step: impl Fn(&S, &[f64]) -> S,
+) -> Option<(S, Normal)> {
+    let mut state = start;
+    let mut normal = evaluate(&state)?;
+    let mut damping = 1e-4;
+    for _ in 0..ITERATIONS {
+        let mut damped = normal.hessian.clone();
+        (0..damped.size())
+            .for_each(|index| damped.add(index, index, damping * normal.hessian.get(index, index) + 1e-15));
+        let proposal = damped.cholesky().map(|factor| {
+            let change: Vec<f64> = factor.solve(&normal.gradient).iter().map(|change| -change).collect();
+            step(&state, &change)
+        });
+        let better = proposal.and_then(|state| evaluate(&state).map(|normal| (state, normal)));
+        match better.filter(|(_, next)| next.cost <= normal.cost) {
+            Some((next_state, next)) => {
+                let gain = normal.cost - next.cost;
+                (state, normal) = (next_state, next);
+                damping = (damping / 10.0).max(1e-12);
+                if gain <= 1e-12 * normal.cost || normal.cost < 1e-24 {
+                    break;
+                }
+            }
+            None => {
+                damping *= 10.0;
+                if damping > 1e8 {
+                    break;
+                }
+            }
+        }
+    }
+    Some((state, normal))
+}
+
+/// A pose moved in its own inner frame: rotation vector (rad), then translation (m).
+pub fn moved(pose: &Pose, change: &[f64]) -> Pose {
+    let part = |at: usize| DVec3::new(change[at], change[at + 1], change[at + 2]);
+    *pose * Pose::new(part(3), DQuat::from_scaled_axis(part(0)))
+}
+
+/// Inverse of [`moved`] from the identity: rotation vector (rad) and position (m) of a pose.
+pub fn tangent(pose: &Pose) -> [f64; 6] {
+    let rotation = rotation_vector(pose.rotation);
+    let (r, p) = (rotation.to_array(), pose.position.to_array());
+    [r[0], r[1], r[2], p[0], p[1], p[2]]
+}
+
+/// Rotation vector of at most half a turn, rad.
+pub fn rotation_vector(rotation: DQuat) -> DVec3 {
+    let rotation = if rotation.w < 0.0 { -rotation } else { rotation };
+    rotation.to_scaled_axis()
+}
