@@ -116,7 +116,8 @@ const ENDS_OF_THOUGHTS: [&str; 6] =
 fn without_reasoning(text: &str) -> &str {
     let end = |tag: &str| text.rfind(tag).map(|at| at + tag.len());
     let answers = ENDS_OF_THOUGHTS.iter().filter_map(|tag| end(tag)).max().map(|at| text[at..].trim_start());
-    let is_whole = text.trim_start().starts_with(['{', '[', '"']);
+    let begins = text.trim_start();
+    let is_whole = begins.starts_with(['{', '[', '"']) && !begins.starts_with("[THINK]");
     answers.filter(|answer| !answer.is_empty() && !is_whole).unwrap_or(text)
 }
 
