@@ -1,7 +1,7 @@
 //! A policy over openpi's protocol: WebSocket connections, each a sequence of observations and action chunks.
 
 use std::fmt;
-use std::io;
+use std::io::{self, Read};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
@@ -23,6 +23,8 @@ use crate::server::{ServeError, ServeSettings};
 const MAX_CONNECTIONS: usize = 64;
 /// Timeout of the handshake, and of sending a response.
 const HANDSHAKE: Duration = Duration::from_secs(10);
+/// Most that is read past after a refused request, bytes.
+const MAX_READ_PAST: u64 = 64 << 20;
 /// Idle time after which a connection is closed.
 const IDLE: Duration = Duration::from_secs(600);
 
@@ -141,8 +143,12 @@ impl Shared {
             socket.send(Message::text(message)).ok()?;
             let reason = "the error is in the message before".into();
             socket.close(Some(CloseFrame { code: CloseCode::Error, reason })).ok()?;
-            // Until the client has closed its side too.
+            // Until the client has closed its side too. What it is still sending is read past: closed before that, the
+            // connection would be reset, and the message lost.
             while socket.read().is_ok() {}
+            let stream = socket.get_ref();
+            stream.set_read_timeout(Some(HANDSHAKE)).ok()?;
+            io::copy(&mut stream.take(MAX_READ_PAST), &mut io::sink()).ok()?;
         }
         Some(())
     }

@@ -138,7 +138,7 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     std::fs::write(&model, "[server]\nbase_url = \"http://127.0.0.1:9/v1\"\nmax_retries = 0\n").unwrap();
     let agent = [PolicyFactory::resolve(&format!("agent:vlm={}", model.display())).unwrap()];
     let down = evaluate(&suite, &agent, &options, &NoProgress, &never).unwrap_err();
-    assert!(down.to_string().contains("ran no episode") && down.to_string().contains("cannot reach"), "{down}");
+    assert!(down.to_string().contains("ran no episode") && down.to_string().contains("cannot connect to"), "{down}");
     let limited = EvaluateOptions { max_cost: Some(1.0), ..options.clone() };
     let unpriced = evaluate(&suite, &agent, &limited, &NoProgress, &never).unwrap_err();
     assert!(unpriced.to_string().contains("say no price"), "{unpriced}");
