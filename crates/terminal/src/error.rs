@@ -76,7 +76,7 @@ impl From<WorkspaceError> for Failed {
     fn from(error: WorkspaceError) -> Self {
         let causes = error.source().map_or_else(Vec::new, chain);
         // These names are known regardless of any file's contents.
-        let typed = ["policy", "policy argument", "kind", "preset", "source of masks", "source of grasps"];
+        let typed = ["policy", "policy argument", "kind", "preset"];
         let is_misused = matches!(&error, WorkspaceError::UnknownName { what, .. } if typed.contains(what));
         let status = if is_misused { ExitStatus::NotUnderstood } else { ExitStatus::NotMet };
         Self { what: error.to_string(), causes, hint: error.hint(), status }

@@ -33,8 +33,8 @@ const CASES: [Case; 64] = [
     ("task new --designer magic --out out", 2, &["unknown designer `magic`", "rules or llm"]),
     ("task new --designer rules --copies 2 --out out", 2, &["--copies 2", "0 to 1"]),
     ("evaluate run --policy do_nothing:seconds=-0.0", 1, &["seconds=-0.0 is not possible", "from 0 to 600"]),
-    ("lab segment --masks banana", 2, &["unknown source of masks `banana`", "oracle, rgbd"]),
-    ("lab grasp --grasps banana", 2, &["unknown source of grasps `banana`", "rgbd"]),
+    ("lab segment --masks banana", 1, &["unknown source of masks `banana`", "oracle, rgbd"]),
+    ("lab grasp --grasps banana", 1, &["unknown source of grasps `banana`", "rgbd"]),
     // A server that is not there is not asked for each of 200 scenarios.
     (
         "evaluate --suite genmanip-200-rc --policy openpi:url=ws://127.0.0.1:1 --workers 1",
