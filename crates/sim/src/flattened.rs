@@ -9,7 +9,7 @@ use mujoco_rs::wrappers::{
     MjModel, MjSpec, MjVfs, MjtGeomBase as GeomType, MjtJoint as JointType, MjtTexture as TextureType,
 };
 
-use crate::SimError;
+use crate::{SimError, engine_log};
 
 /// Name of the main file among the files that the engine sees.
 const MAIN: &str = "main.xml";
@@ -170,6 +170,7 @@ impl Flattened {
         if xml.contains('\0') {
             return Err(SimError::Mjcf("the text has a null character".into()));
         }
+        engine_log::silence();
         let mut known = MjVfs::new();
         let main = (MAIN, xml.as_bytes());
         for (name, bytes) in std::iter::once(main).chain(files.iter().map(|(name, bytes)| (name.as_str(), &bytes[..])))
@@ -349,4 +350,21 @@ fn pose(position: [f64; 3], quaternion: [f64; 4]) -> Pose {
 
 fn rotation([w, x, y, z]: [f64; 4]) -> DQuat {
     DQuat::from_xyzw(x, y, z, w)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    /// The engine would write a warning into the current folder.
+    #[test]
+    fn numbers_that_are_none_are_refused_and_leave_no_log() {
+        let geom = "<geom size='0.1' mass='1'/>";
+        let file = |pos: &str| format!("<mujoco><worldbody><body pos='{pos}'>{geom}</body></worldbody></mujoco>");
+        assert_eq!(Flattened::compile(&file("0 0 1"), &[]).unwrap().bodies.len(), 2);
+        assert!(Flattened::compile(&file("0 0 nan"), &[]).is_err());
+        assert!(!Path::new("MUJOCO_LOG.TXT").exists());
+    }
 }

@@ -16,6 +16,7 @@
 mod body;
 mod contact;
 mod drive;
+mod engine_log;
 mod engine_settings;
 mod error;
 mod flattened;

@@ -10,7 +10,7 @@ use mujoco_rs::wrappers::MjModel;
 use crate::body::BodyId;
 use crate::engine_settings::CheckedSettings;
 use crate::scene_object::SceneObject;
-use crate::{ENGINE, SimError, engine_version, mjcf};
+use crate::{ENGINE, SimError, engine_log, engine_version, mjcf};
 
 /// A robot and objects in a world, compiled for the physics engine.
 ///
@@ -77,6 +77,7 @@ impl Model {
         if engine != ENGINE {
             return Err(SimError::EngineVersion { expected: ENGINE.into(), got: engine });
         }
+        engine_log::silence();
         let settings = CheckedSettings::of(&world.physics, robot)?;
         check_surfaces(world)?;
         check_objects(objects)?;

@@ -1,6 +1,6 @@
 //! MJCF as written by robosuite, RoboCasa, LIBERO, MolmoSpaces, MetaWorld and gymnasium-robotics, read through MuJoCo's
-//! own compiler: [`source`] gathers the file with what it includes and refers to, the compiler resolves it, and
-//! [`object`] takes the result for one object. Actuators, sensors and equality constraints are not used.
+//! own compiler: `source` gathers the file with what it includes and refers to, the compiler resolves it, and
+//! `object` takes the result for one object. Actuators, sensors and equality constraints are not used.
 
 mod object;
 mod source;
