@@ -45,7 +45,6 @@ pub fn an_image_becomes_motions(scenario: &Arc<Scenario>, folder: &std::path::Pa
     let server = answering([
         ("Split what is still to be done", json!({"subtasks": ["Pick up the thing and place it in the middle."]})),
         ("Which numbered thing", json!({"number": 1, "object_name": "thing", "color": "any"})),
-        ("five numbered points", json!({"selected_point": 1, "reason": "it is there"})),
         ("In which cell", json!({"selected_point": {"type": "grid", "label": "E9"}})),
     ])
     .unwrap();
@@ -54,7 +53,7 @@ pub fn an_image_becomes_motions(scenario: &Arc<Scenario>, folder: &std::path::Pa
     let choice = AgentChoice::named(&model.display().to_string(), "rgbd", "p2p", "full").unwrap();
     let planner = worlds::planner(&scenario.world, &Default::default()).unwrap();
     let acted = act(&choice, &planner, &files).unwrap();
-    for picture in ["000_decompose_picture", "001_object_masks", "002_grab_point_points", "003_point_to_point_grid"] {
+    for picture in ["000_decompose_picture", "001_object_masks", "002_point_to_point_grid"] {
         assert!(files.out.join(format!("{picture}.png")).is_file(), "{picture}");
     }
     assert!(files.out.join("transcript.json").is_file() && files.out.join("motions.json").is_file());
