@@ -16,7 +16,7 @@ use crate::surface::{from_rings, rounded_rectangle};
 pub struct OpenBox {
     /// Outer extent, m.
     pub size: DVec3,
-    /// Centre of the base, m.
+    /// Centre of the underside in the link's frame, m.
     #[serde(default)]
     pub at: DVec3,
     /// Thickness of the walls, m.
@@ -28,9 +28,9 @@ pub struct OpenBox {
     pub corner: f64,
     /// Finish of the walls' outside; u wraps around once.
     pub outside: Finish,
-    /// Finish of the walls' inside.
+    /// Finish of the walls' inside and, without its paint, of the rim.
     pub inside: Finish,
-    /// Finish of the floor.
+    /// Finish of the floor and of the underside.
     pub bottom: Finish,
 }
 

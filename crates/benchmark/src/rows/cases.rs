@@ -50,8 +50,8 @@ pub const RULE: &str = "every cause of failure, then successes of every kind of 
 
 /// Selects the cases of a run.
 ///
-/// At most `most` tasks: all of them, in order, each with its first success that can be shown, else its first episode
-/// that can; collected attempts come before evaluated episodes, of which failures come before successes.
+/// At most `most` tasks: all of them, in order, each with one recorded episode: a collected attempt, successes first;
+/// without one an evaluated episode, failures first; among equals the first.
 ///
 /// More tasks: by [`RULE`], two thirds of the cases for failures. Episodes of the `baseline` policy are not selected.
 /// Every cause and every kind has at least one case, even if `most` is smaller.

@@ -75,7 +75,7 @@ fn kubernetes(job: &Job, need: &Need) -> Value {
             "completionMode": "Indexed",
             "completions": job.shards,
             "parallelism": job.at_once,
-            // Of each shard: a node that is lost is no fault of it.
+            // Retries of each shard: it is also repeated when its node is lost, which is no fault of it.
             "backoffLimitPerIndex": 5,
             "template": {
                 "metadata": {"labels": {"app": "genmanip"}},

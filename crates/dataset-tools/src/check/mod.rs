@@ -42,7 +42,7 @@ pub use overview::{Bin, Group, ImageFeature, Overview, Range};
 pub struct DatasetCheck {
     /// Path of the data set as given.
     pub dataset: String,
-    /// `lerobot-v3.0`, `lerobot-v2.1` or `zarr`.
+    /// `lerobot-v3.0`, `lerobot-v2.1`, `lerobot-v2.0` or `zarr`.
     pub format: &'static str,
     /// Number of episodes according to the metadata.
     pub episodes: usize,
@@ -88,7 +88,7 @@ pub fn check(dataset: &Path, robots: &[Arc<RobotModel>]) -> Result<DatasetCheck,
 /// Reads the metadata of a LeRobot data set, with findings for invalid parts.
 ///
 /// # Errors
-/// If the folder cannot be listed or is not a LeRobot data set of a known version.
+/// If the folder cannot be listed, is not a LeRobot data set of a known version, or lacks a file that its metadata name.
 pub(crate) fn read_metadata(dataset: &Path) -> Result<(Metadata, Vec<Finding>), DataError> {
     let mut findings = Findings::default();
     let listed = paths::list(dataset)?;

@@ -26,13 +26,13 @@ const LEAST_INERTIA: f64 = 1e-6;
 const FREQUENCY: f64 = 45.0;
 /// Payload and gripper that the gains are made for, kg.
 const PAYLOAD_KG: f64 = 1.5;
-/// Accelerations proposed at most [rad/s² or m/s²], and jerk per acceleration [1/s].
+/// Smallest and largest proposed acceleration [rad/s² or m/s²], and jerk per acceleration [1/s].
 const ACCELERATIONS: [f64; 2] = [1.0, 12.0];
 const JERK_PER_ACCELERATION: f64 = 400.0;
 /// Heights of the tool centre point at which home and reach are sought, m.
 const HOME_M: [f64; 5] = [0.45, 0.38, 0.32, 0.25, 0.18];
 const PICK_M: f64 = 0.05;
-/// Distances from the base's axis that are tried, m.
+/// Step between the distances from the base's z axis that are tried, m.
 const STEP_M: f64 = 0.025;
 /// Clearance of the postures, m; pairs within twice as much at nearly every configuration are not checked.
 const NEAR_M: f64 = 0.003;
@@ -84,7 +84,7 @@ pub fn propose(read: PlannedRobot, name: &str, gripper: &str) -> Result<Proposal
         };
         compose(&format!("{name}.json"), &files.1.to_string(), &find).map_err(refused)
     };
-    // First at the middle of the ranges, to find what can never collide, then home and reach.
+    // First at the middle of the ranges, to find the pairs that are always near, which are not checked, then home and reach.
     let first = composed(&written(&home, reach, &never))?;
     let near = genmanip_motion::always_near(&first, 2.0 * NEAR_M)
         .map_err(|error| WorkspaceError::broken("the robot's shapes cannot be compiled", error))?;
@@ -219,7 +219,8 @@ impl Arm<'_> {
         if joint.lower < 0.0 && joint.upper > 0.0 { 0.0 } else { 0.5 * (joint.lower + joint.upper) }
     }
 
-    /// Gains and limits from the inertia that each joint moves with the arm stretched out.
+    /// Gains and limits from the inertia that each joint moves at the description's home: 0, or the middle of a range
+    /// that excludes 0.
     fn dynamics(&self, notes: &mut Vec<String>) -> Vec<Dynamics> {
         let poses = self.described.link_poses(&self.described.home, 0.0);
         let masses: Vec<(usize, MassProperties)> = self.kept.iter().map(|&link| (link, self.mass(link))).collect();
@@ -353,7 +354,8 @@ fn solid(piece: &genmanip_core::Piece) -> Option<(Vec<DVec3>, Vec<[u32; 3]>)> {
     convex_hull(&hull(corners)?.corners)
 }
 
-/// Six numbers of a positive definite inertia.
+/// Inertia as [xx, yy, zz, xy, xz, yz], diagonal at least `LEAST_INERTIA`; the products are dropped if it is not positive
+/// definite with them.
 fn positive(inertia: DMat3) -> [f64; 6] {
     let [x, y, z] = [inertia.x_axis, inertia.y_axis, inertia.z_axis];
     let least = LEAST_INERTIA;
@@ -427,7 +429,7 @@ impl Reached {
     }
 }
 
-/// Ends of the longest run of distances without a gap; `None` if it is shorter than two steps.
+/// Ends of the longest run of distances without a gap; `None` if it is not longer than two steps.
 fn longest_run(distances: &[f64]) -> Option<[f64; 2]> {
     let mut best: Option<[f64; 2]> = None;
     let mut start = 0;

@@ -106,7 +106,7 @@ impl Points {
         locate(self, &pixels.depth, placed, camera);
     }
 
-    /// Index of one of sixteen rotations of a point's sampling pattern.
+    /// Rotation of a point's sampling pattern, in sixteenths of a turn; may exceed 15.
     #[inline(always)]
     pub fn turn(&self, point: usize) -> u8 {
         let pixel = |lane: &BatchColumn| nearest_integer(lane[point]) as usize;
@@ -140,7 +140,9 @@ fn locate(points: &mut Points, depths: &BatchColumn, placed: &PartView, camera: 
     }
 }
 
-/// Rotations of sampling patterns in a block of 4×4 points: neighbours differ much, and all sixteen occur in 4×4 blocks.
+/// Rotations, in sixteenths of a turn, by row and column of blocks of 2×2 pixels, repeated every 4×4 blocks: neighbours
+/// differ much, and all sixteen occur.
 pub(crate) const PATTERN: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
-/// Offsets within a block, modulo 16: nearly all rotations occur in 4×4 pixels, every second one on a checkerboard.
+/// Added to the rotation of a block, by row and column of the pixel within it; modulo 16 nearly all rotations occur in
+/// 4×4 pixels, every second one on a checkerboard.
 const WITHIN: [[u8; 2]; 2] = [[0, 1], [3, 2]];

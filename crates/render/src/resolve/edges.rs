@@ -12,7 +12,8 @@ use crate::shading::ShadingPoint;
 /// Offsets of the neighbouring pixels in the order in which they are searched for a surface.
 const NEIGHBOURS: [[isize; 2]; 8] = [[-1, 0], [1, 0], [0, -1], [0, 1], [-1, -1], [1, -1], [-1, 1], [1, 1]];
 
-/// By sample, neighbours to be preferred: those beside the one nearest to a corner sample, as bits of [`NEIGHBOURS`].
+/// By sample of [`AROUND`], neighbours that are searched first, as bits of [`NEIGHBOURS`]: for a diagonal sample the two
+/// beside it, e.g. left and upper for [-1, -1].
 const PREFERRED: [u32; AROUND.len()] = [0b0101, 0, 0b0110, 0, 0, 0b1001, 0, 0b1010];
 
 /// Colours of a tile and of one pixel around it; beyond the image those of the border.

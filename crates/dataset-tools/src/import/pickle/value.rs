@@ -31,7 +31,7 @@ pub(super) enum Node {
     Opaque,
 }
 
-/// Known Python functions.
+/// Python functions that a pickle may name; any other makes it unreadable, and none is executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Function {
     Reconstruct,
