@@ -19,6 +19,7 @@ use serde::Serialize;
 use crate::LabError;
 use crate::calibration::Calibration;
 use crate::clock::cpu_clock;
+use crate::quantile::quantile;
 
 /// Bins of the reliability diagram.
 const BINS: usize = 10;
@@ -178,8 +179,8 @@ fn report(seed: u64, view: TrialView, pick: CandidateChoice, trials: &[Trial], c
     let mut points: Vec<usize> = trials.iter().map(|trial| trial.points).collect();
     times.sort_by(f64::total_cmp);
     points.sort_unstable();
-    let quantile = |share: f64| times.get(((times.len() - 1) as f64 * share).round() as usize).copied().unwrap_or(0.0);
-    let cpu_ms = CpuTimes { median: quantile(0.5), p95: quantile(0.95), points: points[points.len() / 2] };
+    let cpu_ms =
+        CpuTimes { median: quantile(&times, 0.5), p95: quantile(&times, 0.95), points: points[points.len() / 2] };
     Report { seed, view, pick, classes, cpu_ms, calibration: calibration(trials), failures, cpu_s }
 }
 

@@ -9,6 +9,7 @@ use genmanip_workspace::text_table;
 use serde::Serialize;
 
 use crate::clock::cpu_clock;
+use crate::quantile::quantile;
 
 /// Fewest and most views of a set.
 const VIEWS: [usize; 2] = [15, 20];
@@ -132,8 +133,7 @@ fn setup(mounting: Mounting, name: &'static str, noise: &Noise, count: usize, se
 
 fn spread(mut values: Vec<f64>) -> Spread {
     values.sort_by(f64::total_cmp);
-    let at = |share: f64| values.get((values.len().saturating_sub(1) as f64 * share).round() as usize).copied();
-    Spread { median: at(0.5).unwrap_or_default(), p95: at(0.95).unwrap_or_default() }
+    Spread { median: quantile(&values, 0.5), p95: quantile(&values, 0.95) }
 }
 
 /// Text summary.

@@ -25,6 +25,7 @@ pub mod learn;
 pub mod learned_controls;
 pub mod motion;
 mod program;
+mod quantile;
 pub mod readers;
 pub mod relations;
 pub mod render;

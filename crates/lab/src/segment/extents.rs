@@ -13,6 +13,7 @@ use serde::Serialize;
 use super::scenes::{Scenes, SegmentView, Stratum};
 use super::{FOUND_IOU, MIN_PIXELS, SPARE, SegmentArguments};
 use crate::LabError;
+use crate::quantile::quantile;
 
 /// Cameras whose depth the agent uses; the first one is shown to models.
 const CAMERAS: [&str; 3] = ["overview", "left", "right"];
@@ -128,17 +129,15 @@ fn miss_mm(observed: &ObservedObject, bounds: &Aabb) -> [f64; 2] {
 
 fn errors<'a>(misses: impl Iterator<Item = &'a Miss>) -> Errors {
     let (mut centres, mut sizes): (Vec<f64>, Vec<f64>) = misses.map(|(_, [centre, size], _)| (*centre, *size)).unzip();
-    let sorted = |values: &mut Vec<f64>, share: f64| {
-        values.sort_by(f64::total_cmp);
-        values.get(((values.len() as f64 - 1.0) * share).round() as usize).copied().unwrap_or_default()
-    };
+    centres.sort_by(f64::total_cmp);
+    sizes.sort_by(f64::total_cmp);
     Errors {
         objects: centres.len(),
-        centre_mm_median: sorted(&mut centres, 0.5),
-        centre_mm_p95: sorted(&mut centres, 0.95),
-        centre_mm_max: sorted(&mut centres, 1.0),
-        size_mm_median: sorted(&mut sizes, 0.5),
-        size_mm_p95: sorted(&mut sizes, 0.95),
+        centre_mm_median: quantile(&centres, 0.5),
+        centre_mm_p95: quantile(&centres, 0.95),
+        centre_mm_max: quantile(&centres, 1.0),
+        size_mm_median: quantile(&sizes, 0.5),
+        size_mm_p95: quantile(&sizes, 0.95),
     }
 }
 

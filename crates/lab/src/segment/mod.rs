@@ -19,6 +19,7 @@ use serde::Serialize;
 
 use crate::LabError;
 use crate::clock::cpu_clock;
+use crate::quantile::quantile;
 use genmanip_workspace::text_table;
 pub use scenes::Stratum;
 use scenes::{Scenes, SegmentView, TrueObject};
@@ -139,7 +140,6 @@ pub fn measure(
         worst.write(folder)?;
     }
     cpu_ms.sort_by(f64::total_cmp);
-    let quantile = |share: f64| cpu_ms.get(((cpu_ms.len() as f64 - 1.0) * share).round() as usize).copied();
     let of = |stratum: Stratum| found(ious.iter().filter(|(other, ..)| *other == stratum).map(|(.., iou)| *iou));
     let strata = [Stratum::Free, Stratum::Touching, Stratum::InOrOn, Stratum::Thin];
     let mut missed: BTreeMap<String, [usize; 2]> = BTreeMap::new();
@@ -152,8 +152,8 @@ pub fn measure(
         views: cpu_ms.len(),
         found: found(ious.iter().map(|(.., iou)| *iou)),
         spurious_share: spurious as f64 / (masks_made as f64).max(1.0),
-        cpu_ms_median: quantile(0.5).unwrap_or_default(),
-        cpu_ms_p95: quantile(0.95).unwrap_or_default(),
+        cpu_ms_median: quantile(&cpu_ms, 0.5),
+        cpu_ms_p95: quantile(&cpu_ms, 0.95),
         strata: strata.into_iter().map(|stratum| (stratum, of(stratum))).collect(),
         missed,
     })

@@ -60,15 +60,16 @@ fn middle(view: &View) -> DVec3 {
     view.corners.iter().map(|(point, _)| *point).sum::<DVec3>() / view.corners.len() as f64
 }
 
-/// The pose with the board's normal mirrored at the line of sight to its middle, which nearly looks the same from afar.
+/// The other solution of a planar board's pose: its normal mirrored at the view ray to its centre, with nearly the same
+/// image from afar.
 fn flipped(pose: &Pose, view: &View) -> Pose {
     let center = middle(view);
-    let sight = pose.transform_point(center);
-    let toward = sight.normalize();
+    let center_in_camera = pose.transform_point(center);
+    let view_ray = center_in_camera.normalize();
     let normal = pose.rotation * DVec3::Z;
-    let mirrored = (2.0 * normal.dot(toward) * toward - normal).normalize();
+    let mirrored = (2.0 * normal.dot(view_ray) * view_ray - normal).normalize();
     let rotation = DQuat::from_rotation_arc(normal, mirrored) * pose.rotation;
-    Pose::new(sight - rotation * center, rotation)
+    Pose::new(center_in_camera - rotation * center, rotation)
 }
 
 /// Least squares of the reprojection error from a start, with the error, px.
