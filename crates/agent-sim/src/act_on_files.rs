@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use genmanip_agent::ask::TranscriptRecorder;
 use genmanip_agent::image::RgbImage;
+use genmanip_agent::perception::camera_mistake;
 use genmanip_agent::{ActQuestion, Acted, Agent, plan_pick_and_place};
 use genmanip_core::limits::Limit;
 use genmanip_core::{Intrinsics, Pose, RgbdImage, Seed, limits};
@@ -107,6 +108,10 @@ fn read(files: &ActFiles) -> Result<RgbdImage, WorkspaceError> {
     if !(is_pose && is_projection) {
         return Err(WorkspaceError::input(format!("{} is no camera", files.camera.display()))
             .with_hint("expected a unit quaternion, finite numbers and positive focal lengths"));
+    }
+    if let Some(mistake) = camera_mistake(&image) {
+        return Err(WorkspaceError::input(format!("{}: {mistake}", files.camera.display()))
+            .with_hint("no model was asked; docs/guides/agent.md#a-real-camera-and-arm says what each file holds"));
     }
     Ok(image)
 }

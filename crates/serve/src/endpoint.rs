@@ -4,6 +4,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use genmanip_agent::ask::TranscriptRecorder;
+use genmanip_agent::perception::camera_mistake;
 use genmanip_agent::segmentation::{Mask, RgbdSegmenter, SegmentQuestion, Segmenter};
 use genmanip_agent::services::agent_request::ActRequest;
 use genmanip_agent::services::grasps::{GraspReply, GraspRequest};
@@ -100,6 +101,9 @@ impl Endpoint {
         };
         let request: ActRequest = read(body)?;
         let question = request.read(endpoint.planner.robot().arm_dof()).map_err(RequestError::Malformed)?;
+        if let Some(mistake) = camera_mistake(&question.image) {
+            return Err(RequestError::Unsuited(mistake.to_string()));
+        }
         let endpoint = endpoint.clone();
         Ok(Box::new(move || endpoint.run(&question)))
     }

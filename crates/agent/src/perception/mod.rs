@@ -1,5 +1,6 @@
 //! Perception: segmented RGB-D images of several cameras and the 3D positions of the objects in them.
 
+mod camera_mistake;
 mod height_map;
 mod object;
 mod placement;
@@ -11,6 +12,7 @@ use std::sync::Arc;
 use genmanip_core::RgbdImage;
 use glam::DVec3;
 
+pub use camera_mistake::{CameraMistake, camera_mistake};
 pub use height_map::HeightMap;
 pub use object::ObservedObject;
 pub use placement::{CellSettings, PlacementTarget, on_plane, targets};
