@@ -18,6 +18,7 @@ mod oracle;
 mod oracle_segmenter;
 mod random;
 mod recording;
+mod transcript_page;
 mod truth;
 mod words;
 

@@ -11,6 +11,7 @@ use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
 use super::failure::{EpisodeJudgements, classify};
+use super::transcript_page::transcript_page;
 use super::{GroundTruth, TurnSnapshots};
 
 /// An agent made for one episode: the agent itself, and what is known of it.
@@ -97,10 +98,11 @@ impl Policy for MadeAgent {
     }
 }
 
-/// File name of a transcript.
+/// File names of a transcript and of its page.
 const TRANSCRIPT: &str = "transcript.json";
+const PAGE: &str = "transcript.html";
 
-/// Writes a transcript and its images from index `first` on into a folder; returns the total number of images.
+/// Writes a transcript, its page and its images from index `first` on into a folder; returns the total number of images.
 ///
 /// # Errors
 /// A file that cannot be written, or an image that cannot be encoded.
@@ -111,6 +113,8 @@ pub fn keep(transcribed: &TranscriptRecorder, first: usize, folder: &Path) -> Re
         let png = picture.png().map_err(|error| WorkspaceError::file("write", &path, error))?;
         documents::write_file(&path, &png)?;
     }
-    documents::write_file(&folder.join(TRANSCRIPT), transcribed.transcript().to_json().as_bytes())?;
+    let transcript = transcribed.transcript();
+    documents::write_file(&folder.join(TRANSCRIPT), transcript.to_json().as_bytes())?;
+    documents::write_file(&folder.join(PAGE), transcript_page(&transcript).as_bytes())?;
     Ok(pictures.len())
 }

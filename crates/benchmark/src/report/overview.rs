@@ -55,7 +55,10 @@ fn lead(input: &ReportInput, statistics: &StatisticsSettings) -> String {
     let evaluated =
         (!input.summaries.is_empty()).then(|| format!("{policies} evaluated in {}.", plural(episodes, "episode")));
     match (collected, evaluated) {
-        (None, None) => format!("{}: nothing was collected or evaluated yet.", plural(tasks, "task")),
+        (None, None) if input.episodes.is_empty() => {
+            format!("{}: nothing was collected or evaluated yet.", plural(tasks, "task"))
+        }
+        (None, None) => format!("{}: {}.", plural(tasks, "task"), plural(input.episodes.len(), "episode")),
         (None, Some(evaluated)) => format!("{}: {evaluated}", plural(tasks, "task")),
         (collected, evaluated) => [collected, evaluated].into_iter().flatten().collect::<Vec<_>>().join(" "),
     }

@@ -131,8 +131,12 @@ pub(super) fn evaluations(
 }
 
 /// Makes the path of a transcript absolute, so that pages in any folder can link it; drops that of one that is gone.
+/// The transcript's page is linked where there is one.
 pub(super) fn locate_transcript(failure: &mut AgentFailure) {
-    let found = failure.transcript.take().and_then(|path| Path::new(&path).canonicalize().ok());
+    let found = failure.transcript.take().and_then(|path| {
+        let path = Path::new(&path);
+        path.with_extension("html").canonicalize().or_else(|_| path.canonicalize()).ok()
+    });
     failure.transcript = found.map(|path| path.display().to_string());
 }
 

@@ -181,12 +181,13 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     for result in &failed {
         let failure = result.agent_failure.as_ref().unwrap();
         assert!(failure.class.is_some() && !result.failures.is_empty(), "{failure:?}");
-        assert!(Path::new(failure.transcript.as_ref().unwrap()).is_file(), "{failure:?}");
+        let transcript = Path::new(failure.transcript.as_ref().unwrap());
+        assert!(transcript.is_file() && transcript.with_extension("html").is_file(), "{failure:?}");
     }
     let counted: usize = random[0].summary.agent_failures.iter().map(|entry| entry.count).sum();
     assert_eq!(counted, failed.len());
     let html = report(&folder, None, &ReportSettings::default(), &NoProgress).unwrap();
-    assert!(html.contains("Failures of the agent") && html.contains(">transcript</a>"));
+    assert!(html.contains("Failures of the agent") && html.contains("transcript.html\">transcript</a>"));
 
     let replayed = replay::check(&folder, true, None, 2, &NoProgress, &mut |_| ()).unwrap();
     assert!(replayed.len() == 2 && replayed.iter().all(|episode| episode.identical == Some(true)), "{replayed:?}");
