@@ -1,0 +1,9 @@
+//! The studio: edits of scenarios as a log of operations, and verdicts on what each edit does to the task.
+//!
+//! - [`edit`] changes a scenario by [`edit::Operation`]s, each with an inverse, and keeps them in an append-only log
+//!   beside the scenario's file.
+//! - [`verdict`] judges an edited scenario in stages with the checks of `layout` and `tasks`, and offers repairs as
+//!   operations.
+
+pub mod edit;
+pub mod verdict;
