@@ -108,7 +108,7 @@ pub enum Operation {
     /// Adds a camera, or replaces the one with its name.
     Camera {
         /// The camera.
-        camera: Camera,
+        camera: Box<Camera>,
         /// Place in the list of cameras of a new one; the end if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         index: Option<usize>,
