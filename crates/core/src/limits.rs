@@ -35,6 +35,8 @@ impl Limit {
 pub const TASK: Limit = Limit::mib("a task or recorded answer", 4);
 /// A scenario with its world; typically below 100 KiB.
 pub const SCENARIO: Limit = Limit::mib("a scenario", 8);
+/// The log of a scenario's edits: the scenario, and up to 10 KiB per edit.
+pub const EDITS: Limit = Limit::mib("a log of edits", 192);
 /// A world, TOML or JSON, typically below 20 KiB; TOML tables take about 400 times their size in memory.
 pub const WORLD: Limit = Limit::mib("a world", 2);
 /// A file with cameras: a world or a scenario.

@@ -2,14 +2,11 @@
 
 use std::sync::Arc;
 
-use genmanip_assets::AssetSource;
 use genmanip_core::{
     AssetRef, Camera, Goal, GraphEdge, GraphNode, ObjectCard, PlacedObject, Pose, Request, Scenario, TaskKind,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-use super::error::EditError;
 
 /// A change of a scenario: `{"op": "place", "args": {…}}`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -186,15 +183,4 @@ pub struct Change {
     pub operation: Operation,
     /// Operation that takes it back.
     pub inverse: Operation,
-}
-
-impl Operation {
-    /// The changed scenario and the inverse; a function of its arguments alone.
-    ///
-    /// # Errors
-    /// [`EditError::Invalid`].
-    pub fn apply(&self, scenario: &Scenario, assets: &dyn AssetSource) -> Result<Change, EditError> {
-        let _ = (scenario, assets);
-        Err(EditError::invalid("op", "operations are not built yet", ""))
-    }
 }

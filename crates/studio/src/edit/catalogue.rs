@@ -1,0 +1,91 @@
+//! New instances of assets.
+
+use std::sync::Arc;
+
+use genmanip_assets::AssetSource;
+use genmanip_core::asset::{instance_id, uid_of};
+use genmanip_core::names::near_misses;
+use genmanip_core::{AssetHashes, ObjectCard, ObjectModel, PhysicsFactors, PlacedObject, Pose, Scenario};
+
+use super::error::EditError;
+use super::operation::ChosenAsset;
+
+/// An asset with its card.
+pub(super) struct Found {
+    pub card: Arc<ObjectCard>,
+    pub model: Arc<ObjectModel>,
+    hashes: AssetHashes,
+}
+
+/// Looks an asset up; `place` names the argument in errors.
+pub(super) fn find(asset: &ChosenAsset, assets: &dyn AssetSource, place: &str) -> Result<Found, EditError> {
+    let cards = assets.cards();
+    let listed = match asset {
+        ChosenAsset::Uid(uid) => cards.iter().find(|card| card.uid == *uid),
+        ChosenAsset::Reference(asset) => cards.iter().find(|card| card.asset == *asset),
+    };
+    let reference = match (asset, listed) {
+        (_, Some(card)) => card.asset.clone(),
+        (ChosenAsset::Reference(asset), None) => asset.clone(),
+        (ChosenAsset::Uid(uid), None) => {
+            let known: Vec<&str> = cards.iter().map(|card| card.uid.as_str()).collect();
+            let near = near_misses(uid, &known);
+            let hint = if near.is_empty() {
+                "`genmanip assets list` shows the catalogue".into()
+            } else {
+                format!("did you mean {}?", near.join(" or "))
+            };
+            return Err(EditError::invalid(place, format!("expected the uid of an object, got {uid:?}"), hint));
+        }
+    };
+    let refused = |error: genmanip_assets::AssetError| {
+        EditError::invalid(place, error.to_string(), "open the pack that holds it with --packs")
+    };
+    let model = assets.model(&reference).map_err(refused)?;
+    let hashes = assets.hashes(&reference).map_err(refused)?;
+    let card = listed.map_or_else(|| model.card.clone(), ObjectCard::clone);
+    Ok(Found { card: Arc::new(card), model, hashes })
+}
+
+impl Found {
+    /// An instance at a pose, in the joint positions of a state if it has that, else in the zero position.
+    pub fn placed(&self, id: &str, pose: Pose, state: Option<&str>, physics: PhysicsFactors) -> PlacedObject {
+        let AssetHashes { physics: physics_hash, judging, looks } = self.hashes.clone();
+        PlacedObject {
+            id: id.to_owned(),
+            asset: self.model.asset.clone(),
+            physics_hash,
+            judging_hash: Some(judging),
+            looks_hash: Some(looks),
+            pose,
+            joint_positions: nominal_joints(&self.model, state).unwrap_or_else(|| vec![0.0; self.model.joint_count()]),
+            physics,
+        }
+    }
+}
+
+/// Joint positions that represent a state; `None` if the object has no such state.
+pub(super) fn nominal_joints(model: &ObjectModel, state: Option<&str>) -> Option<Vec<f64>> {
+    let state = state?;
+    model.joint_states.iter().find(|known| known.name == state).map(|known| known.nominal.clone())
+}
+
+/// The id of a new instance: the wanted one if it is free and belongs to the asset, else the first free one.
+pub(super) fn new_id(scenario: &Scenario, uid: &str, wanted: Option<&str>) -> Result<String, EditError> {
+    let is_taken = |id: &str| scenario.index_of(id).is_some() || scenario.world.surface(id).is_some();
+    match wanted {
+        Some(id) if uid_of(id) != uid => {
+            let hint = format!("ids of copies are {uid}, {uid}#2, …; leave the id out");
+            Err(EditError::invalid("args.id", format!("expected an id of asset {uid:?}, got {id:?}"), hint))
+        }
+        Some(id) if is_taken(id) => {
+            let hint = "leave the id out to get the next free one";
+            Err(EditError::invalid("args.id", format!("expected an unused id, got {id:?}"), hint))
+        }
+        Some(id) => Ok(id.to_owned()),
+        None => {
+            let free = (1..).map(|copy| instance_id(uid, copy)).find(|id| !is_taken(id));
+            Ok(free.unwrap_or_default())
+        }
+    }
+}

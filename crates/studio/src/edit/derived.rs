@@ -1,0 +1,48 @@
+//! Parts of a task that follow from others: groups of interchangeable instances, named surfaces.
+
+use genmanip_core::{NamedSurface, Scenario};
+use genmanip_tasks::references;
+
+use super::error::EditError;
+
+/// Parts of a task that follow from the others before an operation, and hence after it.
+pub(super) struct Derived {
+    /// True if the groups of interchangeable instances are those of the independent reader.
+    pub groups_follow: bool,
+    /// True if the named surfaces are those of goal and graph.
+    surfaces_follow: bool,
+}
+
+impl Derived {
+    /// The derived parts of a scenario.
+    pub fn of(scenario: &Scenario) -> Self {
+        Self {
+            groups_follow: references::interchangeable(&scenario.task) == scenario.task.interchangeable,
+            surfaces_follow: surfaces(scenario) == scenario.task.surfaces,
+        }
+    }
+
+    /// Derives the parts anew and checks what depends on them.
+    pub fn complete(&self, scenario: &mut Scenario) -> Result<(), EditError> {
+        if self.groups_follow {
+            scenario.task.interchangeable = references::interchangeable(&scenario.task);
+        }
+        if self.surfaces_follow {
+            scenario.task.surfaces = surfaces(scenario);
+        }
+        scenario.task.check_interchangeable().map_err(|error| {
+            EditError::invalid("task.interchangeable", error.to_string(), "say in the instruction which copy is meant")
+        })
+    }
+}
+
+/// Surfaces of the world that goal or graph refer to, in the order of the world.
+fn surfaces(scenario: &Scenario) -> Vec<NamedSurface> {
+    let task = &scenario.task;
+    let goal = task.goal.alternatives.iter().flatten().flat_map(|atom| atom.ids().skip(1));
+    let edges = task.scene_graph.edges.iter();
+    let edges = edges.flat_map(|edge| [Some(edge.reference.as_str()), edge.second_reference.as_deref()]);
+    let named: Vec<&str> = goal.chain(edges.flatten()).collect();
+    let surfaces = scenario.world.named_surfaces().into_iter();
+    surfaces.filter(|surface| named.contains(&surface.id.as_str())).collect()
+}

@@ -1,0 +1,167 @@
+//! History of a scenario: its commands, which of them are in effect, and what an author may undo and redo.
+
+use std::collections::BTreeMap;
+
+use super::fields::overlap;
+use super::log::{CommandLine, Snapshot};
+use super::operation::Operation;
+
+/// The commands of a scenario in order; revision `n` is made by entry `n - 1`.
+#[derive(Clone, Debug, Default)]
+pub(super) struct History {
+    entries: Vec<Entry>,
+    snapshots: Vec<Snapshot>,
+    /// Revision by client operation id.
+    known: BTreeMap<String, u64>,
+}
+
+#[derive(Clone, Debug)]
+struct Entry {
+    line: CommandLine,
+    /// Operation that takes the command back, from the state in which it was last applied.
+    inverse: Operation,
+    fields: Vec<String>,
+    /// Revision since which the command is in effect: its own or that of its last redo.
+    since: u64,
+    /// Revision and author that took it back.
+    undone: Option<(u64, String)>,
+}
+
+/// A change of a field by a later command.
+pub(super) struct Overlap {
+    pub field: String,
+    pub revision: u64,
+}
+
+impl History {
+    /// Number of commands.
+    pub fn revision(&self) -> u64 {
+        self.entries.len() as u64
+    }
+
+    /// The commands in order.
+    pub fn lines(&self) -> impl Iterator<Item = &CommandLine> {
+        self.entries.iter().map(|entry| &entry.line)
+    }
+
+    /// The snapshots in order.
+    pub fn snapshots(&self) -> &[Snapshot] {
+        &self.snapshots
+    }
+
+    /// Revision that a client operation id made.
+    pub fn known(&self, client_operation_id: &str) -> Option<u64> {
+        self.known.get(client_operation_id).copied()
+    }
+
+    /// Records a command with its inverse and the fields that it changed.
+    pub fn record(&mut self, line: CommandLine, inverse: Operation, fields: Vec<String>) {
+        let revision = line.revision;
+        if let Some(entry) = line.undoes.and_then(|undone| self.entry_mut(undone)) {
+            entry.undone = Some((revision, line.stamp.author.clone()));
+        }
+        if let Some(entry) = line.redoes.and_then(|redone| self.entry_mut(redone)) {
+            (entry.undone, entry.since, entry.inverse) = (None, revision, inverse.clone());
+        }
+        self.known.insert(line.stamp.client_operation_id.clone(), revision);
+        self.entries.push(Entry { line, inverse, fields, since: revision, undone: None });
+    }
+
+    /// Records a snapshot.
+    pub fn record_snapshot(&mut self, snapshot: Snapshot) {
+        self.known.insert(snapshot.stamp.client_operation_id.clone(), snapshot.revision);
+        self.snapshots.push(snapshot);
+    }
+
+    /// The author's last command in effect.
+    pub fn undoable(&self, author: &str) -> Option<u64> {
+        let own = self.entries.iter().filter(|entry| entry.line.stamp.author == author && entry.is_in_effect());
+        own.max_by_key(|entry| entry.since).map(|entry| entry.line.revision)
+    }
+
+    /// The command that the author took back last; none after a new command of the author.
+    pub fn redoable(&self, author: &str) -> Option<u64> {
+        let own = self.entries.iter().filter(|entry| entry.is_plain() && entry.line.stamp.author == author);
+        let last = own.map(|entry| entry.line.revision).max().unwrap_or(0);
+        let undone = self.entries.iter().filter_map(|entry| {
+            let (at, by) = entry.undone.as_ref()?;
+            (by == author && *at > last).then_some((*at, entry.line.revision))
+        });
+        undone.max().map(|(_, revision)| revision)
+    }
+
+    /// The operation that takes a command back; `None` if there is no such command in effect.
+    pub fn inverse(&self, revision: u64) -> Option<&Operation> {
+        self.entry(revision).filter(|entry| entry.is_in_effect()).map(|entry| &entry.inverse)
+    }
+
+    /// The operation of a command.
+    pub fn operation(&self, revision: u64) -> Option<&Operation> {
+        self.entry(revision).map(|entry| &entry.line.operation)
+    }
+
+    /// The command that an undo or redo concerns, else the command itself.
+    pub fn target(&self, revision: u64) -> Option<u64> {
+        let line = &self.entry(revision)?.line;
+        Some(line.undoes.or(line.redoes).unwrap_or(revision))
+    }
+
+    /// True if a command was taken back and not applied again.
+    pub fn is_undone(&self, revision: u64) -> bool {
+        self.entry(revision).is_some_and(|entry| entry.undone.is_some())
+    }
+
+    /// The first of the fields that another author's line changed after the base revision.
+    pub fn changed_since(&self, base_revision: u64, author: &str, fields: &[String]) -> Option<Overlap> {
+        let later = self.entries.iter().filter(|entry| entry.line.revision > base_revision);
+        overlapping(later.filter(|entry| entry.line.stamp.author != author), fields, |entry| entry.line.revision)
+    }
+
+    /// True if another author made a revision after this one.
+    pub fn others_since(&self, base_revision: u64, author: &str) -> bool {
+        let mut later = self.entries.iter().filter(|entry| entry.line.revision > base_revision);
+        later.any(|entry| entry.line.stamp.author != author)
+    }
+
+    /// The first field of a command that another command in effect changed after the command was applied or taken back
+    /// last.
+    pub fn changed_after(&self, revision: u64) -> Option<Overlap> {
+        let entry = self.entry(revision)?;
+        let from = entry.undone.as_ref().map_or(entry.since, |(at, _)| *at);
+        let later = self.entries.iter().filter(|other| other.is_in_effect() && other.since > from);
+        overlapping(later.filter(|other| other.line.revision != revision), &entry.fields, |other| other.since)
+    }
+
+    fn entry(&self, revision: u64) -> Option<&Entry> {
+        self.entries.get(usize::try_from(revision).ok()?.checked_sub(1)?)
+    }
+
+    fn entry_mut(&mut self, revision: u64) -> Option<&mut Entry> {
+        self.entries.get_mut(usize::try_from(revision).ok()?.checked_sub(1)?)
+    }
+}
+
+impl Entry {
+    /// True for a command that is neither an undo nor a redo.
+    fn is_plain(&self) -> bool {
+        self.line.undoes.is_none() && self.line.redoes.is_none()
+    }
+
+    fn is_in_effect(&self) -> bool {
+        self.is_plain() && self.undone.is_none()
+    }
+}
+
+fn overlapping<'a>(
+    entries: impl Iterator<Item = &'a Entry>,
+    fields: &[String],
+    revision: impl Fn(&Entry) -> u64,
+) -> Option<Overlap> {
+    let mut found: Option<Overlap> = None;
+    for entry in entries {
+        if let Some(field) = overlap(fields, &entry.fields) {
+            found = Some(Overlap { field: field.clone(), revision: revision(entry) });
+        }
+    }
+    found
+}
