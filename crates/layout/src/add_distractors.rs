@@ -2,11 +2,11 @@
 
 use genmanip_assets::AssetSource;
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Aabb, ObjectModel, Pose, Scenario, Seed};
+use genmanip_core::{Aabb, ObjectModel, ObjectState, Pose, Scenario, Seed};
 use genmanip_relations::{PosedObject, ShapeCache};
 use rand::RngExt;
 
-use crate::audit::{AuditError, posed, rest_poses, scene_object};
+use crate::audit::{AuditError, posed, rest_states, scene_object};
 use crate::placed_object::placed_object;
 use crate::{LayoutSettings, distractors};
 
@@ -46,10 +46,10 @@ pub fn add_distractors(
         let mut with_it = objects.clone();
         with_it.push(PosedObject { id: model.card.uid.clone(), model, pose, joint_positions });
         let start: Vec<_> = with_it.iter().map(scene_object).collect();
-        let Some(end) = rest_poses(&start, &scenario.world, settings)? else { continue };
-        let moved_m = |(object, pose): (&PosedObject, &Pose)| object.pose.position.distance(pose.position);
+        let Some(end) = rest_states(&start, &scenario.world, settings)? else { continue };
+        let moved_m = |(object, end): (&PosedObject, &ObjectState)| object.pose.position.distance(end.pose.position);
         if objects.iter().zip(&end).map(moved_m).all(|moved_m| moved_m < MAX_DISPLACEMENT_M) {
-            with_it.iter_mut().zip(end).skip(objects.len()).for_each(|(object, pose)| object.pose = pose);
+            with_it.iter_mut().zip(end).skip(objects.len()).for_each(|(object, end)| object.pose = end.pose);
             objects = with_it;
         }
     }

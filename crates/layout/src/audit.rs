@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use genmanip_assets::AssetSource;
-use genmanip_core::{Atom, ObjectState, PhysicsFactors, Pose, RobotModel, Scenario, World};
+use genmanip_core::{Atom, ObjectState, PhysicsFactors, RobotModel, Scenario, World};
 use genmanip_relations::{PosedObject, PosedScene, Rest, ShapeCache, judge_edges, judge_goal, judge_states};
-use genmanip_sim::{Model, SceneObject, SettleSettings, Sim, SimError};
+use genmanip_sim::{BodyId, Model, SceneObject, SettleSettings, Sim, SimError};
 
 use crate::LayoutSettings;
 use crate::attempt::AttemptError;
@@ -48,41 +48,74 @@ pub(crate) fn settle(scene: &mut PosedScene, world: &World, settings: &LayoutSet
     Ok(())
 }
 
-/// Rest poses of objects without a robot; `None` if they do not settle, fall over, or penetrate each other.
-pub(crate) fn rest_poses(
+/// States of objects at rest without a robot; `None` if they do not settle, fall over, or penetrate each other.
+pub(crate) fn rest_states(
     objects: &[SceneObject],
     world: &World,
     settings: &LayoutSettings,
-) -> Result<Option<Vec<Pose>>, SimError> {
+) -> Result<Option<Vec<ObjectState>>, SimError> {
     let mut sim = Sim::new(Arc::new(Model::compile_without_robot(world, objects)?));
     let rest = SettleSettings { max_seconds: settings.settle_s, ..SettleSettings::default() };
     let report = sim.settle(&rest)?;
     let is_upright = report.rotation.iter().all(|&turn| turn <= settings.max_settle_tilt_rad);
     let is_valid = report.settled && is_upright && report.final_penetration <= settings.max_penetration_m;
-    Ok(is_valid.then(|| sim.object_states().into_iter().map(|object| object.pose).collect()))
+    Ok(is_valid.then(|| sim.object_states()))
+}
+
+/// States of a scene's objects at rest without a robot; `None` if they do not settle, fall over, or penetrate each
+/// other.
+///
+/// # Errors
+/// Fails if the simulation fails.
+pub fn at_rest(
+    scene: &PosedScene,
+    world: &World,
+    settings: &LayoutSettings,
+) -> Result<Option<Vec<ObjectState>>, SimError> {
+    rest_states(&scene.objects().map(scene_object).collect::<Vec<_>>(), world, settings)
 }
 
 /// Simulates a settled layout without a robot; returns a rejection if something starts to roll or topple.
-///
-/// Ends early once nothing accelerates and the extrapolated drift is negligible.
 pub(crate) fn check_stability(
     scene: &PosedScene,
     world: &World,
     settings: &LayoutSettings,
 ) -> Result<(), AttemptError> {
+    let drift = first_drift(scene, world, settings).map_err(AttemptError::of_physics)?;
+    match drift.and_then(|drift| scene.objects().nth(drift.object)) {
+        Some(object) => Err(Rejection::Drifts(NamedObject::of(object)).into()),
+        None => Ok(()),
+    }
+}
+
+/// An object that does not stay where it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drift {
+    /// Index in the scene.
+    pub object: usize,
+    /// Displacement of its origin when it exceeded the limit, m.
+    pub drift_m: f64,
+}
+
+/// The first object of a layout that starts to roll or topple when simulated without a robot.
+///
+/// Ends early once nothing accelerates and the extrapolated drift is negligible.
+///
+/// # Errors
+/// Fails if the simulation fails.
+pub fn first_drift(scene: &PosedScene, world: &World, settings: &LayoutSettings) -> Result<Option<Drift>, SimError> {
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
-    let compiled = Model::compile_without_robot(world, &objects).map_err(AttemptError::of_physics)?;
-    let mut sim = Sim::new(Arc::new(compiled));
+    let mut sim = Sim::new(Arc::new(Model::compile_without_robot(world, &objects)?));
     let start = sim.object_states();
     let mut previous_m_s = 0.0;
     let intervals = (settings.stay_s / INTERVAL_S).ceil() as u32;
     for interval in 1..=intervals {
-        sim.advance(steps(INTERVAL_S, world)).map_err(AttemptError::of_physics)?;
+        sim.advance(steps(INTERVAL_S, world))?;
         let current = sim.object_states();
         let drift_m = drift_m(&start, &current);
-        let drifts = scene.objects().zip(&drift_m).find(|&(_, &drift_m)| drift_m > settings.max_drift_m);
-        if let Some((object, _)) = drifts {
-            return Err(Rejection::Drifts(NamedObject::of(object)).into());
+        let drifts = drift_m.iter().enumerate().find(|&(_, &drift_m)| drift_m > settings.max_drift_m);
+        if let Some((object, &drift_m)) = drifts {
+            return Ok(Some(Drift { object, drift_m }));
         }
         // An object that starts to topple may rotate about its origin.
         let speed_m_s =
@@ -90,11 +123,52 @@ pub(crate) fn check_stability(
         let left_s = INTERVAL_S * f64::from(intervals - interval);
         let extrapolated_m = drift_m.into_iter().fold(0.0, f64::max) + speed_m_s * left_s;
         if speed_m_s <= MAX_SPEEDUP * previous_m_s && extrapolated_m <= NEGLIGIBLE_DRIFT_SHARE * settings.max_drift_m {
-            return Ok(());
+            return Ok(None);
         }
         previous_m_s = speed_m_s;
     }
-    Ok(())
+    Ok(None)
+}
+
+/// Two bodies that interpenetrate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Overlap {
+    /// Index of the object in the scene.
+    pub object: usize,
+    /// Id of the other object, of a surface, or `floor`.
+    pub other: String,
+    /// Deepest penetration, m.
+    pub depth_m: f64,
+}
+
+/// Pairs of bodies that interpenetrate by more than the limit of settled layouts, as the simulation sees them.
+///
+/// # Errors
+/// Fails if the simulation fails.
+pub fn overlaps(scene: &PosedScene, world: &World, settings: &LayoutSettings) -> Result<Vec<Overlap>, SimError> {
+    let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
+    let mut sim = Sim::new(Arc::new(Model::compile_without_robot(world, &objects)?));
+    let surface = |index: usize| world.surfaces.get(index).map_or("table", |surface| surface.id.as_str()).to_owned();
+    let mut found: Vec<Overlap> = Vec::new();
+    for contact in sim.contacts().into_iter().filter(|contact| -contact.distance > settings.max_penetration_m) {
+        let depth_m = -contact.distance;
+        let (object, other) = match (contact.a, contact.b) {
+            (BodyId::Object { object, .. }, other) | (other, BodyId::Object { object, .. }) => (object, other),
+            _ => continue,
+        };
+        let other = match other {
+            BodyId::Object { object, .. } => objects[object].name.clone(),
+            BodyId::Table => surface(0),
+            BodyId::Surface { surface: index } => surface(index),
+            BodyId::Floor => "floor".into(),
+            BodyId::Robot { .. } => continue,
+        };
+        match found.iter_mut().find(|known| known.object == object && known.other == other) {
+            Some(known) => known.depth_m = known.depth_m.max(depth_m),
+            None => found.push(Overlap { object, other, depth_m }),
+        }
+    }
+    Ok(found)
 }
 
 /// Initial penetration and displacement of each object's origin after some time without sleeping (m).

@@ -11,7 +11,7 @@ const MAX_EXTENT_M: f64 = 0.2;
 /// Samples up to `count` different assets.
 pub(crate) fn sample(task: &Task, cards: &[ObjectCard], count: usize, seed: Seed) -> Vec<AssetRef> {
     let rng = &mut seed.fork("distractors").rng();
-    let mut left: Vec<&ObjectCard> = cards.iter().filter(|card| is_harmless(card, task)).collect();
+    let mut left: Vec<&ObjectCard> = cards.iter().filter(|card| fits(card) && is_harmless(card, task)).collect();
     let mut sampled: Vec<AssetRef> = Vec::new();
     while sampled.len() < count && !left.is_empty() {
         sampled.push(left.remove(rng.random_range(0..left.len())).asset.clone());
@@ -22,7 +22,7 @@ pub(crate) fn sample(task: &Task, cards: &[ObjectCard], count: usize, seed: Seed
 /// True if the task cannot refer to this object, as far as cards and graph can tell: it shares no name and no category
 /// with an object of the task, and no word of the instruction describes it; if the instruction states a need instead of
 /// naming objects, it is not in the same general category as the goal's objects.
-fn is_harmless(card: &ObjectCard, task: &Task) -> bool {
+pub fn is_harmless(card: &ObjectCard, task: &Task) -> bool {
     let known = || task.objects.iter().map(Arc::as_ref);
     let is_alike = |other: &ObjectCard| {
         other.uid == card.uid
@@ -35,8 +35,12 @@ fn is_harmless(card: &ObjectCard, task: &Task) -> bool {
         && nodes.any(|(node, other)| in_goal(&node.id) && other.general_category == card.general_category);
     let instruction_words: Vec<String> = words(&task.instruction).collect();
     let described = descriptions(card).any(|word| instruction_words.contains(&word));
-    let fits = card.size_m.truncate().max_element() <= MAX_EXTENT_M && !card.is_articulated;
-    fits && !known().any(is_alike) && !serves_the_need && !described
+    !known().any(is_alike) && !serves_the_need && !described
+}
+
+/// True for an object that is small and has no joints.
+fn fits(card: &ObjectCard) -> bool {
+    card.size_m.truncate().max_element() <= MAX_EXTENT_M && !card.is_articulated
 }
 
 fn mentions(atom: &Atom, id: &str) -> bool {

@@ -33,12 +33,15 @@ mod settings;
 mod visibility;
 
 pub use add_distractors::add_distractors;
-pub use audit::{AuditError, LayoutAudit, audit, posed};
+pub use audit::{AuditError, Drift, LayoutAudit, Overlap, at_rest, audit, first_drift, overlaps, posed};
+pub use distractors::is_harmless;
 pub use error::{LayoutError, Unfinished};
 pub use goal_pose::{GoalOrder, GoalPose, GoalSearch};
 pub use moves::{Move, moves, references};
+pub use reach::ReachCheck;
 pub use rejection::{NamedObject, Rejection, Rejections};
 pub use settings::{GoalPoseSettings, LayoutSettings};
+pub use visibility::{Hidden, hidden};
 
 use attempt::AttemptError;
 use context::{Context, GoalRegion};
@@ -52,7 +55,6 @@ use genmanip_relations::{
 };
 use placed_object::placed_object;
 use placement::Partial;
-use reach::ReachCheck;
 
 /// Number of failed layouts after which objects are aligned with the table's edges and distractors use the smaller gap
 /// of other objects, which takes less space. Chosen: random orientations look more natural.

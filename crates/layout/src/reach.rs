@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Goal, Grasp, Pose, Seed, VerifiedGrasp, World};
 use genmanip_motion::{CollisionWorld, GeometryError, PickQuery, PickedObject, Planner};
-use genmanip_relations::{PosedObject, PosedScene};
+use genmanip_relations::PosedScene;
 
 use crate::articulation::{JointSettings, Sweeper, joint_changes};
 use crate::goal_pose::{GoalOrder, GoalSearch};
@@ -17,8 +17,8 @@ use crate::settings::LayoutSettings;
 /// Joint positions of objects in requested states; `None` if the arm cannot reach the state.
 type ReachableStates = BTreeMap<(usize, String), Option<Vec<f64>>>;
 
-/// Inputs of the feasibility check.
-pub(crate) struct ReachCheck<'a> {
+/// The feasibility check of a goal and its inputs.
+pub struct ReachCheck<'a> {
     /// The settled layout.
     pub scene: &'a PosedScene,
     /// Workspace and relation settings.
@@ -52,11 +52,11 @@ impl ReachCheck<'_> {
     }
 
     /// First object to be carried that cannot be grasped.
-    fn ungraspable(&self, steps: &[Move]) -> Option<Rejection> {
+    pub fn ungraspable(&self, steps: &[Move]) -> Option<Rejection> {
         let occupied = obstacles::around(self.scene, None);
         steps.iter().filter(|step| step.state().is_none()).find_map(|step| {
             let object = self.scene.objects().nth(step.object)?;
-            match self.is_graspable(step.object, object, &occupied) {
+            match self.is_graspable(step.object, &occupied) {
                 Ok(true) => None,
                 Ok(false) => Some(Rejection::NoGrasp(NamedObject::of(object))),
                 Err(error) => {
@@ -67,7 +67,11 @@ impl ReachCheck<'_> {
         })
     }
 
-    /// First object whose state is unreachable or that has no goal pose.
+    /// First object of a sequence of moves whose state is unreachable or that has no goal pose.
+    pub fn infeasible(&self, steps: &[Move]) -> Option<Rejection> {
+        self.infeasible_move(steps, &mut ReachableStates::new())
+    }
+
     fn infeasible_move(&self, steps: &[Move], known: &mut ReachableStates) -> Option<Rejection> {
         let Self { scene, world, planner, settings, seed, .. } = *self;
         let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
@@ -100,14 +104,14 @@ impl ReachCheck<'_> {
         })
     }
 
-    /// True if any grasp of an object is feasible from the home configuration: known grasps first, then sampled ones.
-    fn is_graspable(
-        &self,
-        index: usize,
-        object: &PosedObject,
-        occupied: &CollisionWorld,
-    ) -> Result<bool, GeometryError> {
+    /// True if any grasp of an object among obstacles is feasible from the home configuration: known grasps first, then
+    /// sampled ones. `occupied` holds the object itself, too.
+    ///
+    /// # Errors
+    /// Fails if a collision piece of the object is not finite or has no volume.
+    pub fn is_graspable(&self, index: usize, occupied: &CollisionWorld) -> Result<bool, GeometryError> {
         let Self { scene, planner, known_grasps, seed, .. } = *self;
+        let Some(object) = scene.objects().nth(index) else { return Ok(false) };
         let pieces = object.model.pieces(&object.joint_positions);
         let query = PickQuery {
             planner,

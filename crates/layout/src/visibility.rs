@@ -84,9 +84,37 @@ pub(crate) fn first_hidden(
     robot: &Arc<RobotModel>,
     settings: &LayoutSettings,
 ) -> Result<Option<Rejection>, RenderError> {
+    let first = hidden(scene, world, task_objects, 1, robot, settings)?.into_iter().next();
+    Ok(first.and_then(|hidden| Some(Rejection::Unseen(NamedObject::of(scene.objects().nth(hidden.object)?)))))
+}
+
+/// An object that no prompt camera sees sufficiently.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hidden {
+    /// Index in the scene.
+    pub object: usize,
+    /// Its visible pixels in the camera that shows the largest share of it.
+    pub pixels: usize,
+    /// Visible share of its pixels in that camera.
+    pub share: f64,
+}
+
+/// Up to `most` of the first `task_objects` objects that are too small or too occluded in every prompt camera.
+///
+/// # Errors
+/// Fails if an image cannot be rendered.
+pub fn hidden(
+    scene: &PosedScene,
+    world: &World,
+    task_objects: usize,
+    most: usize,
+    robot: &Arc<RobotModel>,
+    settings: &LayoutSettings,
+) -> Result<Vec<Hidden>, RenderError> {
     let mut check = VisibilityCheck::new(scene, world, robot)?;
     let cameras = world.prompt_cameras();
     let with_others = check.pixels(scene, None)?;
+    let mut found = Vec::new();
     for (index, object) in scene.objects().take(task_objects).enumerate() {
         // The bounding rectangle is never smaller than the object, which settles nearly all cases without rendering it
         // alone.
@@ -100,10 +128,16 @@ pub(crate) fn first_hidden(
         }
         let alone = check.pixels(scene, Some(&[index]))?;
         if !is_visible(index, &with_others, &alone, settings) {
-            return Ok(Some(Rejection::Unseen(NamedObject::of(object))));
+            let share = |&(visible, whole): &(usize, usize)| visible as f64 / whole.max(1) as f64;
+            let seen = with_others.iter().zip(&alone).map(|(others, alone)| (others[index], alone[index]));
+            let best = seen.max_by(|one, other| share(one).total_cmp(&share(other))).unwrap_or_default();
+            found.push(Hidden { object: index, pixels: best.0, share: share(&best) });
+            if found.len() >= most {
+                break;
+            }
         }
     }
-    Ok(None)
+    Ok(found)
 }
 
 /// True if some camera sees enough of an object, given its pixel counts with the others and alone.

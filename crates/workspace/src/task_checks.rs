@@ -112,7 +112,11 @@ fn check_lines(list: &Path, found: &mut dyn FnMut(FileCheck)) -> Result<(), Work
 fn of_text(file: &Path, text: &str) -> Result<FileCheck, WorkspaceError> {
     let document = json::parse(text).ok().filter(|value| value.get("schema").is_some());
     let Some(value) = document else { return Ok(FileCheck::of(file, task_files::check_recorded(file, text)?)) };
-    let task = task_files::task_of_document(file, value)?;
+    Ok(check_task(file, task_files::task_of_document(file, value)?))
+}
+
+/// Checks a task by the rules for documents and for answers; `file` names it in the result.
+pub fn check_task(file: &Path, task: Task) -> FileCheck {
     let faults = task_faults::faults(&task);
     if faults.is_empty() {
         // Checked as an answer too, so that a document passes the same rules as the answers of language models.
@@ -121,7 +125,7 @@ fn of_text(file: &Path, text: &str) -> Result<FileCheck, WorkspaceError> {
         for detail in &mut checked.details {
             detail.path = detail.path.replacen("$.goal_conditions", "$.goal", 1);
         }
-        return Ok(checked);
+        return checked;
     }
     let detail = |fault: task_faults::Fault| FlawDetail {
         flaw: fault.flaw.into(),
@@ -129,7 +133,7 @@ fn of_text(file: &Path, text: &str) -> Result<FileCheck, WorkspaceError> {
         message: fault.message,
         hint: fault.hint,
     };
-    Ok(FileCheck::rejected(file, faults.into_iter().map(detail).collect()))
+    FileCheck::rejected(file, faults.into_iter().map(detail).collect())
 }
 
 /// Request that a task document would answer.

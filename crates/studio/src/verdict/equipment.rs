@@ -1,12 +1,15 @@
 //! Equipment of verdicts: assets, planner, grasps and settings.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
-use genmanip_assets::{AssetSource, Catalogue, GraspLibrary};
-use genmanip_core::World;
-use genmanip_layout::LayoutSettings;
+use genmanip_assets::{AssetError, AssetSource, Catalogue, GraspLibrary};
+use genmanip_core::{Scenario, World};
+use genmanip_layout::{LayoutSettings, posed};
 use genmanip_motion::{Planner, PlannerSettings};
+use genmanip_relations::{PosedScene, ShapeCache};
 use genmanip_workspace::{WorkspaceError, worlds};
+
+use super::problem::Stage;
 
 /// Assets, planner, known grasps and settings of verdicts; shared by all scenarios of one robot.
 #[derive(Clone)]
@@ -19,6 +22,7 @@ pub struct Equipment {
     pub grasps: &'static GraspLibrary,
     /// Settings of layouts.
     pub settings: LayoutSettings,
+    shapes: Arc<Mutex<ShapeCache>>,
 }
 
 impl Equipment {
@@ -32,16 +36,29 @@ impl Equipment {
             planner: worlds::planner(world, &PlannerSettings::default())?,
             grasps: GraspLibrary::builtin(),
             settings: LayoutSettings::default(),
+            shapes: Arc::default(),
         })
+    }
+
+    /// The scene of a scenario; shapes of objects are kept from one call to the next.
+    pub(super) fn pose(&self, scenario: &Scenario) -> Result<PosedScene, AssetError> {
+        posed(scenario, self.assets, &mut self.shapes.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
 /// Reason why a stage gives no verdict: a shortage or a defect, never a problem of the scenario.
 #[derive(Debug, thiserror::Error)]
-#[error("stage {stage} of the verdict cannot run: {message}")]
+#[error("stage `{}` of the verdict cannot run: {message}", stage.name())]
 pub struct VerdictError {
-    /// Name of the stage.
-    pub stage: &'static str,
+    /// The stage.
+    pub stage: Stage,
     /// The cause.
     pub message: String,
+}
+
+impl VerdictError {
+    /// A stage's error.
+    pub(super) fn new(stage: Stage, error: impl std::fmt::Display) -> Self {
+        Self { stage, message: error.to_string() }
+    }
 }

@@ -1,22 +1,42 @@
 //! Inspection of one scenario: the stages of its verdict.
 
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
-use genmanip_core::Scenario;
+use genmanip_assets::AssetError;
+use genmanip_core::{Atom, AtomVerdict, Measurement, Scenario, Seed, Unit, VerifiedGrasp};
+use genmanip_layout::{Move, ReachCheck, Rejection, first_drift, hidden, moves, obstacles, overlaps};
+use genmanip_relations::{PosedScene, Rest, judge_edges, judge_goal, judge_states, planar_gap};
+use genmanip_sim::SimError;
 
 use super::equipment::{Equipment, VerdictError};
-use super::problem::{Problem, Repair, Stage, Verdict};
+use super::problem::{Problem, ProblemCode, Stage, Verdict};
+use super::support::{Below, support};
+use super::wording;
+
+/// Number of neighbours that are tried as the cause of a blocked grasp, nearest first.
+const MAX_NEIGHBOURS: usize = 4;
+/// Largest gap in the plane of a neighbour that a gripper could hit, m; chosen: the width of a hand.
+const NEIGHBOUR_M: f64 = 0.15;
+/// Number of random streams in which a grasp or a goal pose is searched before there is none.
+const TRIES: u64 = 3;
 
 /// A scenario under inspection; stages may be asked in any order, and share what they compute.
 pub struct Inspection<'a> {
-    scenario: Arc<Scenario>,
-    equipment: &'a Equipment,
+    /// The scenario.
+    pub(super) scenario: Arc<Scenario>,
+    pub(super) equipment: &'a Equipment,
+    /// The scene, or the reason why it cannot be built.
+    posed: Result<PosedScene, AssetError>,
+    found: BTreeMap<Stage, Vec<Problem>>,
 }
 
 impl<'a> Inspection<'a> {
     /// Begins the inspection of a scenario.
     pub fn new(scenario: Arc<Scenario>, equipment: &'a Equipment) -> Self {
-        Self { scenario, equipment }
+        let posed = equipment.pose(&scenario);
+        Self { scenario, equipment, posed, found: BTreeMap::new() }
     }
 
     /// The problems that a stage finds.
@@ -24,8 +44,23 @@ impl<'a> Inspection<'a> {
     /// # Errors
     /// [`VerdictError`].
     pub fn problems(&mut self, stage: Stage) -> Result<Vec<Problem>, VerdictError> {
-        let _ = (stage, &self.scenario, self.equipment);
-        Ok(Vec::new())
+        if let Some(known) = self.found.get(&stage) {
+            return Ok(known.clone());
+        }
+        let found = match (&self.posed, stage) {
+            (_, Stage::Wording) => wording::problems(&self.scenario),
+            (Err(error), Stage::Relations) => vec![self.missing(error)],
+            // Without its objects nothing more can be said about the scene.
+            (Err(_), _) => Vec::new(),
+            (Ok(scene), Stage::Relations) => self.relations(scene),
+            (Ok(scene), Stage::Collision) => self.collision(scene)?,
+            (Ok(scene), Stage::Reach) => self.reach(scene)?,
+            (Ok(scene), Stage::Visibility) => self.visibility(scene)?,
+            (Ok(scene), Stage::Stability) => self.stability(scene)?,
+            (Ok(scene), Stage::Goal) => self.goal(scene)?,
+        };
+        self.found.insert(stage, found.clone());
+        Ok(found)
     }
 
     /// The verdict of all stages.
@@ -40,12 +75,300 @@ impl<'a> Inspection<'a> {
         Ok(Verdict { revision, problems })
     }
 
-    /// Repairs of a problem, best first; each removes it and adds no blocking one.
-    ///
-    /// # Errors
-    /// [`VerdictError`].
-    pub fn repairs(&mut self, problem: &Problem) -> Result<Vec<Repair>, VerdictError> {
-        let _ = problem;
-        Ok(Vec::new())
+    /// The scene, if all its objects exist.
+    pub(super) fn scene(&self) -> Option<&PosedScene> {
+        self.posed.as_ref().ok()
+    }
+
+    /// Name of an object or surface in a sentence: `the cola can`.
+    pub(super) fn name(&self, id: &str) -> String {
+        let in_graph = self.scenario.task.scene_graph.index_of(id).is_some();
+        let of_model = || {
+            let scene = self.scene()?;
+            scene.objects().find(|object| object.id == id).map(|object| object.model.card.name.clone())
+        };
+        let of_surface = || self.scenario.world.surface(id).map(|surface| surface.name.clone());
+        let name = if in_graph { None } else { of_model().or_else(of_surface) };
+        format!("the {}", name.unwrap_or_else(|| self.scenario.task.name_of(id)).to_lowercase())
+    }
+
+    fn id(&self, index: usize) -> String {
+        self.scenario.objects.get(index).map(|object| object.id.clone()).unwrap_or_default()
+    }
+
+    fn missing(&self, error: &AssetError) -> Problem {
+        let assets = self.equipment.assets;
+        let culprit = self.scenario.objects.iter().find(|object| assets.instance(object).is_err());
+        let id = culprit.map(|object| object.id.clone());
+        Problem::new(Stage::Relations, ProblemCode::MissingObject, id, error.to_string())
+    }
+
+    fn relations(&self, scene: &PosedScene) -> Vec<Problem> {
+        let (task, settings) = (&self.scenario.task, &self.scenario.world.relations);
+        let mut found = Vec::new();
+        for verdict in judge_edges(scene, &task.scene_graph, settings).iter().filter(|verdict| !verdict.holds) {
+            found.push(self.of_verdict(ProblemCode::EdgeFalse, verdict));
+        }
+        for verdict in judge_states(scene, &task.scene_graph, settings).iter().filter(|verdict| !verdict.holds) {
+            found.push(self.of_verdict(ProblemCode::StateFalse, verdict));
+        }
+        let goal = judge_goal(scene, &task.judged_goal(), &Rest::default(), settings);
+        if goal.success {
+            let held = goal.best().unwrap_or_default();
+            let words: Vec<String> = held.iter().map(|verdict| self.in_words(&verdict.atom)).collect();
+            let object = held.first().map(|verdict| verdict.atom.subject().to_owned());
+            let message = format!("the goal holds already: {}", words.join(", and "));
+            let problem = Problem::new(Stage::Relations, ProblemCode::GoalHolds, object, message);
+            found.push(match held.first().and_then(|verdict| verdict.atom.ids().nth(1)) {
+                Some(other) => problem.with(other),
+                None => problem,
+            });
+        }
+        found
+    }
+
+    fn of_verdict(&self, code: ProblemCode, verdict: &AtomVerdict) -> Problem {
+        let message = format!("{} is false: {}", self.in_words(&verdict.atom), verdict.explanation);
+        let object = Some(verdict.atom.subject().to_owned());
+        let problem = Problem::new(Stage::Relations, code, object, message);
+        let problem = match verdict.measurements.iter().find(|measured| !measured.met) {
+            Some(Measurement { value, threshold, unit: Unit::Metre, .. }) => {
+                problem.measured(value * 1e3, threshold * 1e3, "mm")
+            }
+            Some(Measurement { value, threshold, unit, .. }) => problem.measured(*value, *threshold, unit.symbol()),
+            None => problem,
+        };
+        match verdict.atom.ids().nth(1) {
+            Some(other) => problem.with(other),
+            None => problem,
+        }
+    }
+
+    /// A condition as a clause: `the cola can left of the mug`.
+    fn in_words(&self, atom: &Atom) -> String {
+        match atom {
+            Atom::Relation { subject, relation, reference, second_reference } => {
+                let second = second_reference.as_ref().map(|second| format!(" and {}", self.name(second)));
+                let (subject, reference) = (self.name(subject), self.name(reference));
+                format!("{subject} {} {reference}{}", relation.facts().located[0], second.unwrap_or_default())
+            }
+            Atom::State { object, state } => format!("{} {}", self.name(object), state.replace('_', " ")),
+        }
+    }
+
+    fn collision(&self, scene: &PosedScene) -> Result<Vec<Problem>, VerdictError> {
+        let Equipment { settings, .. } = self.equipment;
+        let world = &self.scenario.world;
+        let mut found = Vec::new();
+        let simulated = overlaps(scene, world, settings);
+        for overlap in unless_unstable(Stage::Collision, simulated)?.unwrap_or_default() {
+            let (depth_mm, limit_mm) = (overlap.depth_m * 1e3, settings.max_penetration_m * 1e3);
+            let id = self.id(overlap.object);
+            let (name, other) = (self.name(&id), self.name(&overlap.other));
+            let message = format!("{name} overlaps {other} by {depth_mm:.1} mm (at most {limit_mm:.1} mm)");
+            let problem = Problem::new(Stage::Collision, ProblemCode::Overlap, Some(id), message);
+            found.push(problem.measured(depth_mm, limit_mm, "mm").with(overlap.other));
+        }
+        for index in 0..scene.objects().len() {
+            let (below, id) = (support(scene, world, index), self.id(index));
+            let name = self.name(&id);
+            let limit_m = settings.drop_m;
+            if below.below == Below::Nothing || !below.is_inside {
+                let message = format!("{name} is not over the top of a table or another object");
+                found.push(Problem::new(Stage::Collision, ProblemCode::Outside, Some(id), message));
+            } else if below.gap_m > limit_m {
+                let (gap_mm, limit_mm) = (below.gap_m * 1e3, limit_m * 1e3);
+                let other = match below.below {
+                    Below::Object(other) => self.id(other),
+                    Below::Surface(surface) => world.surfaces[surface].id.clone(),
+                    Below::Nothing => continue,
+                };
+                let message =
+                    format!("{name} floats {gap_mm:.1} mm above {} (at most {limit_mm:.1} mm)", self.name(&other));
+                let problem = Problem::new(Stage::Collision, ProblemCode::Floating, Some(id), message);
+                found.push(problem.measured(gap_mm, limit_mm, "mm").with(other));
+            }
+        }
+        Ok(found)
+    }
+
+    /// Grasps that were tried beforehand, per node.
+    fn known_grasps(&self, scene: &PosedScene, stage: Stage) -> Result<Vec<&'a [VerifiedGrasp]>, VerdictError> {
+        let Equipment { planner, grasps, .. } = self.equipment;
+        let nodes = self.scenario.task.scene_graph.nodes.len();
+        let known = scene.objects().take(nodes).map(|object| grasps.of(planner.robot(), &object.model));
+        known.collect::<Result<_, _>>().map_err(|error| VerdictError::new(stage, error))
+    }
+
+    /// The checks of a random stream.
+    fn check<'s>(&'s self, scene: &'s PosedScene, known: &'s [&'s [VerifiedGrasp]], seed: Seed) -> ReachCheck<'s> {
+        let Equipment { planner, settings, .. } = self.equipment;
+        ReachCheck { scene, world: &self.scenario.world, planner, settings, known_grasps: known, seed }
+    }
+
+    fn seeds(&self) -> impl Iterator<Item = Seed> + use<> {
+        let seed = self.scenario.seed.fork("studio");
+        (0..TRIES).map(move |number| seed.fork_index(number))
+    }
+
+    fn reach(&self, scene: &PosedScene) -> Result<Vec<Problem>, VerdictError> {
+        let grasps = self.known_grasps(scene, Stage::Reach)?;
+        let mut fewest: Option<Vec<Problem>> = None;
+        let mut judged: BTreeMap<usize, Option<Problem>> = BTreeMap::new();
+        for alternative in moves(&self.scenario.task.judged_goal(), scene) {
+            let mut found = Vec::new();
+            for step in alternative.iter().filter(|step| step.state().is_none()) {
+                let problem = match judged.entry(step.object) {
+                    Entry::Occupied(known) => known.get().clone(),
+                    Entry::Vacant(new) => new.insert(self.ungraspable(scene, &grasps, step.object)?).clone(),
+                };
+                found.extend(problem);
+            }
+            if found.is_empty() {
+                return Ok(Vec::new());
+            }
+            if fewest.as_ref().is_none_or(|fewest| found.len() < fewest.len()) {
+                fewest = Some(found);
+            }
+        }
+        Ok(fewest.unwrap_or_default())
+    }
+
+    /// The problem of an object that cannot be grasped.
+    fn ungraspable(
+        &self,
+        scene: &PosedScene,
+        known: &[&[VerifiedGrasp]],
+        object: usize,
+    ) -> Result<Option<Problem>, VerdictError> {
+        let id = self.id(object);
+        let (name, count) = (self.name(&id), scene.objects().len());
+        let graspable = |away: &[usize]| -> Result<bool, String> {
+            let mut occupied = obstacles::around(scene, None);
+            away.iter().for_each(|&other| {
+                occupied.remove(&self.id(other));
+            });
+            for seed in self.seeds() {
+                let check = self.check(scene, known, seed);
+                if check.is_graspable(object, &occupied).map_err(|error| error.to_string())? {
+                    return Ok(true);
+                }
+            }
+            Ok(false)
+        };
+        let unreachable =
+            |message: String| Ok(Some(Problem::new(Stage::Reach, ProblemCode::Unreachable, Some(id.clone()), message)));
+        match graspable(&[]) {
+            Ok(true) => return Ok(None),
+            Ok(false) => {}
+            Err(reason) => return unreachable(format!("{name} has no grasps: {reason}")),
+        }
+        let others: Vec<usize> = (0..count).filter(|&other| other != object).collect();
+        if others.is_empty() || !graspable(&others).unwrap_or(false) {
+            return unreachable(format!("no grasp of {name} is in reach of the arm"));
+        }
+        let gap = |other: usize| planar_gap(scene, object, other).unwrap_or(f64::INFINITY);
+        let mut near: Vec<(f64, usize)> = others.into_iter().map(|other| (gap(other), other)).collect();
+        near.sort_by(|one, other| one.0.total_cmp(&other.0));
+        let candidates = near.iter().filter(|(gap, _)| *gap <= NEIGHBOUR_M).take(MAX_NEIGHBOURS);
+        let single = candidates.clone().find(|(_, other)| graspable(&[*other]).unwrap_or(false));
+        let (gap_m, other) = single.copied().unwrap_or(near[0]);
+        let (other, gap_mm, limit_mm) = (self.id(other), gap_m * 1e3, self.equipment.settings.min_gap_m * 1e3);
+        let more = if single.is_some() { "" } else { " and others" };
+        let message = format!("every grasp of {name} would hit {}{more}, {gap_mm:.0} mm beside it", self.name(&other));
+        let problem = Problem::new(Stage::Reach, ProblemCode::GraspBlocked, Some(id.clone()), message);
+        Ok(Some(problem.measured(gap_mm, limit_mm, "mm").with(other)))
+    }
+
+    fn visibility(&self, scene: &PosedScene) -> Result<Vec<Problem>, VerdictError> {
+        let Equipment { planner, settings, .. } = self.equipment;
+        let nodes = self.scenario.task.scene_graph.nodes.len();
+        let found = hidden(scene, &self.scenario.world, nodes, nodes, planner.robot(), settings);
+        let found = found.map_err(|error| VerdictError::new(Stage::Visibility, error))?;
+        let problem = |seen: &genmanip_layout::Hidden| {
+            let id = self.id(seen.object);
+            let (share, limit) = (seen.share * 100.0, settings.min_visible_share * 100.0);
+            let message = format!(
+                "no prompt camera sees enough of {}: at most {share:.0} % of it, {} pixels (at least {limit:.0} %, {} pixels)",
+                self.name(&id),
+                seen.pixels,
+                settings.min_pixels
+            );
+            let problem = Problem::new(Stage::Visibility, ProblemCode::Hidden, Some(id), message);
+            problem.measured(share, limit, "%")
+        };
+        Ok(found.iter().map(problem).collect())
+    }
+
+    fn stability(&self, scene: &PosedScene) -> Result<Vec<Problem>, VerdictError> {
+        let settings = &self.equipment.settings;
+        let drift = unless_unstable(Stage::Stability, first_drift(scene, &self.scenario.world, settings))?;
+        Ok(match drift {
+            None => {
+                let message = "the simulation of the scene becomes unstable";
+                vec![Problem::new(Stage::Stability, ProblemCode::Unstable, None, message)]
+            }
+            Some(None) => Vec::new(),
+            Some(Some(drift)) => {
+                let id = self.id(drift.object);
+                let (drift_mm, limit_mm) = (drift.drift_m * 1e3, settings.max_drift_m * 1e3);
+                let message =
+                    format!("{} moves by {drift_mm:.1} mm when left alone (at most {limit_mm:.1} mm)", self.name(&id));
+                let problem = Problem::new(Stage::Stability, ProblemCode::Unstable, Some(id), message);
+                vec![problem.measured(drift_mm, limit_mm, "mm")]
+            }
+        })
+    }
+
+    fn goal(&self, scene: &PosedScene) -> Result<Vec<Problem>, VerdictError> {
+        let known = self.known_grasps(scene, Stage::Goal)?;
+        let mut reason = None;
+        for alternative in moves(&self.scenario.task.judged_goal(), scene) {
+            let infeasible = |seed: Seed| self.check(scene, &known, seed).infeasible(&alternative);
+            let mut rejections = self.seeds().map(infeasible);
+            // One feasible stream suffices; the first reason is told.
+            let first = rejections.next().flatten();
+            if first.is_none() || rejections.any(|rejection| rejection.is_none()) {
+                return Ok(Vec::new());
+            }
+            reason = reason.or(first.map(|first| (first, alternative)));
+        }
+        Ok(reason.map(|(rejection, alternative)| self.of_goal(scene, &rejection, &alternative)).into_iter().collect())
+    }
+
+    fn of_goal(&self, scene: &PosedScene, rejection: &Rejection, alternative: &[Move]) -> Problem {
+        let id = match rejection {
+            Rejection::NoSpaceAtGoal(object) | Rejection::UnreachableState { object, .. } => Some(object.id.clone()),
+            _ => alternative.first().and_then(|step| Some(scene.objects().nth(step.object)?.id.clone())),
+        };
+        let atoms = alternative.iter().flat_map(|step| &step.atoms);
+        let wanted = atoms.filter(|atom| Some(atom.subject()) == id.as_deref()).map(|atom| self.in_words(atom));
+        let wanted = wanted.collect::<Vec<_>>().join(", and ");
+        match rejection {
+            Rejection::UnreachableState { .. } => {
+                let message = format!("the arm cannot bring about: {wanted}");
+                Problem::new(Stage::Goal, ProblemCode::Unreachable, id, message)
+            }
+            rejection => {
+                let message = format!("no free pose was found for the goal: {wanted} ({rejection})");
+                let anchor = alternative.iter().flat_map(|step| &step.atoms);
+                let anchor =
+                    anchor.filter(|atom| Some(atom.subject()) == id.as_deref()).find_map(|atom| atom.ids().nth(1));
+                let problem = Problem::new(Stage::Goal, ProblemCode::NoGoalPose, id.clone(), message);
+                match anchor {
+                    Some(anchor) => problem.with(anchor),
+                    None => problem,
+                }
+            }
+        }
+    }
+}
+
+/// `None` if the simulation became unstable, which is the scene's fault; other errors are defects or shortages.
+fn unless_unstable<T>(stage: Stage, simulated: Result<T, SimError>) -> Result<Option<T>, VerdictError> {
+    match simulated {
+        Ok(value) => Ok(Some(value)),
+        Err(SimError::Unstable { .. } | SimError::ContactsDropped { .. }) => Ok(None),
+        Err(error) => Err(VerdictError::new(stage, error)),
     }
 }

@@ -2,8 +2,14 @@
 
 mod equipment;
 mod inspection;
+mod places;
 mod problem;
+mod repair;
+mod reword;
+mod support;
+mod wording;
 
 pub use equipment::{Equipment, VerdictError};
 pub use inspection::Inspection;
 pub use problem::{Problem, ProblemCode, Repair, Stage, Verdict};
+pub use repair::{RepairedScenario, repair_all};

@@ -114,3 +114,45 @@ pub struct Verdict {
     /// The problems, in the order of the stages.
     pub problems: Vec<Problem>,
 }
+
+impl Problem {
+    /// A blocking problem of an object.
+    pub(super) fn new(stage: Stage, code: ProblemCode, object: Option<String>, message: impl Into<String>) -> Self {
+        Self {
+            stage,
+            code,
+            object,
+            other: None,
+            message: message.into(),
+            value: None,
+            limit: None,
+            unit: None,
+            blocking: true,
+            repairs: Vec::new(),
+        }
+    }
+
+    /// The problem with the number that decides it.
+    #[must_use]
+    pub(super) fn measured(self, value: f64, limit: f64, unit: &str) -> Self {
+        Self { value: Some(value), limit: Some(limit), unit: Some(unit.to_owned()), ..self }
+    }
+
+    /// The problem with a second object.
+    #[must_use]
+    pub(super) fn with(self, other: impl Into<String>) -> Self {
+        Self { other: Some(other.into()), ..self }
+    }
+
+    /// True if the other problem is the same, whatever its numbers and words.
+    pub fn is_same(&self, other: &Self) -> bool {
+        (self.code, &self.object, &self.other) == (other.code, &other.object, &other.other)
+    }
+}
+
+impl Verdict {
+    /// The problems with which the scenario cannot be used.
+    pub fn blocking(&self) -> impl Iterator<Item = &Problem> {
+        self.problems.iter().filter(|problem| problem.blocking)
+    }
+}

@@ -1,7 +1,9 @@
 //! Final check of a design: it is validated like an answer of a language model, and its sentence is read back.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use genmanip_core::asset::instance_ids;
 use genmanip_core::{Atom, ObjectCard, Task, TaskKind};
 use serde_json::{Value, json};
 
@@ -61,8 +63,14 @@ pub(super) fn pass(scene: &Sketch, draft: &Draft, kind: TaskKind, id: &str, sour
     Ok(task)
 }
 
-/// The task in the exchange format, as a language model would return it.
+/// The task in the exchange format, as a language model would return it: copies of an object are numbered in order.
 pub fn as_answer(task: &Task) -> Value {
+    let numbered = instance_ids(task.objects.iter().map(|card| card.uid.as_str()));
+    let nodes = &task.scene_graph.nodes;
+    if nodes.len() == numbered.len() && nodes.iter().any(|node| !numbered.contains(&node.id)) {
+        let ids = nodes.iter().map(|node| node.id.as_str()).zip(numbered.iter().map(String::as_str)).collect();
+        return as_answer(&renumbered(task, &ids));
+    }
     let name = |uid: &str| task.card(uid).map_or("none", |card| card.name.as_str()).to_owned();
     let relation = |subject: &str, relation: &str, reference: &str, second: Option<&String>| {
         let mut entry = json!({
@@ -104,4 +112,22 @@ pub fn as_answer(task: &Task) -> Value {
         "goal_conditions": goal,
         "scene_graph": {"description": graph.description, "edges": edges, "nodes": nodes},
     })
+}
+
+/// The task with other ids of its objects.
+fn renumbered(task: &Task, ids: &BTreeMap<&str, &str>) -> Task {
+    let mut renumbered = task.clone();
+    let new = |id: &mut String| {
+        if let Some(&other) = ids.get(id.as_str()) {
+            other.clone_into(id);
+        }
+    };
+    let goal = &mut renumbered.goal.alternatives;
+    goal.iter_mut().flatten().for_each(|atom| *atom = atom.renamed(ids));
+    let graph = &mut renumbered.scene_graph;
+    graph.nodes.iter_mut().for_each(|node| new(&mut node.id));
+    for edge in &mut graph.edges {
+        [&mut edge.subject, &mut edge.reference].into_iter().chain(&mut edge.second_reference).for_each(new);
+    }
+    renumbered
 }

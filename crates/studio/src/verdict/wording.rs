@@ -1,0 +1,93 @@
+//! Stage `wording`: the rules for task documents, and the independent reader on the instruction.
+
+use std::path::Path;
+
+use genmanip_core::{Scenario, Task};
+use genmanip_layout::is_harmless;
+use genmanip_tasks::references::{self, Mismatch};
+use genmanip_workspace::task_checks::{FlawDetail, check_task};
+
+use super::problem::{Problem, ProblemCode, Stage};
+
+/// Problems of the task's text, graph and goal, whatever the poses.
+pub(super) fn problems(scenario: &Scenario) -> Vec<Problem> {
+    let task = &scenario.task;
+    let mut found = Vec::new();
+    let mismatch = references::check(task).err();
+    let mismatch = mismatch.filter(|mismatch| !references::is_beyond_the_reader(task, mismatch));
+    found.extend(mismatch.as_ref().map(|mismatch| of_sentence(task, mismatch)));
+    let checked = check_task(Path::new("task"), task.clone());
+    let is_said = |detail: &&FlawDetail| mismatch.is_none() || detail.flaw != SENTENCE;
+    if checked.is_rejected() {
+        found.extend(checked.details.iter().filter(is_said).map(|detail| of_rule(task, detail)));
+    }
+    let nodes = &task.scene_graph.nodes;
+    let distractors = scenario.objects.iter().filter(|object| !nodes.iter().any(|node| node.id == object.id));
+    for object in distractors {
+        let uid = genmanip_core::asset::uid_of(&object.id);
+        let card = genmanip_assets::Catalogue::all().card(uid);
+        if let Some(card) = card.filter(|card| !is_harmless(card, task)) {
+            let message = format!(
+                "the instruction may also mean the {}, which the scene graph does not know",
+                card.name.to_lowercase()
+            );
+            let problem =
+                Problem::new(Stage::Wording, ProblemCode::AmbiguousSentence, Some(object.id.clone()), message);
+            found.push(Problem { blocking: false, ..problem });
+        }
+    }
+    found
+}
+
+/// Flaw of a sentence that states another goal, in the report of `task check`.
+const SENTENCE: &str = "sentence_mismatch";
+
+fn of_sentence(task: &Task, mismatch: &Mismatch) -> Problem {
+    let intended = references::intended(task);
+    match mismatch {
+        Mismatch::Ambiguous { phrase, ids } => {
+            let meant = ids.iter().find(|id| intended.contains(id)).or(ids.first());
+            let other = ids.iter().find(|id| Some(*id) != meant);
+            let names: Vec<String> = ids.iter().map(|id| format!("the {}", task.name_of(id).to_lowercase())).collect();
+            let message = format!("`{phrase}` may mean {}", names.join(" or "));
+            let problem = Problem::new(Stage::Wording, ProblemCode::AmbiguousSentence, meant.cloned(), message);
+            match other {
+                Some(other) => problem.measured(ids.len() as f64, 1.0, "objects").with(other.clone()),
+                None => problem,
+            }
+        }
+        Mismatch::Unreadable { .. } | Mismatch::Nothing { .. } | Mismatch::OtherGoal { .. } => {
+            let object = intended.first().cloned();
+            Problem::new(Stage::Wording, ProblemCode::SentenceMismatch, object, format!("the instruction: {mismatch}"))
+        }
+    }
+}
+
+fn of_rule(task: &Task, detail: &FlawDetail) -> Problem {
+    let code = match detail.flaw.as_str() {
+        "missing_node" | "missing_card" | "unknown_uid" | "unknown_object" => ProblemCode::MissingObject,
+        "goal_already_satisfied" | "circular_goal" => ProblemCode::GoalHolds,
+        SENTENCE => ProblemCode::SentenceMismatch,
+        _ => ProblemCode::Rule,
+    };
+    let hint = if detail.hint.is_empty() { String::new() } else { format!(" ({})", detail.hint) };
+    let message = format!("{}: {}{hint}", detail.flaw.replace('_', " "), detail.message);
+    Problem::new(Stage::Wording, code, object_at(task, &detail.path), message)
+}
+
+/// The object of a node, edge or condition by its JSON path.
+fn object_at(task: &Task, path: &str) -> Option<String> {
+    let index = |list: &str| {
+        let rest = path.strip_prefix(list)?.strip_prefix('[')?;
+        rest.split(']').next()?.parse::<usize>().ok()
+    };
+    let graph = &task.scene_graph;
+    let node = index("$.scene_graph.nodes").and_then(|index| graph.nodes.get(index)).map(|node| node.id.clone());
+    let edge =
+        || index("$.scene_graph.edges").and_then(|index| graph.edges.get(index)).map(|edge| edge.subject.clone());
+    let goal = || {
+        let alternative = task.goal.alternatives.get(index("$.goal").unwrap_or(0))?;
+        path.starts_with("$.goal").then(|| alternative.first().map(|atom| atom.subject().to_owned()))?
+    };
+    node.or_else(edge).or_else(goal)
+}
