@@ -36,16 +36,18 @@ mod transparency;
 /// Colour conversions.
 pub mod color {
     pub use crate::lights::sky::luminance;
-    pub use crate::scene::texture::{linear_from_srgb8, srgb8_from_linear};
+    pub use crate::scene::texture::{linear_from_srgb, linear_from_srgb8, srgb8_from_linear};
 }
 
-/// Meshes, materials and lights for the path tracer of `genmanip-render-reference`; not a stable interface.
+/// Meshes, materials and lights for the path tracer of `genmanip-render-reference` and for the files of
+/// `genmanip-studio`; not a stable interface.
 #[doc(hidden)]
 pub mod internals {
     pub use crate::gbuffer::view::{CameraView, rotation};
     pub use crate::lights::lighting::Lighting;
     pub use crate::lights::sky::Sky;
     pub use crate::scene::assets::Part;
+    pub use crate::scene::fixtures::{Fixture, visuals as fixtures};
     pub use crate::scene::material::Material;
     pub use crate::scene::mesh::{Face, Mesh};
     pub use crate::scene::texture::MipTexture;

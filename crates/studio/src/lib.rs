@@ -4,6 +4,8 @@
 //!   beside the scenario's file.
 //! - [`verdict`] judges an edited scenario in stages with the checks of `layout` and `tasks`, and offers repairs as
 //!   operations.
+//! - [`scene`] writes meshes as binary glTF and describes what stands where.
 
 pub mod edit;
+pub mod scene;
 pub mod verdict;

@@ -12,9 +12,9 @@ use super::parse_values::parse_rate;
 
 /// Arguments of `export`.
 #[derive(Debug, Args)]
-#[command(group = clap::ArgGroup::new("format").required(true).args(["to", "mjcf"]))]
+#[command(group = clap::ArgGroup::new("format").required(true).args(["to", "mjcf", "glb"]))]
 pub struct ExportArguments {
-    /// Folder of a run made by `collect`; with --mjcf a scenario file
+    /// Folder of a run made by `collect`; with --mjcf or --glb a scenario file
     #[arg(value_name = "RUN|SCENARIO")]
     pub source: PathBuf,
     /// Format of the dataset
@@ -23,6 +23,10 @@ pub struct ExportArguments {
     /// The scenario as MuJoCo XML
     #[arg(long, conflicts_with = "dataset")]
     pub mjcf: bool,
+    /// The scenario as binary glTF for Blender and other modelling programs: surfaces, robot, objects and cameras at
+    /// the start, with materials and textures; needs --out
+    #[arg(long, conflicts_with = "dataset", requires = "out")]
+    pub glb: bool,
     /// Output path [default: RUN/exports/…; with --mjcf stdout]
     #[arg(long)]
     pub out: Option<PathBuf>,

@@ -1,8 +1,12 @@
 //! `genmanip export`.
 
+use std::path::Path;
+
+use genmanip_assets::Catalogue;
 use genmanip_data::ExportSettings;
 use genmanip_data::export::choice::{ACTIONS, COLUMNS, ROTATIONS, action};
 use genmanip_pipeline::export::{ExportOptions, Format, export};
+use genmanip_studio::scene::exported;
 use genmanip_workspace::documents;
 use genmanip_workspace::scenarios;
 use genmanip_workspace::workers;
@@ -15,6 +19,9 @@ use genmanip_terminal::{ExitStatus, Failed};
 pub fn run(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     if arguments.mjcf {
         return mjcf(arguments, printer);
+    }
+    if arguments.glb {
+        return glb(arguments, printer);
     }
     let dataset = &arguments.dataset;
     let options = ExportOptions {
@@ -76,5 +83,15 @@ fn mjcf(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus, Fa
         }
         None => printer.data(&stage.scene.mjcf(), stage.scene.mjcf()),
     }
+    Ok(ExitStatus::Done)
+}
+
+fn glb(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let scenario = scenarios::read_scenario(&arguments.source)?;
+    let bytes = exported::scenario_file(&scenario, Catalogue::all())?;
+    // The parser demands a path.
+    let path = arguments.out.as_deref().unwrap_or(Path::new("scenario.glb"));
+    documents::write_file(path, &bytes)?;
+    printer.say(format!("wrote {}, {} kB", path.display(), bytes.len().div_ceil(1000)));
     Ok(ExitStatus::Done)
 }

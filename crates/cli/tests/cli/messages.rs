@@ -11,11 +11,13 @@ use crate::{copy_of_finished_run, either_program, example, genmanip, quick_examp
 /// A call, the exit code it ends with, and what its message must contain.
 type Case = (&'static str, i32, &'static [&'static str]);
 
-const CASES: [Case; 64] = [
+const CASES: [Case; 66] = [
     // Seeds are kept in JSON, exact to 53 bits.
     ("layout task.json --out out --seed 9007199254740992", 2, &["from 0 to 9007199254740991"]),
     ("lab design --seed 18446744073709551615", 2, &["from 0 to 9007199254740991"]),
     ("export --mjcf large_seed.json", 1, &["large_seed.json", "at $.seed: expected a seed of at most"]),
+    ("export --glb large_seed.json --out scene.glb", 1, &["large_seed.json", "at $.seed: expected a seed of at most"]),
+    ("export --glb scenario.json", 2, &["--out"]),
     // A negative number is a value, no option.
     ("layout task.json --out out --seed -1", 2, &["'-1' for '--seed", "from 0 to 9007199254740991"]),
     ("collect task.json --out out --episodes -1", 2, &["'-1' for '--episodes", "from 1 to 1000000"]),

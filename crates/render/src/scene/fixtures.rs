@@ -12,7 +12,8 @@ const LEG_HALF_M: f32 = 0.03;
 const LEG_INSET_M: f32 = 0.08;
 
 /// A fixed visual part.
-pub(crate) struct Fixture {
+#[derive(Debug)]
+pub struct Fixture {
     /// Visual part; its `link_from_part` is its pose in the world.
     pub visual: VisualPart,
     /// True for the slab of a support surface.
@@ -22,7 +23,7 @@ pub(crate) struct Fixture {
 }
 
 /// Visual parts of all support surfaces, in the world frame.
-pub(crate) fn visuals(world: &World) -> Vec<Fixture> {
+pub fn visuals(world: &World) -> Vec<Fixture> {
     let mut fixed = Vec::new();
     for (index, surface) in world.surfaces.iter().enumerate() {
         let is_first = index == 0;

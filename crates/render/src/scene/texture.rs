@@ -265,7 +265,7 @@ pub(crate) fn find_codes(colors: &[BatchColumn; 3], codes: &mut [Column<u32>; 3]
 }
 
 /// Linear colour of sRGB in 0-1.
-pub(crate) fn linear_from_srgb(rgb: [f32; 3]) -> Vec3A {
+pub fn linear_from_srgb(rgb: [f32; 3]) -> Vec3A {
     Vec3A::from_array(rgb.map(|value| {
         let value = value.clamp(0.0, 1.0);
         if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }

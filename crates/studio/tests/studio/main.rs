@@ -1,7 +1,10 @@
-//! Tests of the studio: operations, the log, verdicts and repairs.
+//! Tests of the studio: operations, the log, verdicts and repairs; meshes; the server as pages and programs use it.
+
+#![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
 mod crash;
 mod document;
+mod glb;
 mod operations;
 mod two_authors;
 

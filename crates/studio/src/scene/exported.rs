@@ -1,0 +1,37 @@
+//! Scenario as a file for modelling programs.
+
+use std::sync::Arc;
+
+use genmanip_assets::AssetSource;
+use genmanip_core::{ObjectModel, Scenario};
+use genmanip_workspace::{WorkspaceError, worlds};
+
+use super::glb::scenario_glb;
+
+/// Binary glTF of a scenario at its start; see [`scenario_glb`].
+///
+/// # Errors
+/// When robot or objects are not those that the scenario was made with, or a texture is broken.
+pub fn scenario_file(scenario: &Scenario, assets: &dyn AssetSource) -> Result<Vec<u8>, WorkspaceError> {
+    let robot = worlds::robot(&scenario.world)?;
+    let models = models(scenario, assets)?;
+    scenario_glb(scenario, &models, &robot)
+        .map_err(|error| WorkspaceError::broken(format!("cannot write the meshes of {}", scenario.id), error))
+}
+
+/// Models of a scenario's objects, in their order.
+///
+/// # Errors
+/// When an object is unknown or has changed.
+pub fn models(scenario: &Scenario, assets: &dyn AssetSource) -> Result<Vec<Arc<ObjectModel>>, WorkspaceError> {
+    let model = |placed| {
+        assets.instance(placed).map_err(|error| {
+            WorkspaceError::input(format!("object {} of scenario {} cannot be used", placed.id, scenario.id))
+                .because(error)
+                .with_hint(
+                    "a scenario belongs to the objects it was made with; imported ones are in packs: see --packs",
+                )
+        })
+    };
+    scenario.objects.iter().map(model).collect()
+}

@@ -1,0 +1,6 @@
+//! Scenes as the page and modelling programs draw them: meshes as GLB, and what stands where.
+
+pub mod exported;
+pub mod glb;
+pub mod meshes;
+pub mod scene_message;
