@@ -2,10 +2,12 @@
 //!
 //! - [`edit`] changes a scenario by [`edit::Operation`]s, each with an inverse, and keeps them in an append-only log
 //!   beside the scenario's file.
+//! - [`review`] says what the reviews of a scenario amount to, and who reviews what next.
 //! - [`verdict`] judges an edited scenario in stages with the checks of `layout` and `tasks`, and offers repairs as
 //!   operations.
 //! - [`scene`] writes meshes as binary glTF and describes what stands where.
 
 pub mod edit;
+pub mod review;
 pub mod scene;
 pub mod verdict;

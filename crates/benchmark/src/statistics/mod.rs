@@ -1,10 +1,11 @@
 //! Statistics of results: rates and means with intervals, summaries, paired comparisons, agreement of
-//! simulation and reality.
+//! simulation and reality, agreement of reviewers.
 
 mod agreement;
 mod interval;
 mod paired;
 mod power;
+mod reviewers;
 mod sequential;
 mod summary;
 #[cfg(test)]
@@ -16,6 +17,7 @@ pub use interval::{Mean, Rate, mean_with_interval, wilson_interval};
 pub(crate) use interval::{expanded_tail, percentiles};
 pub use paired::{PairedComparison, compare, mcnemar_exact, paired_difference, permutation_test};
 pub use power::{detectable_difference, power};
+pub use reviewers::{ReviewerAgreement, reviewer_agreement};
 pub use sequential::{Sequential, sequential};
 pub use summary::{
     AgentFailureCount, FailureCount, KindSummary, StatisticsError, SuiteSummary, agent_failure_counts, failure_counts,

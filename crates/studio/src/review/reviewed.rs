@@ -1,0 +1,144 @@
+//! One review.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use genmanip_core::named_enum;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A review of a scenario, one line of the log of reviews.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Review {
+    /// Id of the scenario.
+    pub scenario: String,
+    /// SHA-256 of what was reviewed: scenario, assets and engine.
+    pub content_sha256: String,
+    /// Who reviewed.
+    pub reviewer: Reviewer,
+    /// Decision.
+    pub decision: Decision,
+    /// Judgement by criterion; a criterion that was not judged is absent.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub criteria: BTreeMap<Criterion, bool>,
+    /// Remark for whoever mends the scenario; may be empty.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub note: String,
+    /// True if it decides between two reviews that differ.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub adjudicates: bool,
+    /// Time spent on it (s), if measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub duration_s: Option<f64>,
+    /// Time, RFC 3339; given by the caller.
+    pub at: String,
+}
+
+/// A reviewer.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Reviewer {
+    /// Name, unique among the reviewers; of a model, its name.
+    pub name: String,
+    /// A person, a model or a script.
+    pub kind: ReviewerKind,
+    /// Version of a model or a script.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub version: Option<String>,
+}
+
+named_enum! {
+    /// Kind of a reviewer.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum ReviewerKind {
+        /// A person.
+        Human = "human",
+        /// A language or vision-language model.
+        Model = "model",
+        /// A program with fixed rules.
+        Script = "script",
+    }
+}
+
+/// Decision of a review.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", tag = "verdict")]
+pub enum Decision {
+    /// The scenario is good.
+    Approve,
+    /// The scenario is not good.
+    Reject {
+        /// Reasons, one at least.
+        reasons: BTreeSet<Reason>,
+    },
+    /// Somebody has to mend it first; the note says what.
+    SendBack,
+    /// The reviewer's earlier review no longer counts.
+    TakeBack,
+}
+
+named_enum! {
+    /// Criterion of a review.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Criterion {
+        /// The instruction is clear in this scene.
+        InstructionClear = "instruction_clear",
+        /// The goal means what the instruction says.
+        GoalMatches = "goal_matches",
+        /// The task is plausible in daily life.
+        Plausible = "plausible",
+        /// The task can be done.
+        Feasible = "feasible",
+        /// The scene looks right.
+        LooksRight = "looks_right",
+    }
+}
+
+named_enum! {
+    /// Reason of a rejection.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Reason {
+        /// Nobody would ask for it in daily life.
+        Implausible = "implausible",
+        /// The instruction could mean something else.
+        Ambiguous = "ambiguous",
+        /// The goal is not what the instruction says.
+        GoalWrong = "goal_wrong",
+        /// An object cannot be grasped or placed.
+        Unreachable = "unreachable",
+        /// An object or the scene looks wrong.
+        LooksWrong = "looks_wrong",
+        /// Another scenario is nearly the same.
+        Duplicate = "duplicate",
+        /// Doing it would be dangerous.
+        Unsafe = "unsafe",
+        /// Something else; the note says what.
+        Other = "other",
+    }
+}
+
+impl Review {
+    /// The fault of a review that cannot be stored, if any.
+    pub fn fault(&self) -> Option<String> {
+        match &self.decision {
+            Decision::Reject { reasons } if reasons.is_empty() => {
+                Some(format!("a rejection needs a reason: {}", Reason::ALL.map(Reason::name).join(", ")))
+            }
+            Decision::Reject { reasons } if reasons.contains(&Reason::Other) && self.note.trim().is_empty() => {
+                Some("the reason `other` needs a note".into())
+            }
+            Decision::SendBack if self.note.trim().is_empty() => {
+                Some("a scenario is sent back with a note that says what to mend".into())
+            }
+            Decision::Approve if self.criteria.values().any(|holds| !holds) => {
+                let failed = self.criteria.iter().find(|(_, holds)| !**holds);
+                let name = failed.map_or("", |(criterion, _)| criterion.name());
+                Some(format!("an approved scenario meets all criteria, and `{name}` is false"))
+            }
+            Decision::Approve | Decision::Reject { .. } | Decision::SendBack | Decision::TakeBack => None,
+        }
+    }
+}
