@@ -1,0 +1,56 @@
+// Start of the page: restores what was not sent, connects, draws.
+
+import { render } from "preact";
+import { App } from "./panels/App.tsx";
+import { restored } from "./logic/outbox.ts";
+import { connect, loadScenarios, open } from "./state/connection.ts";
+import { session } from "./state/requests.ts";
+import { author, keepEntries, notify, openKey, scenarios, storedEntries, version } from "./state/store.ts";
+import { listenToKeys } from "./state/shortcuts.ts";
+import "./style.css";
+
+const NAME = "genmanip.studio.author";
+
+function storedName(): string | null {
+  try {
+    return localStorage.getItem(NAME);
+  } catch {
+    return null;
+  }
+}
+
+async function start(): Promise<void> {
+  keepEntries(restored(storedEntries()));
+  render(<App />, document.getElementById("app")!);
+  listenToKeys();
+  try {
+    const known = await session();
+    version.value = known.version;
+    author.value = storedName() ?? known.author;
+  } catch (error) {
+    author.value = storedName() ?? "editor";
+    notify("The server does not answer yet.", { hint: (error as Error).message, isError: true });
+  }
+  author.subscribe((name) => {
+    try {
+      if (name) localStorage.setItem(NAME, name);
+    } catch {
+      // The name lasts as long as the page.
+    }
+  });
+  connect();
+  await loadScenarios();
+  openFirst();
+  window.addEventListener("hashchange", openFirst);
+  openKey.subscribe((key) => key && history.replaceState(null, "", `#${encodeURIComponent(key)}`));
+}
+
+/** The scenario that the address names, else the first. */
+function openFirst(): void {
+  const named = decodeURIComponent(location.hash.slice(1));
+  const rows = scenarios.value ?? [];
+  const key = rows.find((row) => row.key === named)?.key ?? openKey.value ?? rows[0]?.key;
+  if (key) open(key);
+}
+
+void start();

@@ -1,0 +1,110 @@
+// HTTP requests to the server of the page.
+
+import type { CatalogueEntry, HistoryLine, Operation, Problem, Refusal, Repair, ScenarioRow } from "../contract.ts";
+import type { Answer, Entry } from "../logic/outbox.ts";
+
+/** Longest wait for an answer before a request counts as lost. */
+const PATIENCE_MS = 15_000;
+
+/** Token of `--allow-others`: from the address, else what this tab was given before. */
+const token = readToken();
+
+function readToken(): string | null {
+  const given = new URLSearchParams(location.search).get("token");
+  try {
+    if (given) sessionStorage.setItem("genmanip.studio.token", given);
+    return given ?? sessionStorage.getItem("genmanip.studio.token");
+  } catch {
+    return given;
+  }
+}
+
+/** Address with the token, for what the browser fetches by itself. */
+export function address(path: string): string {
+  return token ? `${path}${path.includes("?") ? "&" : "?"}token=${encodeURIComponent(token)}` : path;
+}
+
+/** Request that is answered within bounds; rejects when the server cannot be reached. */
+export async function request(path: string, init: RequestInit = {}): Promise<Response> {
+  const signals = [AbortSignal.timeout(PATIENCE_MS), ...(init.signal ? [init.signal] : [])];
+  const headers = new Headers(init.headers);
+  if (token) headers.set("authorization", `Bearer ${token}`);
+  return fetch(address(path), { ...init, headers, signal: AbortSignal.any(signals) });
+}
+
+async function json<T>(path: string, body?: unknown): Promise<T> {
+  const init = body === undefined ? {} : { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) };
+  const response = await request(path, init);
+  if (!response.ok) throw new Error((await refusalOf(response)).message);
+  return (await response.json()) as T;
+}
+
+async function refusalOf(response: Response): Promise<Refusal> {
+  const fallback = { message: `the server answered ${response.status}` };
+  try {
+    const body = (await response.json()) as { error?: Refusal | string };
+    if (typeof body.error === "string") return { message: body.error };
+    return body.error ?? fallback;
+  } catch {
+    return fallback;
+  }
+}
+
+const scenarioPath = (key: string) => `/api/scenarios/${encodeURIComponent(key)}`;
+
+export const session = () => json<{ version: string; author: string; needs_token: boolean }>("/api/session");
+export const scenarioRows = () => json<ScenarioRow[]>("/api/scenarios");
+export const history = (key: string) => json<HistoryLine[]>(`${scenarioPath(key)}/history`);
+export const settle = (key: string, objects: string[]) => json<Operation>(`${scenarioPath(key)}/settle`, { objects });
+export const snapshot = (key: string, name: string, author: string, at: string) =>
+  json<unknown>(`${scenarioPath(key)}/snapshots`, { name, author, at });
+export const repairs = async (key: string, revision: number, problem: Problem) => {
+  const { stage, code, object } = problem;
+  return (await json<{ repairs: Repair[] }>(`${scenarioPath(key)}/repairs`, { revision, stage, code, object })).repairs;
+};
+export const catalogue = async (query: string, isGraspable: boolean, signal: AbortSignal) => {
+  const graspable = isGraspable ? "&graspable=true" : "";
+  const response = await request(`/api/catalogue?query=${encodeURIComponent(query)}&limit=40${graspable}`, { signal });
+  if (!response.ok) throw new Error((await refusalOf(response)).message);
+  return (await response.json()) as CatalogueEntry[];
+};
+
+/** The data set's image of a camera, with the visible share of each object. */
+export async function cameraImage(
+  key: string,
+  camera: string,
+  revision: number,
+  signal: AbortSignal,
+): Promise<{ image: Blob; shares: Record<string, number> }> {
+  const response = await request(`${scenarioPath(key)}/images/${encodeURIComponent(camera)}?revision=${revision}`, { signal });
+  if (!response.ok) throw new Error((await refusalOf(response)).message);
+  const shares = JSON.parse(response.headers.get("x-visible-shares") ?? "{}") as Record<string, number>;
+  return { image: await response.blob(), shares };
+}
+
+/** Sends one entry; `state` comes with an applied one, `error` with a refused one. */
+export async function send(entry: Entry): Promise<{ answer: Answer; state?: unknown; error?: Refusal }> {
+  const common = { client_operation_id: entry.id, author: entry.author, at: entry.at };
+  const body = entry.what === "command" ? { ...entry.operation, ...common, base_revision: entry.base } : common;
+  const path = `${scenarioPath(entry.key)}/${entry.what === "command" ? "commands" : entry.what}`;
+  let response: Response;
+  let content: Record<string, unknown>;
+  try {
+    response = await request(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) });
+    content = (await response.json().catch(() => ({}))) as Record<string, unknown>;
+  } catch {
+    return { answer: { is: "lost" } };
+  }
+  if (response.ok) {
+    const state = (content["state"] ?? content) as { revision?: number; key?: string };
+    if (typeof state.revision !== "number") return { answer: { is: "lost" } };
+    return { answer: { is: "applied", revision: state.revision, key: state.key ?? entry.key }, state };
+  }
+  if (response.status === 409 && content["conflict"]) {
+    return { answer: { is: "conflict", conflict: content["conflict"] as Entry["conflict"] & object } };
+  }
+  // A proxy or a server that is going down has not judged the command; a missing token is asked for again.
+  if (response.status >= 500 || response.status === 401 || response.status === 429) return { answer: { is: "lost" } };
+  const error = (content["error"] ?? { message: `the server answered ${response.status}` }) as Refusal;
+  return { answer: { is: "refused" }, error };
+}

@@ -1,0 +1,169 @@
+// What the page knows: one signal per thing that changes by itself.
+
+import { batch, computed, effect, signal } from "@preact/signals";
+import type { Camera, Problem, Scene, SceneObject, ScenarioRow, ScenarioState } from "../contract.ts";
+import type { Entry } from "../logic/outbox.ts";
+import { predict } from "../logic/operations.ts";
+import { empty, problemsOf, type Verdict } from "../logic/verdict.ts";
+
+export const author = signal("");
+export const version = signal("");
+export const scenarios = signal<ScenarioRow[] | null>(null);
+/** Key of the open scenario. */
+export const openKey = signal<string | null>(null);
+/** The open scenario without its changing part. */
+export const scene = signal<Scene | null>(null);
+/** Newest state that the server confirmed. */
+export const confirmed = signal<ScenarioState | null>(null);
+/** Commands that the server has not answered. */
+export const entries = signal<Entry[]>([]);
+export const verdict = signal<Verdict>(empty(0));
+export const isOnline = signal(false);
+/** True from the first connection on: before it nothing is said to be offline. */
+export const wasOnline = signal(false);
+/** Seconds until the next try to connect. */
+export const retryIn = signal<number | null>(null);
+export const presence = signal<string[]>([]);
+/** The server's reason for refusing all edits. */
+export const stopped = signal<string | null>(null);
+export const selectedId = signal<string | null>(null);
+export const hoveredId = signal<string | null>(null);
+export const selectedCamera = signal<string | null>(null);
+/** Camera that the 3-D view looks through. */
+export const lookThrough = signal<string | null>(null);
+export const selectedProblem = signal<string | null>(null);
+export const gizmoMode = signal<"move" | "turn">("move");
+export const snapping = signal(true);
+export const dialog = signal<DialogName | null>(null);
+export const tab = signal<"objects" | "cameras" | "history">("objects");
+/** Words for the status line and for screen readers. */
+export const status = signal("");
+export const notices = signal<Notice[]>([]);
+/** Level of detail of the 3-D view, 0 best. */
+export const detail = signal(0);
+/** True while an object is dragged. */
+export const isDragging = signal(false);
+/** Progress of loading meshes: loaded and wanted. */
+export const meshes = signal<[number, number]>([0, 0]);
+
+export type DialogName = "help" | "add" | "swap" | "instruction" | "goal" | "edges" | "snapshot" | "camera" | "author";
+
+export interface Notice {
+  id: number;
+  words: string;
+  hint?: string;
+  isError: boolean;
+}
+
+/** State with the commands that wait: what people see. */
+export const current = computed<ScenarioState | null>(() => {
+  const state = confirmed.value;
+  if (!state) return null;
+  return entries.value
+    .filter((entry) => entry.key === openKey.value && entry.operation && !entry.conflict)
+    .reduce((seen, entry) => predict(seen, entry.operation!), state);
+});
+
+export const selected = computed<SceneObject | null>(
+  () => current.value?.objects.find((object) => object.id === selectedId.value) ?? null,
+);
+
+export const camera = computed<Camera | null>(() => {
+  const cameras = current.value?.cameras ?? [];
+  return cameras.find((one) => one.name === selectedCamera.value) ?? cameras[0] ?? null;
+});
+
+export const waiting = computed(() => entries.value.filter((entry) => !entry.conflict).length);
+export const conflicting = computed(() => entries.value.find((entry) => entry.conflict) ?? null);
+export const problems = computed<Problem[]>(() => problemsOf(verdict.value));
+/** Objects of problems, and whether one of them blocks. */
+export const troubled = computed(() => {
+  const ids = new Map<string, boolean>();
+  for (const problem of problems.value) {
+    if (problem.object) ids.set(problem.object, problem.blocking || (ids.get(problem.object) ?? false));
+  }
+  return ids;
+});
+export const isEditable = computed(() => Boolean(current.value) && !stopped.value);
+
+export function problemKey(problem: Problem): string {
+  return [problem.stage, problem.code, problem.object ?? "", problem.other ?? ""].join(" ");
+}
+
+/** Selects an object; null deselects. */
+export function select(id: string | null): void {
+  batch(() => {
+    selectedId.value = id;
+    if (id !== null) tab.value = "objects";
+    if (id === null) selectedProblem.value = null;
+  });
+}
+
+/** Takes a newer state of the open scenario; an older one changes nothing. */
+export function confirm(state: ScenarioState): void {
+  const known = confirmed.value;
+  if (known && state.revision < known.revision) return;
+  batch(() => {
+    confirmed.value = state;
+    if (!known || state.revision > known.revision) verdict.value = empty(state.revision);
+    if (selectedId.value && !state.objects.some((object) => object.id === selectedId.value)) selectedId.value = null;
+    if (lookThrough.value && !state.cameras.some((one) => one.name === lookThrough.value)) lookThrough.value = null;
+  });
+}
+
+/** Shows a scene from its beginning. */
+export function show(message: Scene): void {
+  batch(() => {
+    const isSame = scene.value?.key === message.key;
+    scene.value = message;
+    stopped.value = null;
+    if (isSame) {
+      confirm(message.state);
+      return;
+    }
+    confirmed.value = message.state;
+    verdict.value = empty(message.state.revision);
+    selectedId.value = null;
+    selectedProblem.value = null;
+    lookThrough.value = null;
+    if (!message.state.cameras.some((one) => one.name === selectedCamera.value)) {
+      selectedCamera.value = message.state.cameras[0]?.name ?? null;
+    }
+  });
+}
+
+let noticeCount = 0;
+
+/** Tells something for a few seconds; errors stay until dismissed. */
+export function notify(words: string, options: { hint?: string; isError?: boolean } = {}): void {
+  const id = ++noticeCount;
+  const isError = options.isError ?? false;
+  notices.value = [...notices.value.slice(-3), { id, words, isError, ...(options.hint ? { hint: options.hint } : {}) }];
+  if (!isError) setTimeout(() => dismiss(id), 4000);
+}
+
+export function dismiss(id: number): void {
+  notices.value = notices.value.filter((notice) => notice.id !== id);
+}
+
+const QUEUE = "genmanip.studio.unsent";
+
+/** Keeps unsent commands over reloads of the tab. */
+export function keepEntries(restored: Entry[]): void {
+  entries.value = restored;
+  effect(() => {
+    try {
+      sessionStorage.setItem(QUEUE, JSON.stringify(entries.value));
+    } catch {
+      // A full or forbidden storage loses nothing while the page is open.
+    }
+  });
+}
+
+export function storedEntries(): string | null {
+  try {
+    return sessionStorage.getItem(QUEUE);
+  } catch {
+    return null;
+  }
+}
