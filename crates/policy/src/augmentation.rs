@@ -3,6 +3,7 @@
 use genmanip_core::Seed;
 use rand::{Rng, RngExt};
 
+use crate::description::PATCH;
 use crate::{Augmentation, ImageInput};
 
 /// Random change of one image.
@@ -23,18 +24,25 @@ impl ImageChange {
         [self.shift_px[0] as f32 * 2.0 / size.width as f32, self.shift_px[1] as f32 * 2.0 / size.height as f32]
     }
 
-    /// Adds the changed image to `planes`: three planes of height × width, about −2 to 2.
-    pub fn push(&self, rgb: &[u8], size: &ImageInput, planes: &mut Vec<f32>) {
-        let (width, height) = (size.width as i64, size.height as i64);
-        let columns: Vec<usize> =
-            (0..width).map(|column| 3 * (column - self.shift_px[0]).clamp(0, width - 1) as usize).collect();
-        for (channel, gain) in self.gain.into_iter().enumerate() {
-            // Values are normalised with mean 128 and scale 64, roughly the mean and standard deviation of evenly used
-            // 8-bit values. The gain scales them before: it changes the brightness.
-            let (factor, offset) = (gain / 64.0, 2.0);
-            for row in 0..height {
-                let from = 3 * (width * (row - self.shift_px[1]).clamp(0, height - 1)) as usize + channel;
-                planes.extend(columns.iter().map(|column| f32::from(rgb[from + column]) * factor - offset));
+    /// Adds the changed image to `patches`: patches row by row, in each its pixels row by row, in each three colours of
+    /// about −2 to 2. Pixels beyond whole patches are left out.
+    pub fn push(&self, rgb: &[u8], size: &ImageInput, patches: &mut Vec<f32>) {
+        let inside = |at: usize, shift: i64, length: usize| (at as i64 - shift).clamp(0, length as i64 - 1) as usize;
+        let [rows, columns] = size.patches();
+        let starts: Vec<usize> =
+            (0..columns * PATCH).map(|column| 3 * inside(column, self.shift_px[0], size.width)).collect();
+        // Values are normalised with mean 128 and scale 64, roughly the mean and standard deviation of evenly used
+        // 8-bit values. The gain scales them before: it changes the brightness.
+        let factors = self.gain.map(|gain| gain / 64.0);
+        for patch_row in 0..rows {
+            for columns in starts.chunks_exact(PATCH) {
+                for row in patch_row * PATCH..(patch_row + 1) * PATCH {
+                    let row = &rgb[3 * size.width * inside(row, self.shift_px[1], size.height)..];
+                    for column in columns {
+                        let pixel = row[*column..*column + 3].iter().zip(factors);
+                        patches.extend(pixel.map(|(value, factor)| f32::from(*value) * factor - 2.0));
+                    }
+                }
             }
         }
     }
@@ -98,10 +106,10 @@ mod tests {
         for position in 0..40 {
             let change = settings.of_sample(Seed::new(1), position).image();
             assert_eq!(change, settings.of_sample(Seed::new(1), position).image());
-            let mut planes = Vec::new();
-            change.push(&rgb, &size, &mut planes);
-            let bright = planes.iter().position(|value| *value > 0.0).unwrap();
-            let (channel, v, u) = (bright / 32, bright % 32 / 8, bright % 8);
+            let mut patches = Vec::new();
+            change.push(&rgb, &size, &mut patches);
+            let bright = patches.iter().position(|value| *value > 0.0).unwrap();
+            let (channel, v, u) = (bright % 3, bright / 12 % 4, bright / 48 * 4 + bright / 3 % 4);
             assert_eq!(channel, 1);
             let (from, to) = (normalised_pixel([3.0, 1.0], &size), normalised_pixel([u as f64, v as f64], &size));
             let shift = change.shift(&size);

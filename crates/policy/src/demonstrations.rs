@@ -6,7 +6,7 @@ use genmanip_core::Seed;
 use rand::RngExt;
 
 use crate::augmentation::ImageChange;
-use crate::{Augmentation, Inputs, Normalisation, Scale};
+use crate::{Augmentation, Inputs, Normalisation, Scale, TrainingSettings};
 
 /// One demonstration.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -113,7 +113,7 @@ impl Demonstrations {
         for (size, images) in inputs.images.iter().zip(&mut batch.images) {
             let (image, behind) = rest.split_at(size.bytes());
             let change = change();
-            change.push(image, size, &mut images.planes);
+            change.push(image, size, &mut images.patches);
             images.shift.extend(change.shift(size));
             rest = behind;
         }
@@ -124,8 +124,8 @@ impl Demonstrations {
 /// Images of one camera for a batch.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImageBatch {
-    /// Planes: size × 3 × height × width, about −2 to 2.
-    pub planes: Vec<f32>,
+    /// Patches of the images: size × rows × columns × the colours of a patch's pixels, about −2 to 2.
+    pub patches: Vec<f32>,
     /// Shift of the content by augmentation, in normalised pixels: size × 2.
     pub shift: Vec<f32>,
 }
@@ -168,15 +168,16 @@ const TRANSITION: f32 = 0.25;
 
 impl Sampler {
     /// Samples of all rows and of the end of each demonstration; rows within a chunk before a change of the gripper
-    /// have `copies` of them.
+    /// have [`TrainingSettings::transition_copies`] of them, those of the first chunk [`TrainingSettings::start_copies`] times
+    /// as many.
     pub fn new(
         demonstrations: &Demonstrations,
         gripper_deviation: f32,
         chunk: usize,
-        copies: usize,
-        augmentation: Augmentation,
+        settings: &TrainingSettings,
         seed: Seed,
     ) -> Self {
+        let TrainingSettings { transition_copies, start_copies, augmentation, .. } = settings.clone();
         let mut samples = Vec::new();
         for (number, episode) in demonstrations.episodes.iter().enumerate() {
             let rows = demonstrations.rows(episode);
@@ -185,7 +186,8 @@ impl Sampler {
             for row in 0..=rows {
                 let coming = &gripper[row.min(rows)..(row + chunk).min(rows)];
                 let changes = coming.windows(2).any(|two| (two[1] - two[0]).abs() > TRANSITION * gripper_deviation);
-                let copies = if changes { copies.max(1) } else { 1 };
+                let copies = if changes { transition_copies.max(1) } else { 1 };
+                let copies = if row < chunk { copies * start_copies.max(1) } else { copies };
                 samples.extend(std::iter::repeat_n((number as u32, row as u32), copies));
             }
         }
@@ -292,7 +294,7 @@ mod tests {
     #[test]
     fn windows_end_with_the_demonstration() {
         let demonstrations = counted();
-        let mut sampler = Sampler::new(&demonstrations, 1.0, 4, 2, Augmentation::default(), Seed::new(1));
+        let mut sampler = Sampler::new(&demonstrations, 1.0, 4, &TrainingSettings::default(), Seed::new(1));
         assert_eq!(sampler.epoch_length(), 3 + 1 + 5 + 1);
         let batch = sampler.batch(&demonstrations, &(), &as_it_is(), 0, 10).unwrap();
         let mut seen = Vec::new();
@@ -323,8 +325,9 @@ mod tests {
     #[test]
     fn batches_depend_on_seed_and_step_alone() {
         let demonstrations = counted();
-        let noisy = Augmentation { state_noise: 0.1, ..Augmentation::default() };
-        let sampler = |seed| Sampler::new(&demonstrations, 1.0, 4, 2, noisy.clone(), Seed::new(seed));
+        let augmentation = Augmentation { state_noise: 0.1, ..Augmentation::default() };
+        let noisy = TrainingSettings { augmentation, ..TrainingSettings::default() };
+        let sampler = |seed| Sampler::new(&demonstrations, 1.0, 4, &noisy, Seed::new(seed));
         let batch = |sampler: &mut Sampler, step| sampler.batch(&demonstrations, &(), &as_it_is(), step, 3).unwrap();
         let mut first = sampler(1);
         let expected: Vec<Batch> = (0..9).map(|step| batch(&mut first, step)).collect();
@@ -336,12 +339,15 @@ mod tests {
     }
 
     #[test]
-    fn rows_before_a_change_of_the_gripper_come_oftener() {
+    fn rows_at_the_start_and_before_a_change_of_the_gripper_come_oftener() {
         let mut demonstrations = counted();
         demonstrations.episodes[1].actions[9] = 1.0;
-        let sampler = |copies| {
-            Sampler::new(&demonstrations, 1.0, 2, copies, Augmentation::default(), Seed::new(1)).epoch_length()
+        let length = |transition_copies, start_copies| {
+            let settings = TrainingSettings { transition_copies, start_copies, ..TrainingSettings::default() };
+            Sampler::new(&demonstrations, 1.0, 2, &settings, Seed::new(1)).epoch_length()
         };
-        assert_eq!((sampler(1), sampler(3)), (10, 12));
+        assert_eq!((length(1, 1), length(3, 1)), (10, 12));
+        // The first chunk: two rows of each of the two demonstrations.
+        assert_eq!((length(1, 4), length(3, 4)), (10 + 4 * 3, 12 + 4 * 3));
     }
 }

@@ -85,13 +85,21 @@ pub struct ModelSettings {
     /// Channels of the convolutions of each camera; 0 without cameras.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub channels: usize,
-    /// Keypoints per camera, each of which becomes a token; 0 without cameras.
+    /// Keypoints per camera, which become a quarter as many tokens; 0 without cameras.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub keypoints: usize,
     /// Points whose position is learned along from simulator labels, at most [`ModelSettings::keypoints`]; 0 without
     /// labels. Nothing reads the labels after training.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub labelled_points: usize,
+}
+
+fn one() -> usize {
+    1
+}
+
+fn is_one(count: &usize) -> bool {
+    *count == 1
 }
 
 fn is_zero(count: &usize) -> bool {
@@ -157,10 +165,18 @@ pub struct ImageInput {
     pub height: usize,
 }
 
+/// Side of the patches that images are divided into, pixels.
+pub(crate) const PATCH: usize = 4;
+
 impl ImageInput {
     /// Number of bytes, three per pixel.
     pub fn bytes(&self) -> usize {
         3 * self.width * self.height
+    }
+
+    /// Rows and columns of whole patches.
+    pub(crate) fn patches(&self) -> [usize; 2] {
+        [self.height / PATCH, self.width / PATCH]
     }
 }
 
@@ -203,6 +219,10 @@ pub struct TrainingSettings {
     pub end_weight: f64,
     /// Copies of a row within a chunk of a change of the gripper; other rows have one.
     pub transition_copies: usize,
+    /// Copies of the rows of the first chunk, where only images and instruction tell what is to be done: later, the
+    /// motion under way does.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub start_copies: usize,
     /// Weight of the loss of labelled points.
     pub label_weight: f64,
     /// Random changes of the samples.
@@ -232,6 +252,7 @@ impl Default for TrainingSettings {
             average_decay: 0.999,
             end_weight: 0.1,
             transition_copies: 2,
+            start_copies: 1,
             label_weight: 0.0,
             augmentation: Augmentation::default(),
         }

@@ -2,6 +2,7 @@
 
 mod adam;
 mod layers;
+mod neighbourhoods;
 mod network;
 mod nn;
 mod parameters;

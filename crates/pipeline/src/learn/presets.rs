@@ -61,8 +61,9 @@ pub(super) fn settings(preset: Preset, labels: bool) -> PresetSettings {
             },
             execute,
             training: TrainingSettings {
-                label_weight: if labels { 0.5 } else { 0.0 },
-                augmentation: Augmentation { shift_px: 4, gain: 0.1, state_noise: 0.05 },
+                label_weight: if labels { 1.0 } else { 0.0 },
+                start_copies: 4,
+                augmentation: Augmentation { shift_px: 4, gain: 0.1, state_noise: 0.01 },
                 ..TrainingSettings::default()
             },
             rows,

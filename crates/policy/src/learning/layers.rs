@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use burn_backend::Backend;
 use genmanip_core::Seed;
 use rand::RngExt;
 
+use super::neighbourhoods::NetworkBackend;
 use super::parameters::{Array, Parameters};
 use super::tensor::Tensor;
 
@@ -13,13 +13,13 @@ use super::tensor::Tensor;
 pub type Weights<B> = BTreeMap<String, Tensor<B>>;
 
 /// Layers by the names of their weights.
-pub(super) struct Layers<'a, B: Backend> {
+pub(super) struct Layers<'a, B: NetworkBackend> {
     pub weights: &'a Weights<B>,
     /// Attention heads.
     pub heads: usize,
 }
 
-impl<B: Backend> Layers<'_, B> {
+impl<B: NetworkBackend> Layers<'_, B> {
     /// # Panics
     /// If there is no weight of that name, which [`Initials`] of the same network rule out.
     pub fn get(&self, name: &str) -> Tensor<B> {
@@ -28,10 +28,6 @@ impl<B: Backend> Layers<'_, B> {
 
     pub fn linear(&self, x: Tensor<B>, name: &str) -> Tensor<B> {
         x.linear(self.get(&format!("{name}.weight")), self.get(&format!("{name}.bias")))
-    }
-
-    pub fn convolve(&self, x: Tensor<B>, name: &str, stride: usize, padding: usize) -> Tensor<B> {
-        x.convolve(self.get(&format!("{name}.weight")), self.get(&format!("{name}.bias")), stride, padding)
     }
 
     pub fn norm(&self, x: Tensor<B>, name: &str) -> Tensor<B> {
@@ -97,14 +93,15 @@ impl Initials {
 
     /// Weight and bias of [`Layers::linear`].
     pub fn linear(&mut self, name: &str, from: usize, to: usize) {
-        self.add(format!("{name}.weight"), &[from, to], (1.0 / from.max(1) as f32).sqrt(), 0.0);
-        self.add(format!("{name}.bias"), &[to], 0.0, 0.0);
+        self.weight(name, from, to);
+        self.bias(name, to);
     }
 
-    /// Weight and bias of [`Layers::convolve`].
-    pub fn convolution(&mut self, name: &str, from: usize, to: usize, side: usize) {
-        let bound = (1.0 / (from * side * side) as f32).sqrt();
-        self.add(format!("{name}.weight"), &[to, from, side, side], bound, 0.0);
+    pub fn weight(&mut self, name: &str, from: usize, to: usize) {
+        self.add(format!("{name}.weight"), &[from, to], (1.0 / from.max(1) as f32).sqrt(), 0.0);
+    }
+
+    pub fn bias(&mut self, name: &str, to: usize) {
         self.add(format!("{name}.bias"), &[to], 0.0, 0.0);
     }
 

@@ -1,17 +1,20 @@
 //! The transformer that predicts a chunk of actions at once, after ACT (Zhao et al., 2023) without its variational
 //! encoder: scripted demonstrations need none.
 //!
-//! Tokens of the robot, the objects, the instruction and the keypoints of images ([`super::vision`]) pass through an
-//! encoder; learned queries, one per action of the chunk, read its output in a decoder. Layers normalise before attention.
+//! Tokens of the robot, the objects, the instruction and images pass through an encoder; learned queries, one per action
+//! of the chunk, read its output in a decoder. Layers normalise before attention.
+//!
+//! The keypoints of an image ([`super::vision`]) become a few tokens. Labelled points are located first, and become one
+//! token each, with what the images show there: the encoder sees them as it sees the objects of a privileged policy.
 
-use burn_backend::Backend;
 use genmanip_core::Seed;
 
 use super::layers::{Initials, Layers, Weights};
+use super::neighbourhoods::NetworkBackend;
 use super::parameters::{Array, Parameters};
 use super::tensor::Tensor;
-use super::vision;
-use crate::{Batch, Inputs, ModelSettings};
+use super::vision::{self, Keypoints};
+use crate::{Batch, ImageInput, Inputs, ModelSettings};
 
 /// The network: sizes without weights.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,15 +25,15 @@ pub struct Transformer {
 }
 
 /// Output for a batch.
-pub struct Output<B: Backend> {
+pub struct Output<B: NetworkBackend> {
     /// Normalised actions: batch × chunk × action.
     pub actions: Tensor<B>,
     /// Logit that the episode is over before each action: batch × chunk × 1.
     pub end: Tensor<B>,
     /// Positions of the labelled points in [`POINT_UNIT_M`], world frame: batch × 3 · points.
     pub points: Option<Tensor<B>>,
-    /// Keypoints of each image in normalised pixels: batch × keypoints × 2.
-    pub keypoints: Vec<Tensor<B>>,
+    /// Keypoints of each image.
+    pub keypoints: Vec<Keypoints<B>>,
 }
 
 /// Unit of predicted positions, m; about the deviation of positions on a table.
@@ -38,11 +41,20 @@ pub const POINT_UNIT_M: f32 = 0.1;
 
 /// Largest value of learned tokens before training.
 const MAX_TOKEN: f32 = 0.1;
+/// Keypoints per token.
+const KEYPOINTS_PER_TOKEN: usize = 4;
+/// Names of the layers that locate the labelled points.
+const LOCATE: [&str; 2] = ["locate.0", "locate.1"];
 
 impl Transformer {
     /// The network for inputs and actions of these widths.
     pub fn new(settings: ModelSettings, inputs: Inputs, action: usize) -> Self {
         Self { settings, inputs, action }
+    }
+
+    /// Images that it sees.
+    pub fn images(&self) -> &[ImageInput] {
+        &self.inputs.images
     }
 
     /// Initial weights: uniform within the inverse square root of the number of inputs, biases 0.
@@ -66,8 +78,18 @@ impl Transformer {
             arrays.linear("words", self.inputs.words, width);
             arrays.linear("instruction", width, width);
         }
+        let ModelSettings { channels, keypoints, labelled_points, .. } = self.settings;
         for image in 0..self.inputs.images.len() {
-            vision::add(&format!("image.{image}"), &self.settings, self.inputs.words > 0, &mut arrays);
+            let name = format!("image.{image}");
+            vision::add(&name, &self.settings, self.inputs.words > 0, &mut arrays);
+            arrays.linear(&format!("{name}.tokens"), keypoints * (channels + 2), self.image_tokens() * width);
+        }
+        if labelled_points > 0 {
+            let (robot, images) = (self.inputs.robot.len(), self.inputs.images.len());
+            arrays.linear(LOCATE[0], robot + images * (2 * keypoints + labelled_points * channels), 2 * width);
+            arrays.linear(LOCATE[1], 2 * width, 2 * width);
+            arrays.linear("points", 2 * width, 3 * labelled_points);
+            arrays.linear("point", robot + 3 + images * channels, width);
         }
         for layer in 0..encoder_layers {
             arrays.layer(&format!("encoder.{layer}"), &["attention"], width, feed_forward);
@@ -78,9 +100,6 @@ impl Transformer {
         arrays.norm("encoder.norm", width);
         arrays.norm("decoder.norm", width);
         arrays.linear("head", width, self.action + 1);
-        if self.settings.labelled_points > 0 {
-            arrays.linear("points", width, 3 * self.settings.labelled_points);
-        }
         arrays.add("tokens".into(), &[1, self.tokens(), width], MAX_TOKEN, 0.0);
         arrays.add("queries".into(), &[1, chunk, width], MAX_TOKEN, 0.0);
         arrays
@@ -89,18 +108,25 @@ impl Transformer {
     /// Number of tokens of the encoder.
     fn tokens(&self) -> usize {
         let Inputs { slots, words, images, .. } = &self.inputs;
-        1 + slots + usize::from(*words > 0) + images.len() * self.settings.keypoints
+        let points = self.settings.labelled_points;
+        1 + slots + usize::from(*words > 0) + images.len() * self.image_tokens() + points
+    }
+
+    /// Number of tokens of an image.
+    fn image_tokens(&self) -> usize {
+        self.settings.keypoints.div_ceil(KEYPOINTS_PER_TOKEN)
     }
 
     /// Weights on a back end.
-    pub fn load<B: Backend>(parameters: &Parameters) -> Weights<B> {
+    pub fn load<B: NetworkBackend>(parameters: &Parameters) -> Weights<B> {
         let load = |array: &Array| (array.name.clone(), Tensor::new(&array.values, &array.shape));
         parameters.arrays.iter().map(load).collect()
     }
 
     /// Predictions for the inputs of a batch.
-    pub fn forward<B: Backend>(&self, weights: &Weights<B>, batch: &Batch) -> Output<B> {
+    pub fn forward<B: NetworkBackend>(&self, weights: &Weights<B>, batch: &Batch) -> Output<B> {
         let (size, width) = (batch.size, self.settings.width);
+        let image_numbers = self.settings.keypoints * (self.settings.channels + 2);
         let Inputs { robot, object, slots, images, words } = &self.inputs;
         let layers = Layers { weights, heads: self.settings.heads };
         let mut tokens = vec![layers.linear(Tensor::new(&batch.robot, &[size, 1, robot.len()]), "robot")];
@@ -112,23 +138,22 @@ impl Transformer {
             layers.linear(hidden, "instruction").relu()
         });
         tokens.extend(instruction.clone());
-        let mut keypoints = Vec::new();
+        let mut seen = Vec::new();
         for (index, (image, batch)) in images.iter().zip(&batch.images).enumerate() {
             let name = format!("image.{index}");
-            let seen = vision::keypoints(&layers, &name, &self.settings, instruction.as_ref(), image, batch);
-            tokens.push(seen.tokens);
-            keypoints.push(seen.pixels);
+            let found = vision::keypoints(&layers, &name, &self.settings, instruction.as_ref(), image, batch);
+            let all = Tensor::join(vec![found.features.clone(), found.pixels.clone()], 2);
+            let all = layers.linear(all.reshape(&[size, 1, image_numbers]), &format!("{name}.tokens"));
+            tokens.push(all.reshape(&[size, self.image_tokens(), width]));
+            seen.push(found);
         }
+        let points = (self.settings.labelled_points > 0).then(|| self.locate(&layers, batch, &seen, &mut tokens));
         let mut memory = Tensor::join(tokens, 1).add(layers.get("tokens"));
         for layer in 0..self.settings.encoder_layers {
             memory = layers.attend(memory, None, &format!("encoder.{layer}.attention"));
             memory = layers.feed_forward(memory, &format!("encoder.{layer}"));
         }
         let memory = layers.norm(memory, "encoder.norm");
-        let points = (self.settings.labelled_points > 0).then(|| {
-            let robot = memory.clone().narrow(1, 0..1).reshape(&[size, width]);
-            layers.linear(robot, "points")
-        });
         let chunk = self.settings.chunk;
         let mut queries = layers.get("queries").expand(&[size, chunk, width]);
         for layer in 0..self.settings.decoder_layers {
@@ -138,6 +163,30 @@ impl Transformer {
         }
         let out = layers.linear(layers.norm(queries, "decoder.norm"), "head");
         let end = out.clone().narrow(2, self.action..self.action + 1);
-        Output { actions: out.narrow(2, 0..self.action), end, points, keypoints }
+        Output { actions: out.narrow(2, 0..self.action), end, points, keypoints: seen }
+    }
+
+    /// Positions of the labelled points; adds their tokens.
+    fn locate<B: NetworkBackend>(
+        &self,
+        layers: &Layers<B>,
+        batch: &Batch,
+        seen: &[Keypoints<B>],
+        tokens: &mut Vec<Tensor<B>>,
+    ) -> Tensor<B> {
+        let (size, robot) = (batch.size, self.inputs.robot.len());
+        let ModelSettings { channels, keypoints, labelled_points: points, .. } = self.settings;
+        let robot = |count: usize| Tensor::new(&batch.robot, &[size, 1, robot]).expand(&[size, count, robot]);
+        let features: Vec<Tensor<B>> = seen.iter().map(|found| found.features.clone().narrow(1, 0..points)).collect();
+        let flat = |tensor: Tensor<B>, length: usize| tensor.reshape(&[size, 1, length]);
+        let mut inputs = vec![robot(1)];
+        inputs.extend(seen.iter().map(|found| flat(found.pixels.clone(), 2 * keypoints)));
+        inputs.extend(features.iter().map(|features| flat(features.clone(), points * channels)));
+        let hidden = LOCATE.iter().fold(Tensor::join(inputs, 2), |x, layer| layers.linear(x, layer).relu());
+        let found = layers.linear(hidden, "points");
+        let mut parts = vec![robot(points), found.clone().reshape(&[size, points, 3])];
+        parts.extend(features);
+        tokens.push(layers.linear(Tensor::join(parts, 2), "point"));
+        found.reshape(&[size, 3 * points])
     }
 }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use burn_autodiff::Autodiff;
-use burn_backend::ops::{ConvOptions, FloatTensorOps};
+use burn_backend::ops::FloatTensorOps;
 use burn_backend::{AutodiffBackend, Backend, BackendTypes, Shape, Slice, TensorData, TensorMetadata, read_sync};
 use burn_flex::Flex;
 
@@ -28,7 +28,22 @@ impl<B: Backend> Tensor<B> {
     /// # Panics
     /// If the shape has another number of entries.
     pub fn new(values: &[f32], shape: &[usize]) -> Self {
-        Self(B::float_from_data(TensorData::new(values.to_vec(), shape), &B::Device::default()))
+        Self::owned(values.to_vec(), shape)
+    }
+
+    /// The same without a copy.
+    pub fn owned(values: Vec<f32>, shape: &[usize]) -> Self {
+        Self(B::float_from_data(TensorData::new(values, shape), &B::Device::default()))
+    }
+
+    /// A tensor of the back end.
+    pub fn of(primitive: <B as BackendTypes>::FloatTensorPrimitive) -> Self {
+        Self(primitive)
+    }
+
+    /// The back end's tensor.
+    pub fn primitive(self) -> <B as BackendTypes>::FloatTensorPrimitive {
+        self.0
     }
 
     /// Values in row-major order.
@@ -76,12 +91,6 @@ impl<B: Backend> Tensor<B> {
         Self(B::linear(self.0, weight.0, Some(bias.0)))
     }
 
-    /// Convolution of batch × channels × height × width; weight of outputs × inputs × side × side.
-    pub fn convolve(self, weight: Self, bias: Self, stride: usize, padding: usize) -> Self {
-        let options = ConvOptions::new([stride; 2], [padding; 2], [1; 2], 1);
-        Self(B::conv2d(self.0, weight.0, Some(bias.0), options))
-    }
-
     /// Normalisation over the last dimension.
     pub fn layer_norm(self, gain: Self, bias: Self) -> Self {
         Self(B::layer_norm(self.0, gain.0, Some(bias.0), 1e-5))
@@ -101,6 +110,16 @@ impl<B: Backend> Tensor<B> {
     /// Absolute values.
     pub fn abs(self) -> Self {
         Self(B::float_abs(self.0))
+    }
+
+    /// Natural logarithms.
+    pub fn log(self) -> Self {
+        Self(B::float_log(self.0))
+    }
+
+    /// All entries plus a number.
+    pub fn shift(self, number: f64) -> Self {
+        Self(B::float_add_scalar(self.0, number.into()))
     }
 
     /// log(1 + e^x) of each entry, without overflow.

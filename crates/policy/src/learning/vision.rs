@@ -2,46 +2,46 @@
 //! with the features found there.
 //!
 //! Convolutions see the same content alike wherever it lies, and a keypoint is a pixel to a fraction of a cell: few
-//! layouts suffice to learn where things are. The instruction scales and shifts the channels (FiLM, Perez et al., 2018),
-//! so that keypoints can follow the object it names.
-
-use burn_backend::Backend;
+//! layouts suffice to learn where things are. The instruction scales the weights of the convolutions and shifts their
+//! output (FiLM, Perez et al., 2018), so that keypoints can follow the object it names.
 
 use super::layers::{Initials, Layers};
+use super::neighbourhoods::{NetworkBackend, SIDE, neighbourhoods};
 use super::tensor::Tensor;
+use crate::description::PATCH;
 use crate::{ImageBatch, ImageInput, ModelSettings, normalised_pixel};
 
-/// Side of the patches of the first convolution, pixels.
-const PATCH: usize = 4;
 /// Convolutions after the first, each added to its input.
 const CONVOLUTIONS: usize = 3;
-const SIDE: usize = 3;
 
 /// Keypoints of the images of a batch.
-pub(super) struct Keypoints<B: Backend> {
-    /// Tokens: batch × keypoints × width.
-    pub tokens: Tensor<B>,
+pub struct Keypoints<B: NetworkBackend> {
+    /// Features found at the keypoints: batch × keypoints × channels.
+    pub features: Tensor<B>,
     /// Normalised pixels in the images before augmentation: batch × keypoints × 2.
     pub pixels: Tensor<B>,
+    /// Share of each cell in each keypoint: batch × keypoints × cells.
+    pub shares: Tensor<B>,
 }
 
 /// Adds the arrays of a camera.
 pub(super) fn add(name: &str, settings: &ModelSettings, has_words: bool, arrays: &mut Initials) {
     let ModelSettings { width, channels, keypoints, .. } = *settings;
-    arrays.convolution(&format!("{name}.patch"), 3, channels, PATCH);
+    arrays.linear(&format!("{name}.patch"), PATCH * PATCH * 3, channels);
     for layer in 0..CONVOLUTIONS {
-        arrays.convolution(&format!("{name}.convolution.{layer}"), channels, channels, SIDE);
+        arrays.weight(&format!("{name}.convolution.{layer}"), SIDE * SIDE * channels, channels);
         if has_words {
             arrays.linear(&format!("{name}.gain.{layer}"), width, channels);
             arrays.linear(&format!("{name}.offset.{layer}"), width, channels);
+        } else {
+            arrays.bias(&format!("{name}.convolution.{layer}"), channels);
         }
     }
-    arrays.convolution(&format!("{name}.keypoint"), channels, keypoints, 1);
-    arrays.linear(&format!("{name}.token"), channels + 2, width);
+    arrays.linear(&format!("{name}.keypoint"), channels, keypoints);
 }
 
 /// Keypoints of the images of one camera.
-pub(super) fn keypoints<B: Backend>(
+pub(super) fn keypoints<B: NetworkBackend>(
     layers: &Layers<B>,
     name: &str,
     settings: &ModelSettings,
@@ -49,37 +49,78 @@ pub(super) fn keypoints<B: Backend>(
     input: &ImageInput,
     batch: &ImageBatch,
 ) -> Keypoints<B> {
-    let ModelSettings { channels, keypoints, .. } = *settings;
-    let (rows, columns) = (input.height / PATCH, input.width / PATCH);
-    let size = batch.shift.len() / 2;
-    let image = Tensor::new(&batch.planes, &[size, 3, input.height, input.width]);
-    let mut features = layers.convolve(image, &format!("{name}.patch"), PATCH, 0).relu();
+    let ModelSettings { channels, .. } = *settings;
+    let [rows, columns] = input.patches();
+    let (size, cells) = (batch.shift.len() / 2, rows * columns);
+    let patches = Tensor::new(&batch.patches, &[size, cells, PATCH * PATCH * 3]);
+    let mut features = layers.linear(patches, &format!("{name}.patch")).relu();
     for layer in 0..CONVOLUTIONS {
-        let mut found = layers.convolve(features.clone(), &format!("{name}.convolution.{layer}"), 1, SIDE / 2);
-        if let Some(instruction) = instruction {
-            let of = |part: &str| {
-                let part = format!("{name}.{part}.{layer}");
-                layers.linear(instruction.clone(), &part).reshape(&[size, channels, 1, 1])
-            };
-            found = found.clone().add(found.mul(of("gain"))).add(of("offset"));
-        }
+        let around = neighbourhoods(features.clone().reshape(&[size, rows, columns, channels]));
+        let convolution = format!("{name}.convolution.{layer}");
+        let found = match instruction {
+            None => layers.linear(around, &convolution),
+            Some(instruction) => {
+                let of = |part: &str| layers.linear(instruction.clone(), &format!("{name}.{part}.{layer}"));
+                let weight = layers.get(&format!("{convolution}.weight"));
+                let weight = weight.reshape(&[1, SIDE * SIDE * channels, channels]);
+                let scaled = weight.clone().add(weight.mul(of("gain")));
+                around.matmul(scaled).add(of("offset"))
+            }
+        };
         features = features.add(found.relu());
     }
-    let cells = rows * columns;
-    let scores = layers.convolve(features.clone(), &format!("{name}.keypoint"), 1, 0);
-    let shares = scores.reshape(&[size, keypoints, cells]).softmax();
+    let scores = layers.linear(features.clone(), &format!("{name}.keypoint"));
+    let shares = scores.swap(1, 2).softmax();
     let pixels = shares.clone().matmul(centres(input, rows, columns).expand(&[size, cells, 2]));
-    let found = shares.matmul(features.reshape(&[size, channels, cells]).swap(1, 2));
     // Keypoints are those of the image before augmentation.
     let pixels = pixels.sub(Tensor::new(&batch.shift, &[size, 1, 2]));
-    let tokens = layers.linear(Tensor::join(vec![found, pixels.clone()], 2), &format!("{name}.token"));
-    Keypoints { tokens, pixels }
+    Keypoints { features: shares.clone().matmul(features), pixels, shares }
 }
 
 /// Centres of the patches in normalised pixels: 1 × cells × 2.
-fn centres<B: Backend>(input: &ImageInput, rows: usize, columns: usize) -> Tensor<B> {
+fn centres<B: NetworkBackend>(input: &ImageInput, rows: usize, columns: usize) -> Tensor<B> {
     let middle = (PATCH as f64 - 1.0) / 2.0;
     let centre = |cell: usize| [cell % columns, cell / columns].map(|at| (at * PATCH) as f64 + middle);
     let values: Vec<f32> = (0..rows * columns).flat_map(|cell| normalised_pixel(centre(cell), input)).collect();
     Tensor::new(&values, &[1, rows * columns, 2])
+}
+
+/// Shares of the cells whose expected pixel is a point of the augmented image, in normalised pixels: those of the four
+/// centres around it, or of the nearest ones at the border.
+pub(super) fn target(point: [f32; 2], input: &ImageInput) -> Vec<f32> {
+    let [rows, columns] = input.patches();
+    let middle = (PATCH as f32 - 1.0) / 2.0;
+    let along = |at: f32, length: usize, cells: usize| {
+        let place = ((at + 1.0) * length as f32 / 2.0 - 0.5 - middle) / PATCH as f32;
+        let place = place.clamp(0.0, cells as f32 - 1.0);
+        let first = (place as usize).min(cells.saturating_sub(2));
+        (0..cells)
+            .map(move |cell| if cell == first || cell == first + 1 { 1.0 - (place - cell as f32).abs() } else { 0.0 })
+    };
+    let [u, v] = point;
+    along(v, input.height, rows)
+        .flat_map(|row| along(u, input.width, columns).map(move |column| row * column))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::learning::tensor::Cpu;
+
+    #[test]
+    fn the_expected_pixel_of_a_target_is_its_point() {
+        let input = ImageInput { camera: "static".into(), width: 32, height: 16 };
+        let [rows, columns] = input.patches();
+        let centres = centres::<Cpu>(&input, rows, columns).values();
+        for point in [[0.0, 0.0], [-0.3, 0.5], [0.71, -0.6]] {
+            let shares = target(point, &input);
+            assert!((shares.iter().sum::<f32>() - 1.0).abs() < 1e-5);
+            for axis in 0..2 {
+                let expected: f32 =
+                    shares.iter().enumerate().map(|(cell, share)| share * centres[2 * cell + axis]).sum();
+                assert!((expected - point[axis]).abs() < 1e-5, "{point:?}: {expected} along axis {axis}");
+            }
+        }
+    }
 }

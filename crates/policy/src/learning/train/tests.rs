@@ -104,10 +104,15 @@ fn of(network: &Transformer, parameters: &Parameters, batch: &Batch, points: usi
     loss.of(batch)
 }
 
+/// Every row once.
+fn sampled(augmentation: Augmentation) -> TrainingSettings {
+    TrainingSettings { transition_copies: 1, augmentation, ..TrainingSettings::default() }
+}
+
 fn batch() -> Batch {
     let demonstrations = demonstrations();
     let normalisation = demonstrations.normalisation();
-    let mut sampler = Sampler::new(&demonstrations, 1.0, 4, 1, Augmentation::default(), Seed::new(5));
+    let mut sampler = Sampler::new(&demonstrations, 1.0, 4, &sampled(Augmentation::default()), Seed::new(5));
     sampler.batch(&demonstrations, &(), &normalisation, 0, 6).unwrap()
 }
 
@@ -188,7 +193,7 @@ fn seen() -> (Demonstrations, ModelSettings) {
 fn gradients_of_images_are_those_of_finite_differences() {
     let (demonstrations, model) = seen();
     let changed = Augmentation { shift_px: 2, gain: 0.2, state_noise: 0.1 };
-    let mut sampler = Sampler::new(&demonstrations, 1.0, 4, 1, changed, Seed::new(5));
+    let mut sampler = Sampler::new(&demonstrations, 1.0, 4, &sampled(changed), Seed::new(5));
     let batch = sampler.batch(&demonstrations, &Squares, &demonstrations.normalisation(), 0, 6).unwrap();
     let without = check_gradients(&Transformer::new(model, demonstrations.inputs.clone(), 2), &batch, 1);
     // A bias of scores shifts all cells alike.
