@@ -68,7 +68,6 @@ export interface SceneObject {
   states: string[];
   state?: string | null;
   joints?: Joint[];
-  state_joint_positions?: Record<string, number[]>;
   /** Axis-aligned box in the world. */
   bounds_m: Bounds;
   links: Link[];
@@ -140,6 +139,7 @@ export interface Placement {
 
 export type Operation =
   | { op: "place"; args: { objects: Placement[] } }
+  | { op: "state"; args: { object: string; state?: string; joint_positions?: number[] } }
   | { op: "add"; args: { asset: string; pose: Pose } }
   | { op: "remove"; args: { object: string } }
   | { op: "duplicate"; args: { object: string; pose: Pose } }

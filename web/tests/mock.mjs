@@ -303,7 +303,7 @@ class MockDocument {
           states: card.states.length ? card.states : isBox ? ["open", "closed"] : [],
           state: card.states.length ? (object.joint_positions?.[0] > 0.1 ? card.states[0] : card.states[1]) : null,
           ...(card.states.length
-            ? { joints: [{ name: "lid", kind: "hinge", lower: 0, upper: 1.5 }], state_joint_positions: { [card.states[0]]: [1.2], [card.states[1]]: [0] } }
+            ? { joints: [{ name: "lid", kind: "hinge", lower: 0, upper: 1.5 }] }
             : {}),
           bounds_m: boundsOf(card, object.pose),
           links: [{ name: "body", mesh: this.studio.cardMesh(card), world_from_link: object.pose }],
@@ -399,6 +399,11 @@ class MockDocument {
           if (joint_positions) own.joint_positions = joint_positions;
         }
         return null;
+      case "state": {
+        const positions = this.card(args.object).states.indexOf(args.state) === 0 ? [1.2] : [0];
+        object.joint_positions = args.joint_positions ?? positions;
+        return null;
+      }
       case "add":
         this.insert(this.studio.cards.get(args.asset), args.pose);
         return null;

@@ -4,7 +4,7 @@
 pub const SUBCOMMANDS: [&str; 9] = ["setup", "demo", "install", "wheel", "test", "fuzz", "tidy", "docs", "help"];
 
 /// Phases of `cargo xtask test`, in their order: what fails in seconds comes before what takes minutes.
-pub const PHASES: [&str; 14] = [
+pub const PHASES: [&str; 15] = [
     "setup",
     "fmt",
     "tidy",
@@ -15,6 +15,7 @@ pub const PHASES: [&str; 14] = [
     "build",
     "link check",
     "bytes",
+    "web",
     "python",
     "docs",
     "test",
@@ -33,6 +34,7 @@ pub const USAGE: &str = "\
 Usage: cargo xtask SUBCOMMAND
 
   setup            download and verify the simulator library, make the Python environment of the tests
+  setup web        install the packages that build and test the studio's page (Node.js, once 130 MB)
   demo [ARGS…]     set-up, build, and run `genmanip demo` (ARGS are passed on; default: --out out/demo)
   install [--root DIR]   build, and put `genmanip`, `genmanip-lab` and the suites where cargo installs programs
   install --learn  the same, with programs that train policies (minutes longer)

@@ -3,6 +3,7 @@
 //! | subcommand | does |
 //! |---|---|
 //! | `setup` | downloads and verifies the simulator library, makes the small Python environment of the tests |
+//! | `setup web` | installs the packages that build and test the studio's page |
 //! | `demo` | set-up, build, then `genmanip demo` |
 //! | `test` | everything CI runs, with the time of each phase |
 //! | `install` | puts the programs and the suites where cargo installs programs |
@@ -33,6 +34,7 @@ mod setup;
 mod sha256;
 mod test;
 mod tidy;
+mod web;
 mod wheel;
 
 use problem::{Problem, Result};
@@ -54,6 +56,7 @@ fn run(args: &[String]) -> Result {
     let workspace = Workspace::find();
     let rest = args.get(1..).unwrap_or_default();
     match args.first().map(String::as_str) {
+        Some("setup") if rest == ["web"] => web::set_up(&workspace),
         Some("setup") => setup::run(&workspace),
         Some("demo") => demo::run(&workspace, rest),
         Some("test") if rest == ["--packs"] => packs::run(&workspace),

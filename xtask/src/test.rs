@@ -3,7 +3,7 @@
 use crate::command_line::PHASES;
 use crate::problem::{Problem, Result};
 use crate::process::{self, Workspace};
-use crate::{docs, features, setup, tidy, wheel};
+use crate::{docs, features, setup, tidy, web, wheel};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -54,6 +54,7 @@ fn phase(name: &str, workspace: &Workspace) -> Result<Outcome> {
         "build" => features::check(workspace).and_then(|()| cargo(workspace, &BUILD)),
         "link check" => link_check(workspace),
         "bytes" => same_bytes(workspace),
+        "web" => web_page(workspace),
         "python" => python_wheel(workspace),
         "docs" => documentation_blocks(workspace),
         "test" => tests(workspace, &["--workspace"]),
@@ -183,6 +184,18 @@ fn same_bytes(workspace: &Workspace) -> Result<Outcome> {
                 format!("with wide registers it is `{wide}`; a sum was taken in another order, or rounded once instead of twice")
             }),
         }),
+    }
+}
+
+/// The page needs packages that only the network has; as in [`set_up`], a skip is a failure in CI.
+fn web_page(workspace: &Workspace) -> Result<Outcome> {
+    match web::packages(workspace) {
+        Ok(()) => web::test(workspace, in_ci()).map(Outcome::Passed),
+        Err(problem) if in_ci() => Err(problem),
+        Err(problem) => {
+            eprintln!("{problem}");
+            Ok(Outcome::Skipped("no packages to build the studio's page with; a failure in CI".into()))
+        }
     }
 }
 

@@ -1,4 +1,5 @@
-// Layered layout of a scene graph: subjects above their references, goal edges beside those of the scene.
+// Layout of a scene graph on a grid: neighbours in the graph are neighbours in the drawing, subjects above what carries
+// them.
 
 import type { Atom, GraphEdge } from "../contract.ts";
 import { endsOf } from "./operations.ts";
@@ -14,7 +15,6 @@ export interface PlacedNode extends GraphNode {
 }
 
 export interface PlacedEdge {
-  /** Subject and references; the path goes to `to`. */
   from: string;
   to: string;
   label: string;
@@ -32,9 +32,11 @@ export interface Layout {
   edges: PlacedEdge[];
 }
 
-export const NODE = { width: 104, height: 26 };
-const ROW = 74;
-const LABEL = { width: 46, height: 14 };
+export const NODE = { width: 88, height: 25 };
+const ROW = 62;
+const LABEL = { height: 12 };
+/** Room between the columns, pixels: that of an edge with its label. */
+const GAP = 30;
 
 interface Arrow {
   from: string;
@@ -44,31 +46,35 @@ interface Arrow {
   alternative: number;
 }
 
+interface Cell {
+  row: number;
+  column: number;
+}
+
 /** Coordinates of nodes and edges for a drawing of `width` pixels. */
 export function layoutGraph(nodes: GraphNode[], edges: GraphEdge[], goal: Atom[][], width: number): Layout {
   const known = new Set(nodes.map((node) => node.id));
   const arrows = arrowsOf(edges, goal).filter((arrow) => known.has(arrow.from) && known.has(arrow.to) && arrow.from !== arrow.to);
-  const perRow = Math.max(1, Math.floor(width / (NODE.width + 14)));
-  const rows = ordered(rowsOf(nodes.map((node) => node.id), arrows, perRow), arrows);
-  const names = new Map(nodes.map((node) => [node.id, node.name]));
+  const columns = Math.max(1, Math.min(nodes.length, Math.floor((width + GAP) / (NODE.width + GAP))));
+  const cells = arranged(nodes.map((node) => node.id), arrows, columns);
+  const rows = Math.max(0, ...[...cells.values()].map((cell) => cell.row)) + 1;
   const placed = new Map<string, PlacedNode>();
-  rows.forEach((row, level) => {
-    const step = width / row.length;
-    row.forEach((id, index) => {
-      // Every other row is shifted a little, so that straight edges between far rows pass between nodes.
-      const shift = row.length < perRow && level % 2 === 1 ? Math.min(16, step / 8) : 0;
-      placed.set(id, { id, name: names.get(id)!, x: step * (index + 0.5) + shift, y: ROW * level + NODE.height / 2 + 4 });
-    });
-  });
+  for (const node of nodes) {
+    const { row, column } = cells.get(node.id)!;
+    placed.set(node.id, { ...node, x: (width / columns) * (column + 0.5), y: ROW * row + NODE.height / 2 + 18 });
+  }
   const taken: Box[] = [...placed.values()].map((node) => box(node.x, node.y, NODE.width, NODE.height));
-  const between = new Map<string, number>();
-  const drawn = arrows.map((arrow) => {
+  const pairs = new Map<string, Arrow[]>();
+  for (const arrow of arrows) {
     const pair = [arrow.from, arrow.to].sort().join(" ");
-    const nth = between.get(pair) ?? 0;
-    between.set(pair, nth + 1);
-    return edgeOf(arrow, placed.get(arrow.from)!, placed.get(arrow.to)!, nth, taken);
+    pairs.set(pair, [...(pairs.get(pair) ?? []), arrow]);
+  }
+  const drawn = arrows.map((arrow) => {
+    const parallel = pairs.get([arrow.from, arrow.to].sort().join(" "))!;
+    const isBlocked = between(cells.get(arrow.from)!, cells.get(arrow.to)!, cells);
+    return edgeOf(arrow, placed.get(arrow.from)!, placed.get(arrow.to)!, parallel.indexOf(arrow), parallel.length, isBlocked, taken);
   });
-  return { width, height: Math.max(1, rows.length) * ROW - (ROW - NODE.height) + 8, nodes: [...placed.values()], edges: drawn };
+  return { width, height: rows * ROW - (ROW - NODE.height) + 34, nodes: [...placed.values()], edges: drawn };
 }
 
 function arrowsOf(edges: GraphEdge[], goal: Atom[][]): Arrow[] {
@@ -82,58 +88,64 @@ function arrowsOf(edges: GraphEdge[], goal: Atom[][]): Arrow[] {
   return arrows;
 }
 
-/** Rows of ids: a subject above its references where the edges allow it; wide layers are split, loners come last. */
-function rowsOf(ids: string[], arrows: Arrow[], perRow: number): string[][] {
-  const below = new Map<string, string[]>(ids.map((id) => [id, []]));
-  const isReached = (from: string, to: string): boolean => from === to || below.get(from)!.some((next) => isReached(next, to));
-  // Edges of the scene first: where edges contradict each other, the goal's point upwards.
-  for (const arrow of [...arrows.filter((one) => !one.isGoal), ...arrows.filter((one) => one.isGoal)]) {
-    if (!isReached(arrow.to, arrow.from)) below.get(arrow.from)!.push(arrow.to);
-  }
-  const heights = new Map<string, number>();
-  const heightOf = (id: string): number => {
-    const known = heights.get(id);
-    if (known !== undefined) return known;
-    const height = Math.max(-1, ...below.get(id)!.map(heightOf)) + 1;
-    heights.set(id, height);
-    return height;
-  };
-  const connected = ids.filter((id) => arrows.some((arrow) => arrow.from === id || arrow.to === id));
-  const top = Math.max(0, ...connected.map(heightOf));
-  const rows: string[][] = [];
-  for (let height = top; height >= 0; height--) rows.push(...split(connected.filter((id) => heightOf(id) === height), perRow));
-  rows.push(...split(ids.filter((id) => !connected.includes(id)), perRow));
-  return rows.filter((row) => row.length > 0);
-}
+const SUPPORTS = ["on", "in", "top"];
 
-function split(ids: string[], perRow: number): string[][] {
-  const count = Math.ceil(ids.length / perRow);
-  return Array.from({ length: count }, (_, row) => ids.filter((_, index) => index % count === row));
-}
-
-/** Order within rows by the mean place of neighbours, a few sweeps down and up. */
-function ordered(rows: string[][], arrows: Arrow[]): string[][] {
-  const neighbours = (id: string) => arrows.flatMap((arrow) => (arrow.from === id ? [arrow.to] : arrow.to === id ? [arrow.from] : []));
-  const place = new Map<string, number>();
-  const record = (row: string[]) => row.forEach((id, index) => place.set(id, (index + 0.5) / row.length));
-  rows.forEach(record);
-  let result = rows;
-  for (let sweep = 0; sweep < 6; sweep++) {
-    const order = sweep % 2 === 0 ? [...result.keys()] : [...result.keys()].reverse();
-    result = [...result];
-    for (const index of order) {
-      const row = result[index]!;
-      const mean = (id: string) => {
-        const near = neighbours(id).filter((other) => !row.includes(other));
-        return near.length === 0 ? place.get(id)! : near.reduce((sum, other) => sum + place.get(other)!, 0) / near.length;
-      };
-      const means = new Map(row.map((id) => [id, mean(id)]));
-      const sorted = [...row].sort((a, b) => means.get(a)! - means.get(b)!);
-      result[index] = sorted;
-      record(sorted);
+/** Cells of the nodes: swaps of two cells as long as one makes the edges shorter, from the order of the list. */
+function arranged(ids: string[], arrows: Arrow[], columns: number): Map<string, Cell> {
+  const rows = Math.ceil(ids.length / columns);
+  const places: (string | null)[] = Array.from({ length: rows * columns }, (_, index) => ids[index] ?? null);
+  const cellOf = (index: number): Cell => ({ row: Math.floor(index / columns), column: index % columns });
+  const cellsNow = () => new Map(places.flatMap((id, index) => (id === null ? [] : [[id, cellOf(index)] as [string, Cell]])));
+  let best = cost(cellsNow(), arrows);
+  for (let sweep = 0; sweep < 12; sweep++) {
+    let isBetter = false;
+    for (let a = 0; a < places.length; a++) {
+      for (let b = a + 1; b < places.length; b++) {
+        if (places[a] === places[b]) continue;
+        [places[a], places[b]] = [places[b]!, places[a]!];
+        const now = cost(cellsNow(), arrows);
+        if (now < best - 1e-9) {
+          best = now;
+          isBetter = true;
+        } else {
+          [places[a], places[b]] = [places[b]!, places[a]!];
+        }
+      }
     }
+    if (!isBetter) break;
   }
-  return result;
+  return cellsNow();
+}
+
+function cost(cells: Map<string, Cell>, arrows: Arrow[]): number {
+  let sum = 0;
+  for (const arrow of arrows) {
+    const [from, to] = [cells.get(arrow.from)!, cells.get(arrow.to)!];
+    sum += Math.hypot((from.column - to.column) * 1.1, from.row - to.row) ** 1.5;
+    if (between(from, to, cells)) sum += 1.5;
+    // What carries lies beneath; a goal says less about the drawing than the scene does.
+    if (SUPPORTS.includes(arrow.label)) sum += 0.4 * (from.row - to.row + 1) * (arrow.isGoal ? 0.5 : 1);
+    // Left of it is drawn left of it where that costs nothing.
+    if (arrow.label === "left" && !arrow.isGoal) sum += 0.15 * (from.column - to.column);
+    if (arrow.label === "right" && !arrow.isGoal) sum += 0.15 * (to.column - from.column);
+  }
+  return sum;
+}
+
+/** True if a node lies on the straight line between two cells. */
+function between(from: Cell, to: Cell, cells: Map<string, Cell>): boolean {
+  for (const cell of cells.values()) {
+    const isEnd = (cell.row === from.row && cell.column === from.column) || (cell.row === to.row && cell.column === to.column);
+    if (isEnd) continue;
+    const cross = (to.row - from.row) * (cell.column - from.column) - (to.column - from.column) * (cell.row - from.row);
+    const isWithin =
+      Math.min(from.row, to.row) <= cell.row &&
+      cell.row <= Math.max(from.row, to.row) &&
+      Math.min(from.column, to.column) <= cell.column &&
+      cell.column <= Math.max(from.column, to.column);
+    if (cross === 0 && isWithin) return true;
+  }
+  return false;
 }
 
 interface Box {
@@ -151,15 +163,15 @@ function overlap(a: Box, b: Box): boolean {
   return a.left < b.right && a.right > b.left && a.top < b.bottom && a.bottom > b.top;
 }
 
-/** Curve between two nodes: the `nth` one of a pair bends farther out; its label takes the first free place. */
-function edgeOf(arrow: Arrow, from: PlacedNode, to: PlacedNode, nth: number, taken: Box[]): PlacedEdge {
-  const dx = to.x - from.x;
-  const dy = to.y - from.y;
+/** Curve between two nodes: parallel edges fan out, an edge with a node in its way bends around it; its label takes the
+ * first free place. */
+function edgeOf(arrow: Arrow, from: PlacedNode, to: PlacedNode, nth: number, of: number, isBlocked: boolean, taken: Box[]): PlacedEdge {
+  // The bend is measured across the same direction for both directions of a pair.
+  const sign = arrow.from < arrow.to ? 1 : -1;
+  const [dx, dy] = [to.x - from.x, to.y - from.y];
   const length = Math.hypot(dx, dy) || 1;
-  const isSameRow = Math.abs(dy) < 1;
-  const isLong = Math.abs(dy) > ROW * 1.5;
-  const side = nth % 2 === 0 ? 1 : -1;
-  const bend = (isSameRow ? 34 : isLong ? 30 : 8) * (nth + 1) * side * (isSameRow && dx > 0 ? -1 : 1);
+  const isFlat = Math.abs(dy) < 1;
+  const bend = ((nth - (of - 1) / 2) * (isFlat ? 34 : 44) + (isBlocked ? (isFlat ? 52 : 120) : 0)) * sign;
   const middle = { x: (from.x + to.x) / 2 - (dy / length) * bend, y: (from.y + to.y) / 2 + (dx / length) * bend };
   const start = border(from, middle);
   const end = border(to, middle);
@@ -167,10 +179,12 @@ function edgeOf(arrow: Arrow, from: PlacedNode, to: PlacedNode, nth: number, tak
     x: (1 - t) ** 2 * start.x + 2 * t * (1 - t) * middle.x + t ** 2 * end.x,
     y: (1 - t) ** 2 * start.y + 2 * t * (1 - t) * middle.y + t ** 2 * end.y,
   });
-  const places = [0.5, 0.4, 0.6, 0.3, 0.7, 0.22, 0.78].map(at);
-  const isFree = (place: { x: number; y: number }) => !taken.some((other) => overlap(other, box(place.x, place.y, LABEL.width, LABEL.height)));
-  const labelAt = places.find(isFree) ?? places[0]!;
-  taken.push(box(labelAt.x, labelAt.y, LABEL.width, LABEL.height));
+  // Beside a level edge, which its label would hide.
+  const lift = isFlat && Math.abs(bend) < 20 ? -8 : 0;
+  const places = [0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74].map((t) => ({ x: at(t).x, y: at(t).y + lift }));
+  const boxOf = (place: { x: number; y: number }) => box(place.x, place.y, arrow.label.length * 5.4 + 4, LABEL.height);
+  const labelAt = places.find((place) => !taken.some((other) => overlap(other, boxOf(place)))) ?? places[0]!;
+  taken.push(boxOf(labelAt));
   const round = (value: number) => Math.round(value * 10) / 10;
   const path = `M${round(start.x)} ${round(start.y)}Q${round(middle.x)} ${round(middle.y)} ${round(end.x)} ${round(end.y)}`;
   return { ...arrow, path, labelAt: { x: round(labelAt.x), y: round(labelAt.y) } };

@@ -17,7 +17,7 @@ export function parseNumber(text: string, unit: Unit, current: number): number |
   if (!match) return null;
   const [, relative, digits, typed] = match;
   const number = Number(digits!.replace(",", "."));
-  const factor = typed === "" ? 1 : UNITS[unit][typed!.toLowerCase()];
+  const factor = typed === "" ? 1 : Object.entries(UNITS[unit]).find(([name]) => name === typed!.toLowerCase())?.[1];
   if (!Number.isFinite(number) || factor === undefined) return null;
   switch (relative) {
     case "+=":

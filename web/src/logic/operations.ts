@@ -8,6 +8,8 @@ export function fieldsOf(operation: Operation): string[] {
   switch (operation.op) {
     case "place":
       return operation.args.objects.map((placement) => `objects/${placement.id}/pose`);
+    case "state":
+      return [`objects/${operation.args.object}/joints`, `objects/${operation.args.object}/state`];
     case "add":
     case "duplicate":
       return [];
@@ -78,6 +80,7 @@ export function predict(state: ScenarioState, operation: Operation): ScenarioSta
     }
     case "remove_camera":
       return { ...state, cameras: state.cameras.filter((camera) => camera.name !== operation.args.name) };
+    case "state":
     case "add":
     case "duplicate":
     case "swap":
@@ -142,7 +145,10 @@ export function operationWords(op: string, args: Record<string, unknown> | undef
     }
     case "add":
       return `add ${name(args?.["id"]) || assetOf(args?.["asset"])}`;
+    case "state":
+      return `set ${name(args?.["object"])} ${String(args?.["state"] ?? "joints")}`;
     case "insert":
+    case "exchange":
       return "put an object back";
     case "remove":
       return `remove ${name(args?.["object"])}`;

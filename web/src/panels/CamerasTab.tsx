@@ -20,7 +20,7 @@ export function CamerasTab() {
           <li key={one.name}>
             <button type="button" aria-pressed={one.name === camera?.name} onClick={() => (store.selectedCamera.value = one.name)}>
               <span class="name">{one.name}</span>
-              <span class="muted">{one.mount === "hand" ? "on the hand" : "fixed"}</span>
+              <span class="muted kind">{one.mount === "hand" ? "on hand" : "fixed"}</span>
               <span class="muted id">
                 {one.intrinsics.width}×{one.intrinsics.height}
               </span>

@@ -63,7 +63,7 @@ export function CatalogueDialog({ purpose, onClose }: Props) {
             <input
               id="catalogue-text"
               type="search"
-              autofocus
+             
               placeholder="red mug, container, fruit…"
               value={text.value}
               onInput={(event) => (text.value = event.currentTarget.value)}

@@ -62,8 +62,9 @@ export function EdgesDialog({ onClose }: Props) {
   if (!state) return null;
   const isRight = edges.value.every((edge) => isWhole({ test: "relation", ...edge }));
   const save = () => {
-    const isSame = JSON.stringify(edges.value) === JSON.stringify(state.edges) && description.value === state.description;
-    if (!isSame) apply({ op: "edges", args: { edges: edges.value, description: description.value } });
+    const isDescribedAnew = description.value !== state.description;
+    const isSame = JSON.stringify(edges.value) === JSON.stringify(state.edges) && !isDescribedAnew;
+    if (!isSame) apply({ op: "edges", args: { edges: edges.value, ...(isDescribedAnew ? { description: description.value } : {}) } });
     onClose();
   };
   return (

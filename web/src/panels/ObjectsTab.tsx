@@ -31,7 +31,7 @@ export function ObjectsTab() {
                 <span class={`role ${object.role}`} aria-hidden="true" />
                 <span class="name">{object.name}</span>
                 {blocks !== undefined && <span class={blocks ? "mark blocking" : "mark warning"}>{blocks ? "problem" : "warning"}</span>}
-                <span class="muted">{object.role}</span>
+                <span class="muted kind">{object.role}</span>
                 <span class="muted id">{object.id}</span>
               </button>
             </li>
@@ -95,15 +95,14 @@ function Details({ object }: { object: SceneObject }) {
 }
 
 function Joints({ object, canEdit }: { object: SceneObject; canEdit: boolean }) {
-  const choices = object.states.filter((name) => object.state_joint_positions?.[name]);
   const joints = object.joints ?? [];
-  if (choices.length === 0 && joints.length === 0) return null;
+  if (object.states.length === 0 && joints.length === 0) return null;
   return (
     <fieldset class="joints" disabled={!canEdit}>
       <legend>Joints</legend>
-      {choices.length > 0 && (
+      {object.states.length > 0 && (
         <div class="segments" role="group" aria-label="State">
-          {choices.map((name) => (
+          {object.states.map((name) => (
             <button key={name} type="button" aria-pressed={object.state === name} onClick={() => chooseState(object, name)}>
               {name}
             </button>

@@ -65,8 +65,7 @@ export function ScenarioList() {
               <span class="instruction">{row.instruction}</span>
               <span class="muted">
                 {row.kind.replaceAll("_", " ")} · {row.objects} objects
-                {row.revision > 0 ? ` · revision ${row.revision}` : ""}
-                {row.read_only ? " · frozen" : ""}
+                {row.read_only ? " · frozen" : row.revision > 0 ? ` · rev. ${row.revision}` : ""}
               </span>
               <span class="muted id">{row.id}</span>
             </button>

@@ -165,7 +165,7 @@ function Graph() {
             key={node.id}
             class={classes.join(" ")}
             role="button"
-            tabIndex={object ? 0 : -1}
+            tabindex={object ? 0 : -1}
             aria-pressed={node.id === selected}
             aria-label={`${node.name}${object ? `, ${object.role}` : ""}`}
             transform={`translate(${node.x} ${node.y})`}
@@ -191,6 +191,6 @@ function Graph() {
 
 /** Names that do not fit into a node lose their middle words first. */
 function shortened(name: string): string {
-  const most = 16;
+  const most = 14;
   return name.length <= most ? name : `${name.slice(0, most - 1).trimEnd()}…`;
 }

@@ -17,7 +17,9 @@ export function ViewPanel() {
   const shown = useRef<View | null>(null);
   useEffect(() => {
     let isGone = false;
-    void import("../scene/view.ts")
+    // After the first paint: making a WebGL context holds up what the page draws.
+    void painted()
+      .then(() => import("../scene/view.ts"))
       .then(({ View }) => {
         if (isGone) return;
         const view = new View(host.current!);
@@ -97,6 +99,10 @@ export function ViewPanel() {
       )}
     </section>
   );
+}
+
+function painted(): Promise<void> {
+  return new Promise((resolve) => requestAnimationFrame(() => setTimeout(resolve)));
 }
 
 /** Names beside the selected object, the one under the mouse, and those with problems. */

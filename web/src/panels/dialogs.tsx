@@ -69,7 +69,7 @@ export function InstructionDialog({ onClose }: Props) {
           <span>What the robot is asked to do</span>
           <textarea
             rows={4}
-            autofocus
+           
             value={text.value}
             onInput={(event) => (text.value = event.currentTarget.value)}
             onKeyDown={(event) => event.key === "Enter" && (event.ctrlKey || event.metaKey) && save()}
@@ -104,7 +104,7 @@ export function SnapshotDialog({ onClose }: Props) {
       <form onSubmit={(event) => (event.preventDefault(), void save())}>
         <label class="field">
           <span>Name</span>
-          <input autofocus value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
+          <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
         </label>
         <FormButtons onClose={onClose} isRight={name.value.trim() !== ""} />
       </form>
@@ -124,7 +124,7 @@ export function AuthorDialog({ onClose }: Props) {
       <form onSubmit={(event) => (event.preventDefault(), save())}>
         <label class="field">
           <span>Name in the history; undo takes back what was done under it</span>
-          <input autofocus autocomplete="nickname" value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
+          <input autocomplete="nickname" value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
         </label>
         <FormButtons onClose={onClose} isRight={name.value.trim() !== ""} />
       </form>

@@ -79,17 +79,21 @@ interface DialogProps {
 /** Modal dialogue: the browser keeps the focus in it and gives it back. */
 export function Dialog({ title, wide, onClose, children }: DialogProps) {
   const own = useRef<HTMLDialogElement>(null);
+  const isLeaving = useRef(false);
   useEffect(() => {
     const dialog = own.current!;
     const before = document.activeElement as HTMLElement | null;
     dialog.showModal();
+    // The first field, not the button that closes.
+    dialog.querySelector<HTMLElement>("input, select, textarea")?.focus();
     return () => {
+      isLeaving.current = true;
       dialog.close();
       before?.focus?.({ preventScroll: true });
     };
   }, []);
   return (
-    <dialog ref={own} class={wide ? "wide" : ""} aria-labelledby="dialog-title" onCancel={(event) => (event.preventDefault(), onClose())}>
+    <dialog ref={own} class={wide ? "wide" : ""} aria-labelledby="dialog-title" onClose={() => isLeaving.current || onClose()}>
       <header>
         <h2 id="dialog-title">{title}</h2>
         <button type="button" class="quiet" aria-label="Close" onClick={onClose}>

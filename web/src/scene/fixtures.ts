@@ -14,10 +14,11 @@ import {
   Matrix4,
   Mesh,
   MeshBasicMaterial,
-  MeshLambertMaterial,
+  MeshPhongMaterial,
   Quaternion,
   ShaderMaterial,
   Vector2,
+  type Vector3,
   type Object3D,
   type PerspectiveCamera,
 } from "three";
@@ -78,7 +79,8 @@ export class Lights extends Group {
 
 /** Slabs of the surfaces, a grid of 10 cm on the first and the outline of the working area. */
 export class Furniture extends Group {
-  private slab = new MeshLambertMaterial();
+  // The same kind of material as the objects: one shader less to compile.
+  private slab = new MeshPhongMaterial({ shininess: 4, specular: 0x050505 });
   private lines = new LineBasicMaterial({ transparent: true, opacity: 0.55 });
   private outline = new LineBasicMaterial({ transparent: true, opacity: 0.9 });
 
@@ -150,6 +152,11 @@ export class Frustums extends Group {
       group.add(new LineSegments(lineGeometry(points), material), body);
       this.add(group);
     }
+  }
+
+  /** A frustum in front of the eye would only be lines across the image. */
+  hideNear(eye: Vector3): void {
+    for (const group of this.children) group.visible = group.position.distanceTo(eye) > 0.5;
   }
 
   private clearAll(): void {

@@ -26,6 +26,7 @@ const AXES = [new Vector3(1, 0, 0), new Vector3(0, 1, 0), new Vector3(0, 0, 1)] 
 interface Part {
   handle: Handle;
   visible: MeshBasicMaterial;
+  shown: Mesh[];
   target: Object3D;
 }
 
@@ -52,10 +53,21 @@ export class Gizmo {
     this.modes.turn.visible = mode === "turn";
   }
 
+  /** Leaves out arrows that point at the viewer: a drag along them has no length on the screen. */
+  face(view: Vector3): void {
+    for (const part of this.parts) {
+      const { handle } = part;
+      const isArrow = handle.mode === "move" && handle.axes.filter(Boolean).length === 1;
+      if (!isArrow) continue;
+      const along = Math.abs(view.getComponent(handle.axes.indexOf(true)));
+      for (const mesh of [...part.shown, part.target]) mesh.visible = along < 0.95;
+    }
+  }
+
   /** Handle under the ray, nearest first. */
   pick(raycaster: Raycaster): Handle | null {
     if (!this.group.visible) return null;
-    const targets = this.parts.filter((part) => part.handle.mode === this.mode);
+    const targets = this.parts.filter((part) => part.handle.mode === this.mode && part.target.visible);
     const [hit] = raycaster.intersectObjects(targets.map((part) => part.target), false);
     return targets.find((part) => part.target === hit?.object)?.handle ?? null;
   }
@@ -76,7 +88,7 @@ export class Gizmo {
     target.material = new MeshBasicMaterial({ colorWrite: false, depthTest: false, depthWrite: false, side: 2 });
     target.renderOrder = 19;
     this.modes[mode].add(...shown, target);
-    this.parts.push({ handle, visible, target });
+    this.parts.push({ handle, visible, shown, target });
   }
 
   private addArrow(axis: 0 | 1 | 2): void {
@@ -141,7 +153,7 @@ export class DragMeasure {
   /** Displacement in metres; null while the ray meets the plane behind the viewer or far away. */
   moved(raycaster: Raycaster): Vector3 | null {
     const at = raycaster.ray.intersectPlane(this.plane, new Vector3());
-    if (!at || at.distanceTo(raycaster.ray.origin) > 20) return null;
+    if (!at || at.distanceTo(raycaster.ray.origin) > 6) return null;
     const by = at.sub(this.start);
     return this.axis ? this.axis.clone().multiplyScalar(by.dot(this.axis)) : by;
   }

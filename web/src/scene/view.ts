@@ -22,7 +22,7 @@ import { preview } from "../state/connection.ts";
 import { apply, placements } from "../state/edits.ts";
 import * as store from "../state/store.ts";
 import { theme } from "../state/theme.ts";
-import { Detail } from "./detail.ts";
+import { Detail, drawsInSoftware } from "./detail.ts";
 import { Frustums, Furniture, Lights, lookThroughCamera, readPalette, setPose, type Palette } from "./fixtures.ts";
 import { DragMeasure, Gizmo, type Handle } from "./gizmo.ts";
 import { Items, type Highlight } from "./items.ts";
@@ -32,7 +32,7 @@ Object3D.DEFAULT_UP.set(0, 0, 1);
 
 /** Views by name: direction from the middle of the table to the eye, and distance in metres. */
 const VIEWS: Record<string, { from: Vector; distance: number }> = {
-  home: { from: [0.83, 0.28, 0.62], distance: 1.75 },
+  home: { from: [0.86, 0.17, 0.62], distance: 1.6 },
   top: { from: [0.001, 0, 1], distance: 1.7 },
   side: { from: [0.02, 0.9, 0.5], distance: 1.6 },
   robot: { from: [-0.75, 0.02, 0.75], distance: 1.9 },
@@ -73,7 +73,8 @@ export class View {
   onFrame: () => void = () => undefined;
 
   constructor(private readonly host: HTMLElement) {
-    this.renderer = new WebGLRenderer({ antialias: true, powerPreference: "high-performance" });
+    const isSoftware = drawsInSoftware();
+    this.renderer = new WebGLRenderer({ antialias: !isSoftware, powerPreference: "high-performance" });
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
     this.renderer.shadowMap.autoUpdate = false;
@@ -84,7 +85,12 @@ export class View {
     canvas.setAttribute("aria-label", "3-D view of the scenario. All that can be done here is also in the list of objects.");
     host.prepend(canvas);
     this.palette = readPalette(host);
-    const changed = () => this.changedShape();
+    // Meshes arrive one after the other: they are drawn together.
+    let arrival: ReturnType<typeof setTimeout> | undefined;
+    const changed = () => {
+      clearTimeout(arrival);
+      arrival = setTimeout(() => this.changedShape(), 60);
+    };
     this.objects = new Items(this.cache, this.resolution, changed);
     this.robot = new Items(this.cache, this.resolution, changed);
     this.scene.add(this.lights, this.furniture, this.frustums, this.objects.group, this.robot.group, this.gizmo.group);
@@ -96,7 +102,7 @@ export class View {
     this.controls.addEventListener("change", () => this.request());
     this.controls.addEventListener("start", () => this.detail.begin());
     this.controls.addEventListener("end", () => this.detail.end());
-    this.detail = new Detail(this.renderer, this.lights, () => this.request());
+    this.detail = new Detail(this.renderer, this.lights, () => this.request(), isSoftware);
     this.look("home");
     this.listen(canvas);
     this.follow();
@@ -236,10 +242,12 @@ export class View {
     if (shown) lookThroughCamera(this.through, shown);
     const { left, top, width, height } = this.port();
     this.renderer.setViewport(left, this.host.clientHeight - top - height, width, height);
+    this.frustums.hideNear(camera.position);
     if (this.gizmo.group.visible) {
       const distance = camera.position.distanceTo(this.gizmo.group.position);
       const factor = shown ? (0.16 * distance * shown.intrinsics.height) / (2 * shown.intrinsics.fy * 0.34) : 0.16 * distance;
       this.gizmo.group.scale.setScalar(factor);
+      this.gizmo.face(camera.position.clone().sub(this.gizmo.group.position).normalize());
     }
     this.renderer.render(this.scene, camera);
     this.detail.drawn();
@@ -248,6 +256,7 @@ export class View {
 
   private changedShape(): void {
     this.renderer.shadowMap.needsUpdate = true;
+    this.detail.rest();
     this.request();
   }
 

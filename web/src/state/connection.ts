@@ -17,6 +17,7 @@ import {
   retryIn,
   scenarios,
   scene,
+  select,
   show,
   stopped,
   verdict,
@@ -143,8 +144,12 @@ function acceptState(state: ScenarioState, id: string): void {
       sayOpen();
       void loadScenarios();
     } else if (key === openKey.value && confirmed.value) {
+      const before = new Set(confirmed.value.objects.map((object) => object.id));
       confirm(state);
       updateRow(key, state);
+      const isNew = entry?.operation?.op === "add" || entry?.operation?.op === "duplicate";
+      const added = isNew ? state.objects.find((object) => !before.has(object.id)) : undefined;
+      if (added) select(added.id);
     }
   });
 }

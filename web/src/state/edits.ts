@@ -112,11 +112,11 @@ export function nudge(object: SceneObject, by: Vector): void {
 }
 
 export function chooseState(object: SceneObject, state: string): void {
-  const joint_positions = object.state_joint_positions?.[state];
-  if (joint_positions) setJoints(object, joint_positions);
+  apply({ op: "state", args: { object: object.id, state } });
 }
 
 export function setJoints(object: SceneObject, joint_positions: number[]): void {
+  // The name in the graph stays: whether it still fits is the verdict's to say.
   apply({ op: "place", args: { objects: [{ id: object.id, pose: object.pose, joint_positions }] } });
 }
 

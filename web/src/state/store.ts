@@ -39,7 +39,7 @@ export const tab = signal<"objects" | "cameras" | "history">("objects");
 /** Words for the status line and for screen readers. */
 export const status = signal("");
 export const notices = signal<Notice[]>([]);
-/** Level of detail of the 3-D view, 0 best. */
+/** Steps by which the detail of moving images was lowered. */
 export const detail = signal(0);
 /** True while an object is dragged. */
 export const isDragging = signal(false);
@@ -106,7 +106,12 @@ export function confirm(state: ScenarioState): void {
   batch(() => {
     confirmed.value = state;
     if (!known || state.revision > known.revision) verdict.value = empty(state.revision);
-    if (selectedId.value && !state.objects.some((object) => object.id === selectedId.value)) selectedId.value = null;
+    if (selectedId.value && !state.objects.some((object) => object.id === selectedId.value)) {
+      // A swap changes the id: what took its place is selected instead.
+      const at = known?.objects.findIndex((object) => object.id === selectedId.value) ?? -1;
+      const instead = state.objects.length === known?.objects.length ? state.objects[at]?.id : undefined;
+      selectedId.value = instead ?? null;
+    }
     if (lookThrough.value && !state.cameras.some((one) => one.name === lookThrough.value)) lookThrough.value = null;
   });
 }
