@@ -20,6 +20,7 @@ pub use launch::*;
 pub use render::*;
 pub use robot::*;
 pub use serve::*;
+pub use studio::*;
 pub use suite::*;
 pub use train::*;
 pub use world::*;
@@ -37,6 +38,7 @@ mod render;
 mod robot;
 mod serve;
 mod split;
+mod studio;
 mod suite;
 mod train;
 mod world;
@@ -228,6 +230,10 @@ pub enum Command {
                       Views are paired by id. Sets that cannot determine the pose are refused with the motion that is\n\
                       missing. docs/guides/calibrate-a-camera.md has the file and the frames.")]
     Calibrate(CalibrateArguments),
+    /// Open scenarios in the browser: see each scene, change it, and see at once if the task still works
+    #[command(after_help = "Examples:\n  genmanip studio out/run\n  genmanip studio genmanip-200-rc --no-open\n\n\
+                            docs/guides/studio.md has the parts of the page and every operation over HTTP.")]
+    Studio(StudioArguments),
     /// Serve masks, grasps, motions or environments to other programs over HTTP; local only by default
     Serve {
         /// Service to run

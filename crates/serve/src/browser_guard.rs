@@ -11,7 +11,7 @@ use axum::http::header::{HOST, ORIGIN};
 /// - `Origin` must be this server's own: no page of another site may call it.
 /// - A server on a loopback address answers to loopback names only: a foreign name that resolves to it (DNS rebinding)
 ///   would make every page of that name one of this server's.
-pub(crate) fn refusal(headers: &HeaderMap, listens_on_loopback: bool) -> Option<String> {
+pub fn refusal(headers: &HeaderMap, listens_on_loopback: bool) -> Option<String> {
     let text = |name| headers.get(name).map(|value| value.to_str().unwrap_or("not text"));
     let host = text(HOST).unwrap_or_default();
     if listens_on_loopback && !host.is_empty() && !is_loopback(host_name(host)) {

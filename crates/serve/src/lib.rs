@@ -10,7 +10,7 @@
 //! A [`Server`] runs on its own threads until it is stopped. Request size and arrival time are limited, and a fixed
 //! number of requests is processed concurrently. Web pages of other sites are refused.
 
-mod browser_guard;
+pub mod browser_guard;
 mod endpoint;
 mod env;
 mod jobs;

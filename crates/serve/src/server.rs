@@ -83,27 +83,33 @@ impl Server {
     /// # Errors
     /// Fails if the address is unavailable.
     pub fn start(endpoint: Endpoint, settings: &ServeSettings) -> Result<Self, ServeError> {
-        let listen =
-            |error: std::io::Error| ServeError::Listen { address: settings.address, message: error.to_string() };
-        let socket = TcpListener::bind(settings.address).map_err(listen)?;
+        let shared = Arc::new(Shared {
+            endpoint,
+            max_request_bytes: settings.max_request_bytes,
+            worker_permits: Semaphore::new(settings.workers.max(1)),
+            jobs: Jobs::default(),
+        });
+        Self::of(settings.address, |address| router(shared, address.ip().is_loopback()))
+    }
+
+    /// Starts a server of any routes on its own threads; they are made for the address that it got.
+    ///
+    /// # Errors
+    /// Fails if the address is unavailable.
+    pub fn of(address: SocketAddr, routes: impl FnOnce(SocketAddr) -> Router) -> Result<Self, ServeError> {
+        let listen = |error: std::io::Error| ServeError::Listen { address, message: error.to_string() };
+        let socket = TcpListener::bind(address).map_err(listen)?;
         socket.set_nonblocking(true).map_err(listen)?;
         let address = socket.local_addr().map_err(listen)?;
-        // One thread for connections; computations have their own threads, at most `workers` at once.
+        // One thread for connections; computations have their own threads.
         let runtime: Runtime =
             runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().map_err(listen)?;
         let socket = {
             let _inside = runtime.enter();
             tokio::net::TcpListener::from_std(socket).map_err(listen)?
         };
-        let workers = settings.workers.max(1);
-        let shared = Arc::new(Shared {
-            endpoint,
-            max_request_bytes: settings.max_request_bytes,
-            worker_permits: Semaphore::new(workers),
-            jobs: Jobs::default(),
-        });
         let (stop, stopped) = oneshot::channel::<()>();
-        let service = axum::serve(socket, router(shared, address.ip().is_loopback())).with_graceful_shutdown(async {
+        let service = axum::serve(socket, routes(address)).with_graceful_shutdown(async {
             let _ = stopped.await;
         });
         let serving = std::thread::spawn(move || {

@@ -6,8 +6,11 @@
 //! - [`verdict`] judges an edited scenario in stages with the checks of `layout` and `tasks`, and offers repairs as
 //!   operations.
 //! - [`scene`] writes meshes as binary glTF and describes what stands where.
+//! - [`collections`] finds the scenarios of files, runs and suites; [`server`] offers them to the page in `web/`.
 
+pub mod collections;
 pub mod edit;
 pub mod review;
 pub mod scene;
+pub mod server;
 pub mod verdict;

@@ -23,6 +23,7 @@ pub mod report;
 pub mod robot;
 pub mod serve;
 pub mod sim2real;
+pub mod studio;
 pub mod suite;
 pub mod task;
 pub mod task_new;

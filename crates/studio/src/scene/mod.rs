@@ -2,5 +2,7 @@
 
 pub mod exported;
 pub mod glb;
+pub mod images;
 pub mod meshes;
 pub mod scene_message;
+pub mod settling;

@@ -1,7 +1,5 @@
 //! Files read back by an independent reader, and by our own import.
 
-use std::path::Path;
-
 use genmanip_assets::Catalogue;
 use genmanip_core::glam::{DMat4, DVec3};
 use genmanip_core::{ObjectModel, Pose};
@@ -10,6 +8,8 @@ use genmanip_studio::scene::exported::scenario_file;
 use genmanip_studio::scene::glb::link_glb;
 use genmanip_studio::scene::meshes::{Body, MeshStore};
 use genmanip_workspace::scenarios::read_scenario;
+
+use crate::client::suite_scenario;
 
 /// Textured, plain, transparent and metal objects, one with several parts, and articulated ones.
 const OBJECTS: [&str; 8] = ["001", "004", "010", "019", "020", "032", "051", "060"];
@@ -61,7 +61,7 @@ fn objects_are_imported_again() {
 
 #[test]
 fn a_scenario_stands_upright_in_its_file() {
-    let scenario = read_scenario(&example_scenario()).unwrap();
+    let scenario = read_scenario(&suite_scenario()).unwrap();
     let file = scenario_file(&scenario, Catalogue::all()).unwrap();
     let (document, _) = read(&file);
     let scene = document.default_scene().unwrap();
@@ -137,11 +137,4 @@ fn mean_color(model: &ObjectModel) -> [f32; 3] {
         total += area as f32;
     }
     sum.map(|value| value / total)
-}
-
-fn example_scenario() -> std::path::PathBuf {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../suites/genmanip-200-rc/scenarios");
-    let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
-    files.sort();
-    files.remove(0)
 }

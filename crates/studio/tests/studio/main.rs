@@ -2,10 +2,12 @@
 
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
+mod client;
 mod crash;
 mod document;
 mod glb;
 mod operations;
+mod server;
 mod two_authors;
 
 use std::path::{Path, PathBuf};

@@ -1,0 +1,32 @@
+//! Arguments of `studio`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+/// Port of the studio unless another one is given.
+const PORT: &str = "8097";
+
+/// Arguments of `studio`.
+#[derive(Debug, Args)]
+pub struct StudioArguments {
+    /// Scenario files, folders of them, runs, suites by name or folder; tasks, which are laid out first
+    /// [default: the scenarios in --out, else six designed tasks]
+    #[arg(value_name = "RUN|SUITE|TASKS|SCENARIO")]
+    pub paths: Vec<PathBuf>,
+    /// Folder for layouts of tasks, and for copies of scenarios that are never edited in place: of suites and runs
+    #[arg(long, default_value = "studio")]
+    pub out: PathBuf,
+    /// Port to listen at; 0 takes a free one
+    #[arg(long, default_value = PORT)]
+    pub port: u16,
+    /// Print the address instead of opening the page in the browser
+    #[arg(long)]
+    pub no_open: bool,
+    /// Listen to other machines too; each must open the printed address, which holds a secret token
+    #[arg(long)]
+    pub allow_others: bool,
+    /// Name under which changes are logged, unless the page is given another one [default: that of git, or the user's]
+    #[arg(long, value_name = "NAME")]
+    pub author: Option<String>,
+}

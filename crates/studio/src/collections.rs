@@ -1,0 +1,272 @@
+//! Scenarios that the studio shows: of files, folders, runs and suites, and tasks that it lays out first.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use genmanip_assets::Catalogue;
+use genmanip_assets::worlds::default_world;
+use genmanip_benchmark::suites;
+use genmanip_core::{Scenario, Seed, Task, json, limits};
+use genmanip_layout::LayoutSettings;
+use genmanip_pipeline::folder::RunFolder;
+use genmanip_pipeline::layouts::{LayoutOutput, lay_out};
+use genmanip_workspace::scenarios::read_scenario;
+use genmanip_workspace::{Progress, WorkspaceError, documents, task_files, workers};
+
+use crate::edit::{EditLog, EditedScenario};
+
+/// Tasks that are designed when nothing is named and the folder is empty: one of each kind.
+const DESIGNED: usize = 6;
+/// Folders between the studio's folder and a copy: of a run and an episode.
+const COPY_DEPTH: usize = 2;
+/// File of the scenario of a recorded episode.
+const RECORDED: &str = "scenario.json";
+/// Most scenarios of a call.
+const MAX_SCENARIOS: usize = 20_000;
+
+/// A scenario that the studio shows.
+#[derive(Clone, Debug)]
+pub struct Listed {
+    /// Key in addresses.
+    pub key: String,
+    /// Its file.
+    pub path: PathBuf,
+    /// Collection that it belongs to, e.g. `suite genmanip-200-rc`.
+    pub source: String,
+    /// Folder for its copy if it is read-only, below that of the studio, e.g. the name of its suite.
+    pub copies: Option<PathBuf>,
+    /// The scenario as it was when the studio started.
+    pub summary: Summary,
+}
+
+/// A scenario in a list.
+#[derive(Clone, Debug)]
+pub struct Summary {
+    /// Id of the scenario.
+    pub id: String,
+    /// Kind of its task.
+    pub kind: genmanip_core::TaskKind,
+    /// Instruction.
+    pub instruction: String,
+    /// Number of objects.
+    pub objects: usize,
+}
+
+/// Scenarios by key.
+#[derive(Debug, Default)]
+pub struct Collection {
+    listed: BTreeMap<String, Listed>,
+    paths: BTreeSet<PathBuf>,
+    /// Files that could not be read, one message each.
+    pub left_out: Vec<String>,
+}
+
+impl Collection {
+    /// Scenarios of the paths that a user names: files, folders of them, runs, suites by name or folder; tasks are laid
+    /// out into `out`, whose own scenarios are listed too.
+    ///
+    /// # Errors
+    /// When a path is none of these, or a task cannot be laid out.
+    pub fn open(paths: &[PathBuf], out: &Path, progress: &dyn Progress) -> Result<Self, WorkspaceError> {
+        let mut own = Self::default();
+        let mut tasks = Vec::new();
+        for path in paths {
+            own.add_path(&suites::folder_of(path), &mut tasks)?;
+        }
+        own.add_edited(out, COPY_DEPTH);
+        if paths.is_empty() && own.listed.is_empty() {
+            let designed = task_files::designed_tasks(DESIGNED, 0, Catalogue::builtin())?;
+            progress.note(&format!("nothing is named: {} tasks are designed into {}", designed.len(), out.display()));
+            tasks = designed;
+        }
+        if !tasks.is_empty() {
+            own.add_tasks(&tasks, out, progress)?;
+        }
+        Ok(own)
+    }
+
+    /// A scenario by key.
+    pub fn get(&self, key: &str) -> Option<&Listed> {
+        self.listed.get(key)
+    }
+
+    /// Key of the scenario of a file.
+    pub fn key_of(&self, path: &Path) -> Option<String> {
+        self.listed.values().find(|listed| listed.path == path).map(|listed| listed.key.clone())
+    }
+
+    /// All scenarios, sorted by key.
+    pub fn iter(&self) -> impl Iterator<Item = &Listed> {
+        self.listed.values()
+    }
+
+    /// Adds a scenario that was read; returns its key, also if its file is there already.
+    pub fn add(&mut self, path: &Path, source: &str, copies: Option<&Path>, scenario: &Scenario) -> String {
+        if let Some(known) = self.key_of(path) {
+            return known;
+        }
+        let key = self.free_key(&scenario.id);
+        self.paths.insert(path.to_owned());
+        let listed = Listed {
+            key: key.clone(),
+            path: path.to_owned(),
+            source: source.to_owned(),
+            copies: copies.map(Path::to_owned),
+            summary: Summary::of(scenario),
+        };
+        self.listed.insert(key.clone(), listed);
+        key
+    }
+
+    fn free_key(&self, id: &str) -> String {
+        let others = (2..).map(|number| format!("{id}~{number}"));
+        let mut keys = std::iter::once(id.to_owned()).chain(others);
+        keys.find(|key| !self.listed.contains_key(key)).unwrap_or_else(|| id.to_owned())
+    }
+
+    fn add_path(&mut self, path: &Path, tasks: &mut Vec<Task>) -> Result<(), WorkspaceError> {
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        if path.join("suite.json").is_file() {
+            let file = suites::open(path)?;
+            for entry in &file.scenarios {
+                self.add_file(
+                    &suites::scenario_file(path, &entry.id),
+                    &format!("suite {}", file.name),
+                    Some(file.name.as_ref()),
+                )?;
+            }
+            return Ok(());
+        }
+        if path.join("run.json").is_file() {
+            return self.add_run(path, &name);
+        }
+        for file in task_files::expand(&[path.to_owned()])? {
+            let source = if path.is_dir() { name.clone() } else { "files".to_owned() };
+            if task_files::is_list(&file) {
+                tasks.extend(task_files::read_tasks(&[file])?);
+            } else if is_scenario(&file)? {
+                self.add_file(&file, &source, copies_of(&file).as_deref())?;
+            } else {
+                tasks.push(task_files::read_task(&file)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// Scenarios of the episodes of a run, or those that it was given.
+    fn add_run(&mut self, path: &Path, name: &str) -> Result<(), WorkspaceError> {
+        let (folder, _) = RunFolder::open(path)?;
+        let before = self.listed.len();
+        let episodes = folder.join("episodes");
+        for id in sorted_names(&episodes) {
+            let file = episodes.join(id).join(RECORDED);
+            if file.is_file() {
+                self.add_or_leave_out(&file, &format!("run {name}"), copies_of(&file).as_deref());
+            }
+        }
+        let given = folder.join("scenarios");
+        if self.listed.len() == before && given.is_dir() {
+            for file in task_files::expand(&[given])? {
+                self.add_or_leave_out(&file, &format!("run {name}"), Some(name.as_ref()));
+            }
+        }
+        if self.listed.len() == before {
+            return Err(WorkspaceError::input(format!("the run at {} has no scenario", path.display()))
+                .with_hint("collect episodes first"));
+        }
+        Ok(())
+    }
+
+    /// Scenarios in the studio's folder and in the folders of copies inside it.
+    fn add_edited(&mut self, folder: &Path, depth: usize) {
+        for file in sorted_names(folder).into_iter().map(|name| folder.join(name)) {
+            if file.is_dir() && depth > 0 {
+                self.add_edited(&file, depth - 1);
+            } else if file.extension().is_some_and(|ending| ending == "json") && is_scenario(&file).unwrap_or(false) {
+                self.add_or_leave_out(&file, "studio", None);
+            }
+        }
+    }
+
+    fn add_tasks(&mut self, tasks: &[Task], out: &Path, progress: &dyn Progress) -> Result<(), WorkspaceError> {
+        // What was edited is never laid out anew.
+        let file = |task: &Task| out.join(format!("{}-000.json", task.id));
+        let is_edited = |task: &Task| EditLog::path_of(&file(task)).is_file();
+        let (edited, others): (Vec<Task>, Vec<Task>) = tasks.iter().cloned().partition(is_edited);
+        for task in &edited {
+            self.add_or_leave_out(&file(task), "studio", None);
+        }
+        let output = LayoutOutput { folder: out.to_owned(), explain: false };
+        let (settings, seed, never) = (LayoutSettings::default(), Seed::new(0), AtomicBool::new(false));
+        let world = default_world();
+        let mut made = Vec::new();
+        let workers = workers::workers(None);
+        let mut each = |row: &genmanip_pipeline::layouts::LaidOut| made.push(row.clone());
+        lay_out(&others, 1, &world, &settings, seed, &output, workers, progress, &never, &mut each)?;
+        for row in made {
+            match (row.scenario, row.refused) {
+                (Some(file), _) => self.add_file(Path::new(&file), "studio", None)?,
+                (None, refused) => {
+                    self.left_out.push(format!("task {} has no layout: {}", row.task, refused.unwrap_or_default()));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn add_file(&mut self, path: &Path, source: &str, copies: Option<&Path>) -> Result<(), WorkspaceError> {
+        if self.listed.len() >= MAX_SCENARIOS {
+            return Err(WorkspaceError::input(format!("more than {MAX_SCENARIOS} scenarios"))
+                .with_hint("name fewer of them, such as some files of the folder"));
+        }
+        if !self.paths.contains(path) {
+            self.add(path, source, copies, &read_scenario(path)?);
+        }
+        Ok(())
+    }
+
+    fn add_or_leave_out(&mut self, path: &Path, source: &str, copies: Option<&Path>) {
+        if let Err(error) = self.add_file(path, source, copies) {
+            self.left_out.push(format!("{} is left out: {error}", path.display()));
+        }
+    }
+}
+
+impl Summary {
+    /// Summary of a scenario.
+    pub fn of(scenario: &Scenario) -> Self {
+        Self {
+            id: scenario.id.clone(),
+            kind: scenario.task.kind,
+            instruction: scenario.task.instruction.clone(),
+            objects: scenario.objects.len(),
+        }
+    }
+}
+
+/// Folder for the copy of a file that is never edited in place: one of a suite, a run, or a recorded episode.
+fn copies_of(file: &Path) -> Option<PathBuf> {
+    let names: Vec<_> = std::path::absolute(file).ok()?.iter().map(|name| name.to_owned()).collect();
+    let name = |from_end: usize| names.get(names.len().checked_sub(from_end)?);
+    if name(1)? == RECORDED {
+        // RUN/episodes/ID/scenario.json
+        return Some(Path::new(name(4)?).join(name(2)?)).filter(|folder| folder.is_relative());
+    }
+    EditedScenario::read_only_reason(file).and_then(|_| Some(PathBuf::from(name(3)?)))
+}
+
+fn is_scenario(path: &Path) -> Result<bool, WorkspaceError> {
+    let text = documents::read_text(path, limits::SCENARIO)?;
+    let schema = json::parse(&text).ok().and_then(|value| value["schema"].as_str().map(str::to_owned));
+    Ok(schema.is_some_and(|schema| schema.starts_with("genmanip.scenario/")))
+}
+
+/// Names of a folder's entries; none if it cannot be listed.
+fn sorted_names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten();
+    let mut names: Vec<String> =
+        entries.filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned())).collect();
+    names.sort();
+    names
+}

@@ -1,0 +1,206 @@
+//! Images of the renderer that makes the datasets, with the visible share of each object.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use genmanip_core::glam::DVec3;
+use genmanip_core::{Camera, Intrinsics, ObjectModel, Pose, RobotModel, Scenario, World};
+use genmanip_render::encode::jpeg_rgb;
+use genmanip_render::{
+    Channels, FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance, sampling,
+    sensor,
+};
+use genmanip_workspace::WorkspaceError;
+
+/// Size of the images, pixels.
+pub const SIZE_PX: [u32; 2] = [512, 288];
+/// Quality of the JPEG files, 1-100; chosen.
+const QUALITY: u8 = 88;
+/// Number of scenes whose renderers are kept.
+const MAX_SCENES: usize = 4;
+/// Number of objects whose whole outlines are remembered by a renderer.
+const MAX_OUTLINES: usize = 512;
+/// Height of objects that are left out of an image, m: far below every image.
+const AWAY_M: f64 = -50.0;
+
+/// An image of one camera.
+#[derive(Clone, Debug)]
+pub struct CameraImage {
+    /// JPEG file.
+    pub jpeg: Vec<u8>,
+    /// Visible share of each object's pixels by id; without those that are outside of the image.
+    pub visible_shares: BTreeMap<String, f64>,
+}
+
+/// Renderers of the scenes that were drawn last; each continues its last image of a camera.
+#[derive(Debug, Default)]
+pub struct Painters {
+    kept: Mutex<Vec<(String, Arc<Mutex<Painter>>)>>,
+}
+
+/// Renderer of one scene.
+#[derive(Debug)]
+struct Painter {
+    models: Vec<Arc<ObjectModel>>,
+    world: World,
+    robot: Arc<RobotModel>,
+    assets: Arc<RenderAssets>,
+    renderer: Renderer,
+    /// Pixels of an object alone, by what they depend on.
+    outlines: BTreeMap<String, usize>,
+}
+
+impl Painters {
+    /// Image of a scenario at its start; `key` names its scene, `models` are those of its objects.
+    ///
+    /// # Errors
+    /// When there is no such camera, or it cannot be drawn.
+    pub fn draw(
+        &self,
+        key: &str,
+        scenario: &Scenario,
+        models: &[Arc<ObjectModel>],
+        robot: &Arc<RobotModel>,
+        camera: &str,
+    ) -> Result<CameraImage, WorkspaceError> {
+        let painter = self.painter(key, scenario, models, robot)?;
+        let mut painter = painter.lock().unwrap_or_else(PoisonError::into_inner);
+        if !painter.fits(scenario, models) {
+            *painter = Painter::new(scenario, models, robot)?;
+        }
+        painter.draw(scenario, camera)
+    }
+
+    fn painter(
+        &self,
+        key: &str,
+        scenario: &Scenario,
+        models: &[Arc<ObjectModel>],
+        robot: &Arc<RobotModel>,
+    ) -> Result<Arc<Mutex<Painter>>, WorkspaceError> {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let painter = match kept.iter().position(|(known, _)| known == key) {
+            Some(place) => kept.remove(place).1,
+            None => Arc::new(Mutex::new(Painter::new(scenario, models, robot)?)),
+        };
+        kept.push((key.to_owned(), Arc::clone(&painter)));
+        if kept.len() > MAX_SCENES {
+            kept.remove(0);
+        }
+        Ok(painter)
+    }
+}
+
+impl Painter {
+    fn new(scenario: &Scenario, models: &[Arc<ObjectModel>], robot: &Arc<RobotModel>) -> Result<Self, WorkspaceError> {
+        let world = &scenario.world;
+        let assets = RenderAssets::new(Arc::clone(robot), models, Some(world)).map_err(not_drawn)?;
+        let usual = RenderVariation::default();
+        let variation = world.look.as_ref().map_or_else(|| usual.clone(), |look| sampling::varied(&usual, look));
+        Ok(Self {
+            models: models.to_vec(),
+            world: world.clone(),
+            robot: Arc::clone(robot),
+            renderer: Renderer::new(Arc::clone(&assets), variation),
+            assets,
+            outlines: BTreeMap::new(),
+        })
+    }
+
+    /// True if only poses and cameras have changed.
+    fn fits(&self, scenario: &Scenario, models: &[Arc<ObjectModel>]) -> bool {
+        let (old, new) = (&self.world, &scenario.world);
+        let same_models =
+            self.models.len() == models.len() && self.models.iter().zip(models).all(|(old, new)| Arc::ptr_eq(old, new));
+        same_models
+            && (&old.surfaces, &old.look, &old.robot, old.floor_z_m)
+                == (&new.surfaces, &new.look, &new.robot, new.floor_z_m)
+    }
+
+    fn draw(&mut self, scenario: &Scenario, name: &str) -> Result<CameraImage, WorkspaceError> {
+        let Some(camera) = scenario.world.camera(name) else {
+            let known: Vec<&str> = scenario.world.cameras.iter().map(|camera| camera.name.as_str()).collect();
+            return Err(WorkspaceError::unknown("camera", "cameras", name, &known));
+        };
+        let [width, height] = SIZE_PX;
+        let camera = Camera { intrinsics: camera.intrinsics.filling(width, height), ..camera.clone() };
+        let pinhole = sensor::pinhole(&camera).map_err(not_drawn)?;
+        let whole = self.state(scenario, None)?;
+        let channels = Channels { rgb: true, ..Channels::GEOMETRY };
+        let image = self.render(&whole, &pinhole, channels)?;
+        let visible = pixels(&image, self.models.len());
+        let mut visible_shares = BTreeMap::new();
+        for (index, placed) in scenario.objects.iter().enumerate() {
+            let outline = self.outline(scenario, index, &pinhole)?;
+            if outline > 0 {
+                visible_shares.insert(placed.id.clone(), (visible[index] as f64 / outline as f64).min(1.0));
+            }
+        }
+        let developed =
+            sensor::developed(&self.renderer, &camera, channels, image, scenario.seed).map_err(not_drawn)?;
+        let jpeg = jpeg_rgb(developed.width, developed.height, &developed.rgb, QUALITY)
+            .map_err(|error| WorkspaceError::broken(format!("cannot encode the image of camera {name}"), error))?;
+        Ok(CameraImage { jpeg, visible_shares })
+    }
+
+    /// Pixels of one object without the others and the robot.
+    fn outline(&mut self, scenario: &Scenario, index: usize, camera: &Camera) -> Result<usize, WorkspaceError> {
+        let placed = &scenario.objects[index];
+        let Camera { name: _, mount, mount_from_camera, intrinsics, distortion: _, sensor: _ } = camera;
+        let Intrinsics { width, height, fx, fy, cx, cy } = intrinsics;
+        let seen = (mount_from_camera.to_row(), placed.pose.to_row(), &placed.joint_positions);
+        let key = format!("{index} {mount:?} {width} {height} {fx} {fy} {cx} {cy} {seen:?}");
+        if let Some(&known) = self.outlines.get(&key) {
+            return Ok(known);
+        }
+        let state = self.state(scenario, Some(index))?;
+        let image = self.render(&state, camera, Channels::GEOMETRY)?;
+        let outline = pixels(&image, self.models.len())[index];
+        if self.outlines.len() >= MAX_OUTLINES {
+            self.outlines.clear();
+        }
+        self.outlines.insert(key, outline);
+        Ok(outline)
+    }
+
+    /// Poses at the start: of everything, or of one object alone. The hand stays, since cameras are mounted on it.
+    fn state(&self, scenario: &Scenario, only: Option<usize>) -> Result<FrameState, WorkspaceError> {
+        let away = Pose::from_position(DVec3::Z * AWAY_M);
+        let poses = scenario.objects.iter().enumerate().map(|(index, placed)| {
+            let is_drawn = only.is_none_or(|only| only == index);
+            (if is_drawn { placed.pose } else { away }, placed.joint_positions.as_slice())
+        });
+        let (start, width) = (scenario.world.robot.start(), self.robot.gripper.max_width);
+        let mut state = self.assets.frame_state(start, width, poses).map_err(not_drawn)?;
+        if only.is_some() {
+            for link in (0..self.robot.links.len()).filter(|&link| link != self.robot.hand) {
+                state.body_poses[link] = away;
+            }
+        }
+        Ok(state)
+    }
+
+    fn render(
+        &mut self,
+        state: &FrameState,
+        camera: &Camera,
+        channels: Channels,
+    ) -> Result<FrameBuffers, WorkspaceError> {
+        let mut images = [FrameBuffers::default()];
+        self.renderer.render(&[ViewJob::new(state, camera, channels)], &mut images).map_err(not_drawn)?;
+        let [image] = images;
+        Ok(image)
+    }
+}
+
+fn pixels(image: &FrameBuffers, objects: usize) -> Vec<usize> {
+    let mut pixels = vec![0; objects];
+    for object in image.instance.iter().filter_map(|&id| object_of_instance(id)) {
+        pixels[object] += 1;
+    }
+    pixels
+}
+
+fn not_drawn(error: genmanip_render::RenderError) -> WorkspaceError {
+    WorkspaceError::broken("the camera gives no image", error)
+}

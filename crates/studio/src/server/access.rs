@@ -1,0 +1,70 @@
+//! Access: requests of other sites are refused, and a server for others demands its token.
+
+use axum::http::header::{AUTHORIZATION, COOKIE};
+use axum::http::{HeaderMap, Uri};
+use genmanip_core::hexadecimal;
+use sha2::{Digest, Sha256};
+use std::io::Read;
+
+/// Name of the cookie that holds the token: files of the page are requested without it in their address.
+const COOKIE_NAME: &str = "genmanip_studio";
+
+/// A secret that every request must hold: in a header, a cookie, or the address.
+#[derive(Clone, Debug)]
+pub struct Token {
+    text: String,
+    digest: [u8; 32],
+}
+
+impl Token {
+    /// A new one from the random numbers of the system.
+    ///
+    /// # Errors
+    /// When the system gives none.
+    pub fn random() -> std::io::Result<Self> {
+        let mut bytes = [0; 16];
+        std::fs::File::open("/dev/urandom")?.read_exact(&mut bytes)?;
+        Ok(Self::new(&hexadecimal(&bytes)))
+    }
+
+    /// A given one.
+    pub fn new(text: &str) -> Self {
+        Self { text: text.to_owned(), digest: digest(text) }
+    }
+
+    /// The secret.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// True if a request holds the token.
+    pub fn is_held(&self, headers: &HeaderMap, uri: &Uri) -> bool {
+        let text = |name| headers.get_all(name).into_iter().filter_map(|value| value.to_str().ok());
+        let mut bearers = text(AUTHORIZATION).filter_map(|value| value.strip_prefix("Bearer "));
+        let mut cookies =
+            text(COOKIE).flat_map(|value| value.split(';')).filter_map(|pair| pair.trim().split_once('='));
+        bearers.any(|given| self.is(given))
+            || self.is_in_address(uri)
+            || cookies.any(|(name, given)| name == COOKIE_NAME && self.is(given))
+    }
+
+    /// True if the address itself holds the token.
+    pub fn is_in_address(&self, uri: &Uri) -> bool {
+        let mut pairs = uri.query().unwrap_or_default().split('&').filter_map(|pair| pair.split_once('='));
+        pairs.any(|(name, given)| name == "token" && self.is(given))
+    }
+
+    /// Value of the header that stores the token in a browser.
+    pub fn cookie(&self) -> String {
+        format!("{COOKIE_NAME}={}; Path=/; HttpOnly; SameSite=Strict", self.text)
+    }
+
+    /// Compares digests, whose time tells nothing about the secret.
+    fn is(&self, given: &str) -> bool {
+        digest(given) == self.digest
+    }
+}
+
+fn digest(text: &str) -> [u8; 32] {
+    Sha256::digest(text.as_bytes()).into()
+}

@@ -1,0 +1,111 @@
+//! Answers of the server: JSON bodies and errors with a hint.
+
+use axum::Json;
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use genmanip_workspace::WorkspaceError;
+use serde_json::{Value, json};
+
+use crate::edit::EditError;
+
+/// Reason why a request is not met.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Refusal {
+    /// Another author changed the same field.
+    Conflict {
+        /// Field, values and revision.
+        conflict: Value,
+    },
+    /// The request does not fit the scenario, or what it names is not there.
+    Unsuited {
+        /// Reason.
+        message: String,
+        /// Suggested fix.
+        hint: String,
+    },
+    /// Nothing of that name.
+    Unknown {
+        /// Reason.
+        message: String,
+    },
+    /// Editing of the scenario has stopped; the same request may be met later.
+    Stopped {
+        /// Reason.
+        message: String,
+        /// Suggested fix.
+        hint: String,
+    },
+}
+
+impl Refusal {
+    /// [`Refusal::Unsuited`].
+    pub fn unsuited(message: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::Unsuited { message: message.into(), hint: hint.into() }
+    }
+
+    /// A defect or shortage of the server.
+    pub fn of_work(error: &WorkspaceError) -> Self {
+        Self::unsuited(with_causes(error), error.hint().unwrap_or_default())
+    }
+
+    /// Error as `{"message", "hint"}`.
+    pub fn error(&self) -> Value {
+        match self {
+            Self::Conflict { .. } => json!({ "message": "another author changed the same", "hint": "choose one" }),
+            Self::Unsuited { message, hint } | Self::Stopped { message, hint } => {
+                json!({ "message": message, "hint": hint })
+            }
+            Self::Unknown { message } => json!({ "message": message, "hint": "" }),
+        }
+    }
+}
+
+impl From<EditError> for Refusal {
+    fn from(error: EditError) -> Self {
+        let (message, hint) = (with_causes(&error), error.hint());
+        match error {
+            EditError::Conflict(conflict) => {
+                Self::Conflict { conflict: serde_json::to_value(&conflict).unwrap_or_default() }
+            }
+            EditError::ChangedOutside { .. }
+            | EditError::Busy { .. }
+            | EditError::Log { .. }
+            | EditError::Stopped { .. }
+            | EditError::File(_) => Self::Stopped { message, hint },
+            _ => Self::Unsuited { message, hint },
+        }
+    }
+}
+
+impl IntoResponse for Refusal {
+    fn into_response(self) -> Response {
+        let status = match &self {
+            Self::Conflict { conflict } => {
+                return (StatusCode::CONFLICT, Json(json!({ "conflict": conflict }))).into_response();
+            }
+            Self::Unsuited { .. } => StatusCode::UNPROCESSABLE_ENTITY,
+            Self::Unknown { .. } => StatusCode::NOT_FOUND,
+            Self::Stopped { .. } => StatusCode::SERVICE_UNAVAILABLE,
+        };
+        (status, Json(json!({ "error": self.error() }))).into_response()
+    }
+}
+
+/// Answer that nothing is at an address.
+pub fn not_found(message: &str) -> Response {
+    Refusal::Unknown { message: message.to_owned() }.into_response()
+}
+
+/// Message of an error with those behind it.
+fn with_causes(error: &dyn std::error::Error) -> String {
+    let mut message = error.to_string();
+    let mut cause = error.source();
+    while let Some(inner) = cause {
+        let text = inner.to_string();
+        if !message.contains(&text) {
+            message += &format!(": {text}");
+        }
+        cause = inner.source();
+    }
+    message
+}

@@ -1,0 +1,416 @@
+//! Operations over HTTP; those of the page's tabs are the same.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::body::{Body, to_bytes};
+use axum::extract::{Path, Query, Request as HttpRequest, State};
+use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, HeaderName};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use axum::{Json, Router};
+use genmanip_core::{Pose, Scenario};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
+
+use super::answer::{Refusal, not_found};
+use super::room::Request;
+use super::studio::Studio;
+use crate::edit::{Command, Placement, Stamp};
+use crate::scene::settling::settle;
+use crate::verdict::{Inspection, ProblemCode, Stage};
+
+/// Largest body of a request, bytes: many times the largest command.
+pub const MAX_BODY: usize = 1 << 20;
+/// Time-out for receiving a body.
+const RECEIVE: Duration = Duration::from_secs(30);
+/// Objects of a search without a limit.
+const FOUND: usize = 40;
+/// Moves of objects that were not to be dropped, below which they stay, metres.
+const NUDGE_M: f64 = 0.002;
+
+/// Routes of all operations.
+pub fn routes() -> Router<Arc<Studio>> {
+    Router::new()
+        .route("/api/session", get(session))
+        .route("/api/scenarios", get(list))
+        .route("/api/scenarios/{key}", get(scene))
+        .route("/api/scenarios/{key}/commands", post(command))
+        .route("/api/scenarios/{key}/undo", post(undo))
+        .route("/api/scenarios/{key}/redo", post(redo))
+        .route("/api/scenarios/{key}/revert", post(revert))
+        .route("/api/scenarios/{key}/history", get(history))
+        .route("/api/scenarios/{key}/difference", get(difference))
+        .route("/api/scenarios/{key}/snapshots", post(snapshot))
+        .route("/api/scenarios/{key}/verdict", get(verdict))
+        .route("/api/scenarios/{key}/repairs", post(repairs))
+        .route("/api/scenarios/{key}/settle", post(drop_objects))
+        .route("/api/scenarios/{key}/images/{camera}", get(image))
+        .route("/api/catalogue", get(search))
+        .route("/api/catalogue/{uid}/thumbnail", get(thumbnail))
+        .route("/meshes/{file}", get(mesh))
+        .route("/api/{*path}", get(unknown).post(unknown))
+}
+
+type Shared = State<Arc<Studio>>;
+
+async fn session(State(studio): Shared) -> Json<Value> {
+    Json(json!({
+        "version": env!("CARGO_PKG_VERSION"), "author": studio.author, "needs_token": studio.token.is_some(),
+    }))
+}
+
+async fn list(State(studio): Shared) -> Response {
+    work(&studio, |studio| Ok(Json(studio.list()).into_response())).await
+}
+
+/// Author on whose behalf something is read.
+#[derive(Deserialize)]
+struct Reader {
+    author: Option<String>,
+}
+
+async fn scene(State(studio): Shared, Path(key): Path<String>, Query(reader): Query<Reader>) -> Response {
+    work(&studio, move |studio| {
+        let author = reader.author.as_deref().unwrap_or(&studio.author);
+        Ok(Json(studio.scene(&*studio.room(&key)?, author)?).into_response())
+    })
+    .await
+}
+
+async fn command(State(studio): Shared, Path(key): Path<String>, request: HttpRequest) -> Response {
+    change(&studio, key, request, |command: Command| Request::Command(Box::new(command))).await
+}
+
+async fn undo(State(studio): Shared, Path(key): Path<String>, request: HttpRequest) -> Response {
+    change(&studio, key, request, Request::Undo).await
+}
+
+async fn redo(State(studio): Shared, Path(key): Path<String>, request: HttpRequest) -> Response {
+    change(&studio, key, request, Request::Redo).await
+}
+
+/// A revision that is taken back.
+#[derive(Deserialize)]
+struct Reverted {
+    revision: u64,
+    #[serde(flatten)]
+    stamp: Stamp,
+}
+
+async fn revert(State(studio): Shared, Path(key): Path<String>, request: HttpRequest) -> Response {
+    change(&studio, key, request, |one: Reverted| Request::Revert(one.revision, one.stamp)).await
+}
+
+async fn change<T: DeserializeOwned>(
+    studio: &Arc<Studio>,
+    key: String,
+    request: HttpRequest,
+    read: impl FnOnce(T) -> Request,
+) -> Response {
+    let request = match body(request).await {
+        Ok(body) => read(body),
+        Err(refusal) => return refusal.into_response(),
+    };
+    work(studio, move |studio| {
+        let changed = studio.change(&key, &request)?;
+        let state = changed.steps.complete(&changed.state, &request.stamp().author);
+        Ok(Json(json!({ "state": state })).into_response())
+    })
+    .await
+}
+
+async fn history(State(studio): Shared, Path(key): Path<String>) -> Response {
+    work(&studio, move |studio| {
+        let lines: Vec<Value> = studio.room(&key)?.read(|document| {
+            let commands = document.history().map(|line| (line.revision, serde_json::to_value(line)));
+            let snapshots = document.snapshots().iter().map(|named| (named.revision, serde_json::to_value(named)));
+            let mut lines: Vec<_> = commands.chain(snapshots).collect();
+            // A stable sort: a snapshot follows the command that it names.
+            lines.sort_by_key(|(revision, _)| *revision);
+            lines.into_iter().filter_map(|(_, line)| line.ok()).collect()
+        });
+        Ok(Json(lines).into_response())
+    })
+    .await
+}
+
+/// Two revisions.
+#[derive(Deserialize)]
+struct Between {
+    from: u64,
+    to: Option<u64>,
+}
+
+async fn difference(State(studio): Shared, Path(key): Path<String>, Query(between): Query<Between>) -> Response {
+    work(&studio, move |studio| {
+        let found = studio
+            .room(&key)?
+            .read(|document| document.difference(between.from, between.to.unwrap_or_else(|| document.revision())));
+        Ok(Json(found?).into_response())
+    })
+    .await
+}
+
+/// A named snapshot; the id may be left out, since a second one of the same name is harmless.
+#[derive(Deserialize)]
+struct Named {
+    name: String,
+    author: String,
+    at: String,
+    client_operation_id: Option<String>,
+}
+
+async fn snapshot(State(studio): Shared, Path(key): Path<String>, request: HttpRequest) -> Response {
+    let Named { name, author, at, client_operation_id } = match body(request).await {
+        Ok(named) => named,
+        Err(refusal) => return refusal.into_response(),
+    };
+    work(&studio, move |studio| {
+        let id = client_operation_id.unwrap_or_else(|| format!("snapshot {name} {at}"));
+        let room = studio.room(&key)?;
+        if room.copies.is_some() {
+            return Err(Refusal::unsuited("this scenario is read-only", "edit it first: the first edit makes a copy"));
+        }
+        room.snapshot(&name, &Stamp { client_operation_id: id, author, at })?;
+        Ok(Json(json!({ "snapshot": name, "revision": room.revision().number })).into_response())
+    })
+    .await
+}
+
+async fn verdict(State(studio): Shared, Path(key): Path<String>) -> Response {
+    work(&studio, move |studio| {
+        let now = studio.room(&key)?.revision();
+        let mut problems = Vec::new();
+        studio.judge(&now, &Stage::ALL, |found| {
+            problems.extend(found.into_iter().flat_map(|found| found.problems));
+            true
+        })?;
+        Ok(Json(json!({ "revision": now.number, "problems": problems })).into_response())
+    })
+    .await
+}
+
+/// A problem whose repairs are asked for.
+#[derive(Deserialize)]
+struct Asked {
+    stage: Stage,
+    code: ProblemCode,
+    object: Option<String>,
+    other: Option<String>,
+}
+
+async fn repairs(State(studio): Shared, Path(key): Path<String>, request: HttpRequest) -> Response {
+    let asked: Asked = match body(request).await {
+        Ok(asked) => asked,
+        Err(refusal) => return refusal.into_response(),
+    };
+    work(&studio, move |studio| {
+        let now = studio.room(&key)?.revision();
+        let equipment = studio.equipment(&now.scenario.world)?;
+        let mut inspection = Inspection::new(Arc::clone(&now.scenario), &equipment);
+        let failed = |error: crate::verdict::VerdictError| Refusal::unsuited(error.to_string(), "");
+        let problems = inspection.problems(asked.stage).map_err(failed)?;
+        let is_meant = |problem: &&crate::verdict::Problem| {
+            let other = asked.other.is_none() || problem.other == asked.other;
+            problem.code == asked.code && problem.object == asked.object && other
+        };
+        let repairs = match problems.iter().find(is_meant) {
+            Some(problem) => inspection.repairs(problem).map_err(failed)?,
+            None => Vec::new(),
+        };
+        Ok(Json(json!({ "revision": now.number, "repairs": repairs })).into_response())
+    })
+    .await
+}
+
+/// Objects to drop: by id, or at given poses.
+#[derive(Deserialize)]
+struct Dropped {
+    #[serde(default)]
+    objects: Vec<OneDropped>,
+}
+
+/// An object to drop.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum OneDropped {
+    /// From its pose.
+    Here(String),
+    /// From another pose.
+    There(Placement),
+}
+
+async fn drop_objects(State(studio): Shared, Path(key): Path<String>, request: HttpRequest) -> Response {
+    let dropped: Dropped = match body(request).await {
+        Ok(dropped) => dropped,
+        Err(refusal) => return refusal.into_response(),
+    };
+    work(&studio, move |studio| {
+        let now = studio.room(&key)?.revision();
+        let mut scenario = Scenario::clone(&now.scenario);
+        let mut asked = Vec::new();
+        for one in dropped.objects {
+            let (id, pose) = match one {
+                OneDropped::Here(id) => (id, None),
+                OneDropped::There(placement) => (placement.id, Some((placement.pose, placement.joint_positions))),
+            };
+            let Some(index) = scenario.index_of(&id) else {
+                return Err(Refusal::unsuited(format!("no object {id:?} in the scene"), "it may have been removed"));
+            };
+            if let Some((pose, joint_positions)) = pose {
+                let object = &mut scenario.objects[index];
+                object.pose = pose;
+                // Other numbers of joints are those of another object.
+                let fits = |joints: &Vec<f64>| joints.len() == object.joint_positions.len();
+                if let Some(joints) = joint_positions.filter(fits) {
+                    object.joint_positions = joints;
+                }
+            }
+            asked.push(index);
+        }
+        let models = studio.models(&scenario)?;
+        let (moved, settled) = settle(&scenario, &models).map_err(|error| Refusal::of_work(&error))?;
+        let before = |index: usize| scenario.objects[index].pose.position;
+        let mut placed: Vec<(usize, Pose, Vec<f64>)> = moved
+            .into_iter()
+            .filter(|own| {
+                asked.is_empty()
+                    || asked.contains(&own.object)
+                    || own.pose.position.distance(before(own.object)) > NUDGE_M
+            })
+            .map(|own| (own.object, own.pose, own.joint_positions))
+            .collect();
+        for &index in &asked {
+            if !placed.iter().any(|(known, ..)| *known == index) {
+                let object = &scenario.objects[index];
+                placed.push((index, object.pose, object.joint_positions.clone()));
+            }
+        }
+        let objects: Vec<Placement> = placed
+            .into_iter()
+            .map(|(index, pose, joints)| Placement {
+                id: scenario.objects[index].id.clone(),
+                pose,
+                joint_positions: (!joints.is_empty()).then_some(joints),
+            })
+            .collect();
+        Ok(Json(json!({ "op": "place", "args": { "objects": objects }, "settled": settled })).into_response())
+    })
+    .await
+}
+
+/// Revision that an image should show.
+#[derive(Deserialize)]
+struct AtRevision {
+    revision: Option<u64>,
+}
+
+async fn image(
+    State(studio): Shared,
+    Path((key, camera)): Path<(String, String)>,
+    Query(at): Query<AtRevision>,
+) -> Response {
+    work(&studio, move |studio| {
+        let room = studio.room(&key)?;
+        let now = room.revision();
+        let (number, scenario) = match at.revision.filter(|&revision| revision != now.number) {
+            Some(revision) => (revision, room.read(|document| document.at_revision(revision))?),
+            None => (now.number, now.scenario),
+        };
+        let image = studio.image(&key, &scenario, &camera)?;
+        let head = [
+            (CONTENT_TYPE, "image/jpeg".to_owned()),
+            (CACHE_CONTROL, "no-store".to_owned()),
+            (HeaderName::from_static("x-visible-shares"), ascii_json(&image.visible_shares)),
+            (HeaderName::from_static("x-revision"), number.to_string()),
+        ];
+        Ok((head, Body::from(image.jpeg)).into_response())
+    })
+    .await
+}
+
+/// JSON that fits into a header: other characters as `\u` escapes.
+fn ascii_json(value: &impl serde::Serialize) -> String {
+    let text = serde_json::to_string(value).unwrap_or_default();
+    let escaped = |letter: char| -> String {
+        let mut units = [0; 2];
+        match letter.is_ascii() {
+            true => letter.to_string(),
+            false => letter.encode_utf16(&mut units).iter().map(|unit| format!("\\u{unit:04x}")).collect(),
+        }
+    };
+    text.chars().map(escaped).collect()
+}
+
+/// Query of the catalogue.
+#[derive(Deserialize)]
+struct Searched {
+    #[serde(default)]
+    query: String,
+    graspable: Option<bool>,
+    limit: Option<usize>,
+}
+
+async fn search(State(studio): Shared, Query(asked): Query<Searched>) -> Response {
+    work(&studio, move |studio| {
+        let limit = asked.limit.unwrap_or(FOUND);
+        Ok(Json(studio.catalogue.find(&asked.query, asked.graspable, limit)).into_response())
+    })
+    .await
+}
+
+async fn thumbnail(State(studio): Shared, Path(uid): Path<String>) -> Response {
+    work(&studio, move |studio| match studio.catalogue.thumbnail(&uid).map_err(|error| Refusal::of_work(&error))? {
+        Some(jpeg) => {
+            let head = [(CONTENT_TYPE, "image/jpeg"), (CACHE_CONTROL, "max-age=86400")];
+            Ok((head, Body::from(jpeg.to_vec())).into_response())
+        }
+        None => Ok(not_found("no such object in the catalogue")),
+    })
+    .await
+}
+
+async fn mesh(State(studio): Shared, Path(file): Path<String>) -> Response {
+    work(&studio, move |studio| {
+        let glb = file.strip_suffix(".glb").and_then(|hash| studio.scenes.meshes.file(hash));
+        let head = [(CONTENT_TYPE, "model/gltf-binary"), (CACHE_CONTROL, "public, max-age=31536000, immutable")];
+        Ok(match glb {
+            Some(glb) => (head, Body::from(glb.to_vec())).into_response(),
+            None => not_found("no such mesh; open its scenario again"),
+        })
+    })
+    .await
+}
+
+async fn unknown() -> Response {
+    not_found("no such operation; docs/guides/studio.md lists them")
+}
+
+/// Receives a JSON body.
+async fn body<T: DeserializeOwned>(request: HttpRequest) -> Result<T, Refusal> {
+    let received = tokio::time::timeout(RECEIVE, to_bytes(request.into_body(), MAX_BODY)).await;
+    let too_large =
+        || Refusal::unsuited(format!("the request was not received, or is larger than {MAX_BODY} bytes"), "");
+    let bytes = received.map_err(|_| too_large())?.map_err(|_| too_large())?;
+    serde_json::from_slice(&bytes)
+        .map_err(|error| Refusal::unsuited(format!("the request cannot be read: {error}"), ""))
+}
+
+/// Runs a computation on its own thread when one is free; a panic costs one answer, not the server.
+pub async fn work(
+    studio: &Arc<Studio>,
+    compute: impl FnOnce(&Studio) -> Result<Response, Refusal> + Send + 'static,
+) -> Response {
+    let Ok(_turn) = studio.permits.acquire().await else { return not_found("the server is shutting down") };
+    let own = Arc::clone(studio);
+    match tokio::task::spawn_blocking(move || compute(&own)).await {
+        Ok(answer) => answer.unwrap_or_else(IntoResponse::into_response),
+        Err(_) => Refusal::Stopped {
+            message: "the computation panicked; please report this bug".into(),
+            hint: "the scenario's log has every acknowledged edit".into(),
+        }
+        .into_response(),
+    }
+}

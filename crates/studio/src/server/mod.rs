@@ -1,0 +1,91 @@
+//! The studio's server: the page, scenes and edits over HTTP, and one WebSocket per tab.
+
+mod access;
+mod answer;
+mod api;
+mod catalogue;
+mod page;
+mod room;
+mod socket;
+mod studio;
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use axum::extract::Request;
+use axum::http::StatusCode;
+use axum::http::header::{CONTENT_TYPE, HeaderValue, SET_COOKIE, X_CONTENT_TYPE_OPTIONS};
+use axum::middleware::{self, Next};
+use axum::response::{IntoResponse, Response};
+use axum::{Json, Router};
+use genmanip_serve::{ServeError, Server, browser_guard};
+use serde_json::json;
+
+pub use access::Token;
+
+use crate::collections::Collection;
+use studio::Studio;
+
+/// Settings of the server.
+#[derive(Clone, Debug)]
+pub struct StudioSettings {
+    /// Listening address; port 0 picks a free one.
+    pub address: SocketAddr,
+    /// Folder for copies of read-only scenarios.
+    pub out: PathBuf,
+    /// Author of tabs that name none.
+    pub author: String,
+    /// Secret that every request must hold; none on loopback.
+    pub token: Option<Token>,
+}
+
+/// Starts the server on its own threads; it stops when the result is dropped.
+///
+/// # Errors
+/// When the address is unavailable.
+pub fn start(collection: Collection, settings: StudioSettings) -> Result<Server, ServeError> {
+    let StudioSettings { address, out, author, token } = settings;
+    let studio = Arc::new(Studio::new(collection, out, author, token));
+    Server::of(address, |address| router(studio, address.ip().is_loopback()))
+}
+
+fn router(studio: Arc<Studio>, listens_on_loopback: bool) -> Router {
+    let guarded = Arc::clone(&studio);
+    api::routes()
+        .route("/api/socket", axum::routing::get(socket::connect))
+        .fallback(page::file)
+        .layer(middleware::from_fn(move |request: Request, next: Next| {
+            let studio = Arc::clone(&guarded);
+            async move { guard(&studio, listens_on_loopback, request, next).await }
+        }))
+        .with_state(studio)
+}
+
+/// Refuses requests of other sites and those without the token.
+async fn guard(studio: &Studio, listens_on_loopback: bool, request: Request, next: Next) -> Response {
+    let refused = |status: StatusCode, message: &str, hint: &str| {
+        (status, Json(json!({ "error": { "message": message, "hint": hint } }))).into_response()
+    };
+    if let Some(reason) = browser_guard::refusal(request.headers(), listens_on_loopback) {
+        return refused(StatusCode::FORBIDDEN, &reason, "");
+    }
+    let mut cookie = None;
+    if let Some(token) = &studio.token {
+        if !token.is_held(request.headers(), request.uri()) {
+            let hint = "open the whole address that `genmanip studio` printed, with ?token=…";
+            return refused(StatusCode::UNAUTHORIZED, "this studio demands its token", hint);
+        }
+        cookie = token.is_in_address(request.uri()).then(|| token.cookie());
+    }
+    let mut response = next.run(request).await;
+    let headers = response.headers_mut();
+    headers.insert(X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+    if headers.get(CONTENT_TYPE).is_some_and(|kind| kind == "application/json") {
+        headers.insert(axum::http::header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    }
+    if let Some(cookie) = cookie.and_then(|cookie| HeaderValue::from_str(&cookie).ok()) {
+        headers.insert(SET_COOKIE, cookie);
+    }
+    response
+}

@@ -1,0 +1,63 @@
+//! The page: files of `web/dist`, embedded in the program.
+
+use axum::body::Body;
+use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, ETAG, IF_NONE_MATCH};
+use axum::http::{HeaderMap, StatusCode, Uri};
+use axum::response::{IntoResponse, Response};
+use genmanip_core::hexadecimal;
+use rust_embed::{EmbeddedFile, RustEmbed};
+
+use super::answer::not_found;
+
+#[derive(RustEmbed)]
+#[folder = "../../web/dist"]
+#[allow_missing = true]
+struct Files;
+
+/// Sources that the page may load from: this server alone.
+const POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; connect-src 'self' ws: wss: blob:; \
+                      style-src 'self' 'unsafe-inline'; worker-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'";
+
+/// A file of the page; the page itself for `/`.
+pub async fn file(headers: HeaderMap, uri: Uri) -> Response {
+    let path = match uri.path().trim_start_matches('/') {
+        "" => "index.html",
+        path => path,
+    };
+    match Files::get(path) {
+        Some(file) => answer(path, file, &headers),
+        None if path == "index.html" => {
+            not_found("this program was built without its page; build it again in a whole checkout")
+        }
+        None => not_found("nothing is here; the page is at /"),
+    }
+}
+
+fn answer(path: &str, file: EmbeddedFile, headers: &HeaderMap) -> Response {
+    let tag = format!("\"{}\"", hexadecimal(&file.metadata.sha256_hash()[..16]));
+    let is_known = headers.get(IF_NONE_MATCH).is_some_and(|known| known.as_bytes() == tag.as_bytes());
+    // Names do not change with the content, so a browser asks each time.
+    let head = [
+        (CONTENT_TYPE, media_type(path).to_owned()),
+        (ETAG, tag),
+        (CACHE_CONTROL, "no-cache".to_owned()),
+        (CONTENT_SECURITY_POLICY, POLICY.to_owned()),
+    ];
+    if is_known {
+        return (StatusCode::NOT_MODIFIED, head).into_response();
+    }
+    (head, Body::from(file.data.into_owned())).into_response()
+}
+
+fn media_type(path: &str) -> &'static str {
+    match path.rsplit_once('.').map_or("", |(_, ending)| ending) {
+        "html" => "text/html; charset=utf-8",
+        "js" => "text/javascript; charset=utf-8",
+        "css" => "text/css; charset=utf-8",
+        "json" => "application/json",
+        "svg" => "image/svg+xml",
+        "png" => "image/png",
+        "woff2" => "font/woff2",
+        _ => "application/octet-stream",
+    }
+}

@@ -1,0 +1,248 @@
+//! State that all requests share: the scenarios, those that are open, and the means to draw and judge them.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use genmanip_assets::Catalogue;
+use genmanip_core::{ObjectModel, Scenario, World};
+use genmanip_workspace::WorkspaceError;
+use serde_json::{Value, json};
+use tokio::sync::Semaphore;
+
+use super::access::Token;
+use super::answer::Refusal;
+use super::catalogue::CatalogueSearch;
+use super::room::{Request, Revision, Room, StageVerdict, Steps};
+use crate::collections::{Collection, Summary};
+use crate::edit::{EditLog, EditedScenario};
+use crate::scene::exported::models;
+use crate::scene::images::{CameraImage, Painters};
+use crate::scene::scene_message::{SceneAssets, SceneMessage};
+use crate::verdict::{Equipment, Inspection, Stage};
+
+/// State shared by all requests.
+pub struct Studio {
+    /// Author of tabs that name none.
+    pub author: String,
+    /// Secret that requests must hold.
+    pub token: Option<Token>,
+    /// Search of the catalogue.
+    pub catalogue: CatalogueSearch,
+    /// Meshes and models.
+    pub scenes: SceneAssets,
+    /// Computations at once.
+    pub permits: Semaphore,
+    out: PathBuf,
+    collection: Mutex<Collection>,
+    rooms: Mutex<BTreeMap<String, Arc<Room>>>,
+    painters: Painters,
+    /// By the robot of a world.
+    equipment: Mutex<BTreeMap<String, Arc<Equipment>>>,
+}
+
+/// A change that was applied.
+pub struct Changed {
+    /// Room of the scenario, or of the copy that was made.
+    pub room: Arc<Room>,
+    /// State without the fields that depend on the author.
+    pub state: Arc<Value>,
+    /// Those fields.
+    pub steps: Arc<Steps>,
+}
+
+impl Studio {
+    /// A studio of a collection, whose copies go to `out`.
+    pub fn new(collection: Collection, out: PathBuf, author: String, token: Option<Token>) -> Self {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        Self {
+            author,
+            token,
+            catalogue: CatalogueSearch::default(),
+            scenes: SceneAssets::default(),
+            permits: Semaphore::new(cores + 1), // one more than cores: an image never waits for long stages alone
+            out,
+            collection: Mutex::new(collection),
+            rooms: Mutex::default(),
+            painters: Painters::default(),
+            equipment: Mutex::default(),
+        }
+    }
+
+    /// List of all scenarios.
+    pub fn list(&self) -> Value {
+        let edited: Vec<String> = {
+            let collection = self.lock_collection();
+            let edited = collection.iter().filter(|listed| EditLog::path_of(&listed.path).is_file());
+            edited.map(|listed| listed.key.clone()).collect()
+        };
+        // A log that cannot be read is reported where its scenario is opened.
+        edited.iter().for_each(|key| drop(self.room(key)));
+        let open: BTreeMap<String, Arc<Room>> = self.lock_rooms().clone();
+        let collection = self.lock_collection();
+        let row = |listed: &crate::collections::Listed| {
+            let now = open.get(&listed.key).map(|room| room.revision());
+            let summary = now.as_ref().map_or_else(|| listed.summary.clone(), |now| Summary::of(&now.scenario));
+            json!({
+                "key": listed.key, "id": summary.id, "kind": summary.kind, "instruction": summary.instruction,
+                "source": listed.source, "read_only": listed.copies.is_some(), "objects": summary.objects,
+                "revision": now.map_or(0, |now| now.number),
+            })
+        };
+        collection.iter().map(row).collect()
+    }
+
+    /// Room of a scenario, opened if need be.
+    ///
+    /// # Errors
+    /// [`Refusal::Unknown`], and when its file cannot be read.
+    pub fn room(&self, key: &str) -> Result<Arc<Room>, Refusal> {
+        let mut rooms = self.lock_rooms();
+        if let Some(room) = rooms.get(key) {
+            return Ok(Arc::clone(room));
+        }
+        let collection = self.lock_collection();
+        let Some(listed) = collection.get(key) else {
+            let shown: String = key.chars().take(80).collect();
+            return Err(Refusal::Unknown { message: format!("no scenario {shown}") });
+        };
+        let document = EditedScenario::open(&listed.path, Catalogue::all())?;
+        let parent = document.parent().and_then(|parent| collection.key_of(parent.path.as_ref()));
+        let room = Room::new(key.to_owned(), listed.source.clone(), listed.copies.clone(), parent, document);
+        let room = Arc::new(room);
+        rooms.insert(key.to_owned(), Arc::clone(&room));
+        Ok(room)
+    }
+
+    /// Room in which a scenario is edited: its own, or for a read-only one that of its copy, made on first use.
+    fn editable(&self, key: &str) -> Result<Arc<Room>, Refusal> {
+        let room = self.room(key)?;
+        let Some(folder) = &room.copies else { return Ok(room) };
+        // The lock makes two first edits share one copy.
+        let copy = {
+            let mut collection = self.lock_collection();
+            let path = collection.get(key).map(|listed| listed.path.clone()).unwrap_or_default();
+            let folder = self.out.join(folder);
+            let place = folder.join(path.file_name().unwrap_or_default());
+            let document = if place.is_file() {
+                EditedScenario::open(&place, Catalogue::all())?
+            } else {
+                let unwritable = |error| WorkspaceError::file("write", &folder, error).with_hint("name another --out");
+                std::fs::create_dir_all(&folder).map_err(unwritable).map_err(|error| Refusal::of_work(&error))?;
+                EditedScenario::copy_into(&path, &folder, Catalogue::all())?
+            };
+            collection.add(&place, "studio", None, document.scenario())
+        };
+        self.room(&copy)
+    }
+
+    /// Scene of a scenario as an author sees it.
+    ///
+    /// # Errors
+    /// When an object or a mesh is broken.
+    pub fn scene(&self, room: &Room, author: &str) -> Result<Value, Refusal> {
+        let now = room.revision();
+        let (surfaces, robot) = self.scenes.fixed(&now.scenario.world).map_err(|error| Refusal::of_work(&error))?;
+        let mut state = self.state(&room.key, &now)?;
+        (state.can_undo, state.can_redo) = room.steps(author);
+        let message = SceneMessage {
+            key: room.key.clone(),
+            id: now.scenario.id.clone(),
+            read_only: room.copies.is_some(),
+            source: room.source.clone(),
+            parent: room.parent.clone(),
+            revision: now.number,
+            state,
+            surfaces,
+            workspace: now.scenario.world.workspace,
+            robot,
+        };
+        serde_json::to_value(&message).map_err(|error| Refusal::unsuited(error.to_string(), ""))
+    }
+
+    fn state(&self, key: &str, now: &Revision) -> Result<crate::scene::scene_message::SceneState, Refusal> {
+        let models = self.models(&now.scenario)?;
+        self.scenes.state(key, &now.scenario, &models, now.number).map_err(|error| Refusal::of_work(&error))
+    }
+
+    /// Applies a change to a scenario, or to the copy of a read-only one; all its tabs get the new state.
+    ///
+    /// # Errors
+    /// [`Refusal`].
+    pub fn change(&self, key: &str, request: &Request) -> Result<Changed, Refusal> {
+        let room = self.editable(key)?;
+        let describe = |now: &Revision| {
+            let state = self.state(&room.key, now)?;
+            serde_json::to_value(&state).map_err(|error| Refusal::unsuited(error.to_string(), ""))
+        };
+        let (state, steps) = room.change(request, describe)?;
+        Ok(Changed { room, state, steps })
+    }
+
+    /// Models of a scenario's objects.
+    ///
+    /// # Errors
+    /// When an object is unknown or has changed.
+    pub fn models(&self, scenario: &Scenario) -> Result<Vec<Arc<ObjectModel>>, Refusal> {
+        models(scenario, Catalogue::all()).map_err(|error| Refusal::of_work(&error))
+    }
+
+    /// Image of a camera at a revision.
+    ///
+    /// # Errors
+    /// When there is no such camera, or it cannot be drawn.
+    pub fn image(&self, key: &str, scenario: &Scenario, camera: &str) -> Result<CameraImage, Refusal> {
+        let models = self.models(scenario)?;
+        let draw = || {
+            let robot = self.scenes.robot(&scenario.world)?;
+            self.painters.draw(key, scenario, &models, &robot, camera)
+        };
+        draw().map_err(|error: WorkspaceError| Refusal::of_work(&error))
+    }
+
+    /// Judges the stages of a revision one after the other, until `go_on` says no.
+    pub fn judge(
+        &self,
+        now: &Revision,
+        stages: &[Stage],
+        mut go_on: impl FnMut(Option<StageVerdict>) -> bool,
+    ) -> Result<(), Refusal> {
+        let equipment = self.equipment(&now.scenario.world)?;
+        let mut inspection = Inspection::new(Arc::clone(&now.scenario), &equipment);
+        for (index, &stage) in stages.iter().enumerate() {
+            if !go_on(None) {
+                return Ok(());
+            }
+            let problems = inspection.problems(stage).map_err(|error| Refusal::unsuited(error.to_string(), ""))?;
+            let done = index + 1 == stages.len();
+            if !go_on(Some(StageVerdict { revision: now.number, stage, problems, done })) {
+                return Ok(());
+            }
+        }
+        Ok(())
+    }
+
+    /// Planner and settings of verdicts for the robot of a world.
+    ///
+    /// # Errors
+    /// When the robot cannot be used.
+    pub fn equipment(&self, world: &World) -> Result<Arc<Equipment>, Refusal> {
+        let key = serde_json::to_string(&(&world.robot, &world.surfaces)).unwrap_or_default();
+        let mut known = self.equipment.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(equipment) = known.get(&key) {
+            return Ok(Arc::clone(equipment));
+        }
+        let equipment = Arc::new(Equipment::of_world(world).map_err(|error| Refusal::of_work(&error))?);
+        known.insert(key, Arc::clone(&equipment));
+        Ok(equipment)
+    }
+
+    // Poisoned locks still guard whole values. Rooms are locked before the collection.
+    fn lock_rooms(&self) -> MutexGuard<'_, BTreeMap<String, Arc<Room>>> {
+        self.rooms.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn lock_collection(&self) -> MutexGuard<'_, Collection> {
+        self.collection.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
