@@ -596,16 +596,20 @@ withMock("editing stops when the server says so", async () => {
 withMock("scene changes leak neither meshes nor heap", async () => {
   const page = await openPage();
   const changes = 200;
-  const figures = () =>
-    page.evaluate(() => {
+  const figures = async () => {
+    await page.waitForFunction(() => !/meshes \d/.test(document.querySelector(".bottom")?.textContent ?? ""));
+    await page.waitForTimeout(800);
+    return page.evaluate(() => {
       window.gc?.();
       return { ...window.studio.figures(), heap: performance.memory.usedJSHeapSize };
     });
+  };
   let early;
   for (let change = 0; change < changes; change++) {
     await page.keyboard.press(change % 40 < 20 ? "j" : "k");
     await page.waitForTimeout(20);
     if (change % 10 === 9) await ready(page);
+    // The same scenario as at the end.
     if (change === 79) early = await figures();
   }
   const late = await figures();

@@ -26,7 +26,7 @@ export function VerdictPanel() {
     <section class="verdict" aria-label="Verdict">
       <div class="row">
         <h2>
-          Verdict {verdict.preview && <span class="muted">while dragging</span>}
+          Verdict <span class="muted">{verdict.preview ? "while dragging" : store.waiting.value > 0 ? "before the edits that wait" : ""}</span>
         </h2>
         <button type="button" disabled={problems.length === 0 || isRepairing.value || !store.isEditable.value} title={withKeys("Repair all I can", "repair.all")} onClick={() => void all()}>
           {isRepairing.value ? "Repairing…" : "Repair all I can"}
