@@ -210,7 +210,7 @@ export type ServerMessage =
   | { type: "applied"; client_operation_id: string; author: string; state: ScenarioState }
   | { type: "conflict"; client_operation_id: string; conflict: Conflict }
   | { type: "refused"; client_operation_id: string; error: Refusal }
-  | { type: "verdict"; revision: number; stage: Stage; problems: Problem[]; done: boolean; preview?: boolean }
+  | { type: "verdict"; revision: number; stage: Stage; problems: Problem[]; done: boolean; preview?: boolean; error?: string }
   | { type: "presence"; authors: string[] }
   | { type: "stopped"; message: string };
 

@@ -388,6 +388,13 @@ test("history lists what was done, and revisions get names", async () => {
   await page.waitForSelector(".history strong:has-text('before lunch')");
   assert.ok(/place/.test(await page.textContent(".history")));
   await shot(page, "history");
+  await page.click("#tab-objects");
+  const lifted = Number(await field(page, "z"));
+  await page.click("#tab-history");
+  await page.click(".history button:has-text('revert')");
+  await page.click("#tab-objects");
+  await until("the command is reverted", async () => Math.abs(Number(await field(page, "z")) - lifted + 0.01) < 1e-4);
+  await page.click("#tab-history");
   await page.keyboard.press("Control+z");
   await page.waitForSelector(".history li:has-text('undo')");
   await page.context().close();

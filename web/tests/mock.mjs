@@ -173,6 +173,12 @@ class Studio {
         return send(200, { repairs: document.problems().find((problem) => problem.code === body.code && problem.object === body.object)?.later ?? [] });
       case "images":
         return send(200, document.image(), { "content-type": "image/svg+xml", "x-visible-shares": JSON.stringify(document.shares()) });
+      case "revert": {
+        // Poses alone: enough for the page.
+        const line = document.log.find((one) => one.revision === body.revision && one.op === "place");
+        const objects = (line?.args.objects ?? []).map(({ id }) => ({ id, pose: line.scenario.objects.find((one) => one.id === id).pose }));
+        return this.command(document, "commands", { ...body, op: "place", args: { objects }, base_revision: document.revision }, send);
+      }
       case "commands":
       case "undo":
       case "redo":

@@ -8,8 +8,10 @@ export interface Entry {
   id: string;
   /** Key of the scenario. */
   key: string;
-  what: "command" | "undo" | "redo";
+  what: "command" | "undo" | "redo" | "revert";
   operation?: Operation;
+  /** Command that is taken back by `revert`. */
+  revision?: number;
   /** Revision that the author saw. */
   base: number;
   author: string;

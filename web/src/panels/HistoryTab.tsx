@@ -4,7 +4,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { HistoryLine } from "../contract.ts";
 import { operationWords } from "../logic/operations.ts";
-import { redo, undo } from "../state/edits.ts";
+import { redo, revert, undo } from "../state/edits.ts";
 import { history } from "../state/requests.ts";
 import { run } from "../state/shortcuts.ts";
 import * as store from "../state/store.ts";
@@ -61,6 +61,18 @@ export function HistoryTab() {
               {line.snapshot ? <strong>{line.snapshot}</strong> : wordsOf(line, state)}
               <span class="muted"> {[line.author, timeOf(line.at)].filter(Boolean).join(", ")}</span>
             </span>
+            {line.op && !line.snapshot && (
+              <button
+                type="button"
+                class="quiet"
+                disabled={!store.isEditable.value}
+                aria-label={`Revert revision ${line.revision}`}
+                title="Takes back this command alone"
+                onClick={() => revert(line.revision)}
+              >
+                revert
+              </button>
+            )}
           </li>
         ))}
         {lines.value?.length === 0 && waiting.length === 0 && <li class="muted">No change yet.</li>}

@@ -19,6 +19,7 @@ import {
   scene,
   select,
   show,
+  status,
   stopped,
   verdict,
   wasOnline,
@@ -118,6 +119,7 @@ function receive(message: ServerMessage): void {
       break;
     case "verdict":
       if (confirmed.value && message.revision === confirmed.value.revision) verdict.value = folded(verdict.value, message);
+      if (message.error) notify("The verdict could not be completed.", { hint: message.error, isError: true });
       break;
     case "presence":
       presence.value = message.authors;
@@ -164,7 +166,8 @@ function updateRow(key: string, state: ScenarioState): void {
 }
 
 function refuse(id: string, error: { message: string; hint?: string } | undefined): void {
-  if (!entries.value.some((entry) => entry.id === id)) return;
+  // Without an id it is an answer to `open`.
+  if (id !== "" && !entries.value.some((entry) => entry.id === id)) return;
   entries.value = answered(entries.value, id, { is: "refused" });
   notify(error?.message ?? "The server refused the change.", { isError: true, ...(error?.hint ? { hint: error.hint } : {}) });
 }
@@ -189,6 +192,7 @@ export async function drain(): Promise<void> {
       const { answer, state, error } = await requests.send(entry);
       switch (answer.is) {
         case "applied":
+          if (sendTries > 0) status.value = "";
           sendTries = 0;
           acceptState({ ...(state as ScenarioState), key: answer.key }, entry.id);
           break;
@@ -199,6 +203,7 @@ export async function drain(): Promise<void> {
           refuse(entry.id, error);
           break;
         case "lost":
+          if (error) status.value = `Not stored yet: ${error.message}`;
           await new Promise((resolve) => setTimeout(resolve, backoff(sendTries++) * 1000));
       }
     }

@@ -70,6 +70,14 @@ export function redo(): void {
   step("redo");
 }
 
+/** Takes back one command of the history, whoever made it, and keeps those after it. */
+export function revert(revision: number): void {
+  const own = entry("revert");
+  if (!own) return;
+  entries.value = [...entries.value, { ...own, revision }];
+  void drain();
+}
+
 function step(what: "undo" | "redo"): void {
   const state = confirmed.value;
   if (!state) return;

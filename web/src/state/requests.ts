@@ -85,7 +85,8 @@ export async function cameraImage(
 /** Sends one entry; `state` comes with an applied one, `error` with a refused one. */
 export async function send(entry: Entry): Promise<{ answer: Answer; state?: unknown; error?: Refusal }> {
   const common = { client_operation_id: entry.id, author: entry.author, at: entry.at };
-  const body = entry.what === "command" ? { ...entry.operation, ...common, base_revision: entry.base } : common;
+  const own = entry.what === "command" ? { ...entry.operation, base_revision: entry.base } : entry.what === "revert" ? { revision: entry.revision } : {};
+  const body = { ...own, ...common };
   const path = `${scenarioPath(entry.key)}/${entry.what === "command" ? "commands" : entry.what}`;
   let response: Response;
   let content: Record<string, unknown>;
@@ -104,7 +105,7 @@ export async function send(entry: Entry): Promise<{ answer: Answer; state?: unkn
     return { answer: { is: "conflict", conflict: content["conflict"] as Entry["conflict"] & object } };
   }
   // A proxy or a server that is going down has not judged the command; a missing token is asked for again.
-  if (response.status >= 500 || response.status === 401 || response.status === 429) return { answer: { is: "lost" } };
   const error = (content["error"] ?? { message: `the server answered ${response.status}` }) as Refusal;
+  if (response.status >= 500 || response.status === 401 || response.status === 429) return { answer: { is: "lost" }, error };
   return { answer: { is: "refused" }, error };
 }
