@@ -58,8 +58,13 @@ impl Degeneracy {
 }
 
 impl Scene {
-    /// A random setup with `count` views in which the whole board is seen.
+    /// A random setup with `count` views in which the whole board, of 7 x 5 corners, is seen.
     pub fn random(mounting: Mounting, count: usize, seed: Seed) -> Self {
+        Self::of_board(mounting, count, seed, |spacing_m| Board::Grid { columns: 7, rows: 5, spacing_m })
+    }
+
+    /// A random setup with a board, which is made from a random spacing of 20 to 30 mm.
+    pub fn of_board(mounting: Mounting, count: usize, seed: Seed, board: impl Fn(f64) -> Board) -> Self {
         let mut rng = seed.rng();
         let [width, height, focal_px] = [[1280.0, 720.0, 910.0], [640.0, 480.0, 605.0]][rng.random_range(0..2)];
         let intrinsics = Intrinsics {
@@ -71,7 +76,7 @@ impl Scene {
             cy: height / 2.0 + rng.random_range(-10.0..10.0),
         };
         let camera = CameraModel { name: "calibrated".into(), intrinsics, distortion: None };
-        let board = Board::Grid { columns: 7, rows: 5, spacing_m: rng.random_range(0.02..0.03) };
+        let board = board(rng.random_range(0.02..0.03));
         let down = DQuat::from_rotation_x(std::f64::consts::PI);
         let (mount_from_camera, mount_from_board) = match mounting {
             // The hand's z points ahead, as does the camera's.
@@ -228,7 +233,8 @@ impl Scene {
         errors
     }
 
-    fn camera_from_board(&self, hand: &Pose) -> Pose {
+    /// Pose of the board in the camera's frame when the hand is at a pose.
+    pub fn camera_from_board(&self, hand: &Pose) -> Pose {
         let carrier = match self.mounting {
             Mounting::EyeInHand => *hand,
             Mounting::EyeToHand => hand.inverse(),

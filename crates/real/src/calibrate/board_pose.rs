@@ -4,8 +4,8 @@ use genmanip_core::Pose;
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
 
 use super::views::{CameraModel, View};
+use crate::homography::homography;
 use crate::least_squares::{Normal, minimise, moved};
-use crate::linear::Square;
 
 /// Angle between the normals of two poses from which they count as different, rad.
 const DIFFERENT_RAD: f64 = 0.05;
@@ -96,36 +96,18 @@ pub fn entries(at: usize, rotation: DVec3, translation: DVec3) -> [(usize, f64);
     [(at, r[0]), (at + 1, r[1]), (at + 2, r[2]), (at + 3, t[0]), (at + 4, t[1]), (at + 5, t[2])]
 }
 
-/// Pose from the homography between board and image plane (direct linear transform, normalised).
+/// Pose from the homography between board and image plane.
 fn from_homography(camera: &CameraModel, view: &View) -> Option<Pose> {
     let center = middle(view);
-    let scale = view.corners.iter().map(|(point, _)| point.distance(center)).fold(0.0, f64::max).max(1e-9);
     let seen: Vec<DVec2> = view.corners.iter().map(|&(_, pixel)| camera.on_plane(pixel)).collect::<Option<_>>()?;
-    let seen_center = seen.iter().sum::<DVec2>() / seen.len() as f64;
-    let seen_scale = seen.iter().map(|at| at.distance(seen_center)).fold(0.0, f64::max).max(1e-12);
-    let mut sum = Square::zero(9);
-    for ((point, _), at) in view.corners.iter().zip(&seen) {
-        let p = (*point - center) / scale;
-        let q = (*at - seen_center) / seen_scale;
-        sum.add_outer(&[p.x, p.y, 1.0, 0.0, 0.0, 0.0, -q.x * p.x, -q.x * p.y, -q.x], 1.0);
-        sum.add_outer(&[0.0, 0.0, 0.0, p.x, p.y, 1.0, -q.y * p.x, -q.y * p.y, -q.y], 1.0);
-    }
-    let pairs = sum.eigen();
-    if pairs[1].0 < 1e-9 * pairs[8].0 {
-        return None; // corners on a line
-    }
-    let h = &pairs[0].1;
-    // Columns of the homography, with the image's normalisation undone; z is the third row.
-    let column = |index: usize| {
-        let (x, y, z) = (h[index], h[3 + index], h[6 + index]);
-        DVec3::new(seen_scale * x + seen_center.x * z, seen_scale * y + seen_center.y * z, z)
-    };
-    let size = f64::midpoint(column(0).length(), column(1).length()) * if column(2).z < 0.0 { -1.0 } else { 1.0 };
-    let (x, y, origin) = (column(0) / size, column(1) / size, column(2) / size);
+    let points = view.corners.iter().map(|(point, _)| (*point - center).truncate());
+    let map = homography(points.zip(seen.iter().copied()))?;
+    let size = f64::midpoint(map.x_axis.length(), map.y_axis.length()) * map.z_axis.z.signum();
+    let (x, y, position) = (map.x_axis / size, map.y_axis / size, map.z_axis / size);
     // The nearest pair of orthogonal unit vectors.
     let (sum, difference) = ((x + y).normalize(), (x - y).normalize());
     let (x, y) = ((sum + difference).normalize(), (sum - difference).normalize());
-    let pose = Pose::from_axes(origin * scale, x, y, x.cross(y));
+    let pose = Pose::from_axes(position, x, y, x.cross(y));
     let pose = Pose::new(pose.position - pose.rotation * center, pose.rotation);
     (pose.position.is_finite() && pose.rotation.is_finite()).then_some(pose)
 }

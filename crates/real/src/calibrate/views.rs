@@ -7,6 +7,7 @@ use genmanip_core::{Camera, CameraMount, Distortion, Document, DocumentError, In
 use serde::{Deserialize, Serialize};
 
 use super::error::CalibrationError;
+use crate::boards::{Charuco, Layout, TagGrid};
 
 /// Views, at most: the equations grow with the cube of their number.
 const MAX_VIEWS: usize = 150;
@@ -28,6 +29,8 @@ pub struct BoardViews {
     /// Robot states by view.
     pub robot: BTreeMap<String, RobotState>,
     /// Detected corners by view: id of the corner, then pixel u and v. An image without a board has an empty list.
+    /// Absent if the board is still to be found in images.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub detections: BTreeMap<String, Vec<(u32, f64, f64)>>,
 }
 
@@ -69,6 +72,10 @@ pub enum Board {
     },
     /// Corners at x and y on the board, metres; their ids are their indices.
     PointsM(Vec<[f64; 2]>),
+    /// Chessboard with tags, found in images.
+    Charuco(Charuco),
+    /// Rows of tags, found in images.
+    Tags(TagGrid),
 }
 
 /// State of the robot when an image was taken.
@@ -173,6 +180,19 @@ impl Board {
                 .map(|(column, row)| DVec3::new(f64::from(column), f64::from(row), 0.0) * *spacing_m)
                 .collect(),
             Self::PointsM(points) => points.iter().map(|[x, y]| DVec3::new(*x, *y, 0.0)).collect(),
+            Self::Charuco(_) | Self::Tags(_) => match self.layout() {
+                Some(Ok(layout)) => layout.corners.iter().map(|corner| corner.at.extend(0.0)).collect(),
+                _ => Vec::new(),
+            },
+        }
+    }
+
+    /// Layout of a board that can be found in images, or why it is not possible; `None` for other boards.
+    pub fn layout(&self) -> Option<Result<Layout, String>> {
+        match self {
+            Self::Charuco(board) => Some(board.layout()),
+            Self::Tags(board) => Some(board.layout()),
+            Self::Grid { .. } | Self::PointsM(_) => None,
         }
     }
 }
@@ -238,6 +258,9 @@ impl Document for BoardViews {
                     format!("{columns} x {rows} corners; expected 2 x 2 to {MAX_CORNERS} in all"),
                 );
             }
+        }
+        if let Some(Err(reason)) = self.board.layout() {
+            return fault("board", reason);
         }
         let corners = self.board.corners();
         let is_flat = |point: &DVec3| point.is_finite() && point.length() < 10.0;

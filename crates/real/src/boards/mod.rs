@@ -1,0 +1,21 @@
+//! Printed boards: their layout, and their corners found in images.
+//!
+//! Tags are found as by Wang and Olson, "AprilTag 2: Efficient and robust fiducial detection" (2016), after Olson,
+//! "AprilTag: A robust and flexible visual fiducial system" (2011): adaptive threshold, dark segments with four sides,
+//! lines fitted to their edges, a homography, bits, and the nearest code. Crossings of a chessboard are then fitted by a
+//! model of their brightness.
+
+mod crossing;
+mod detect;
+mod grey;
+mod layout;
+mod quads;
+mod segments;
+mod tags;
+#[cfg(test)]
+mod tests;
+
+pub use detect::{NoBoard, detect};
+pub use grey::GreyImage;
+pub use layout::{Charuco, Corner, CornerKind, Layout, PlacedTag, Rectangle, TagGrid};
+pub use tags::TAGS;
