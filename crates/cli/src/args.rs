@@ -226,7 +226,8 @@ pub enum Command {
     },
     /// Calibrate the pose of a camera, on the hand or beside the robot, from views of a board and robot states
     #[command(after_help = "Examples:\n  genmanip calibrate plan --camera wrist --board-at 0.5,0,0\n  \
-                      genmanip calibrate examples/calibrate/wrist.json --world world.toml\n\n\
+                      genmanip calibrate examples/calibrate/wrist.json --world world.toml\n  \
+                      genmanip calibrate board --out board.svg\n\n\
                       Views are paired by id. Sets that cannot determine the pose are refused with the motion that is\n\
                       missing. docs/guides/calibrate-a-camera.md has the file and the frames.")]
     Calibrate(CalibrateArguments),

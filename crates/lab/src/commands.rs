@@ -71,7 +71,8 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             printer.data(&measured, &answers::describe(&measured));
         }
         LabCommand::Calibrate(arguments) => {
-            let measured = hand_eye::measure(arguments.count, Seed::new(arguments.seed));
+            let args::LabCalibrateArguments { count, rendered, seed, .. } = *arguments;
+            let measured = hand_eye::measure(count, rendered, arguments.images.as_deref(), Seed::new(seed))?;
             printer.data(&measured, &hand_eye::describe(&measured));
         }
         LabCommand::Wording(arguments) => {

@@ -1,15 +1,17 @@
 //! Calibrations of random setups with known truth: errors, refusals, coverage of the stated uncertainty.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use genmanip_core::Seed;
 use genmanip_real::calibrate::{Calibration, CalibrationError, CalibrationSettings, Mounting, Noise, View, calibrate};
 use genmanip_real::synthetic::{Degeneracy, Scene};
-use genmanip_workspace::text_table;
+use genmanip_workspace::{WorkspaceError, text_table};
 use serde::Serialize;
 
+use crate::board_images::{self, RenderedReport};
 use crate::clock::cpu_clock;
-use crate::quantile::quantile;
+use crate::quantile::Spread;
 
 /// Fewest and most views of a set.
 const VIEWS: [usize; 2] = [15, 20];
@@ -28,6 +30,9 @@ pub struct Report {
     pub setups: Vec<SetupReport>,
     /// Degenerate sets by kind: refused and all.
     pub degenerate: BTreeMap<Degeneracy, [usize; 2]>,
+    /// Sets from rendered images.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rendered: Option<RenderedReport>,
     /// CPU time, s.
     pub cpu_s: f64,
 }
@@ -55,17 +60,12 @@ pub struct SetupReport {
     pub coverage: f64,
 }
 
-/// Median and 95th percentile.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
-pub struct Spread {
-    /// Median.
-    pub median: f64,
-    /// 95th percentile.
-    pub p95: f64,
-}
-
-/// Calibrates `count` random sets of each mounting and noise, and as many degenerate ones of all kinds together.
-pub fn measure(count: usize, seed: Seed) -> Report {
+/// Calibrates `count` random sets of each mounting and noise, and as many degenerate ones of all kinds together; and
+/// `rendered` sets of each from rendered images, which are written into a folder.
+///
+/// # Errors
+/// When an image cannot be rendered or written.
+pub fn measure(count: usize, rendered: usize, folder: Option<&Path>, seed: Seed) -> Result<Report, WorkspaceError> {
     let mut clock = cpu_clock();
     let began = clock();
     let mut setups = Vec::new();
@@ -86,7 +86,9 @@ pub fn measure(count: usize, seed: Seed) -> Report {
         counts[0] += usize::from(calibrated(&stated, &views).is_err());
         counts[1] += 1;
     }
-    Report { setups, degenerate, cpu_s: clock() - began }
+    let settings = board_images::Settings { count: rendered, views: VIEWS, noises: &NOISES, folder };
+    let rendered = (rendered > 0).then(|| board_images::measure(&settings, seed.fork("rendered"))).transpose()?;
+    Ok(Report { setups, degenerate, rendered, cpu_s: clock() - began })
 }
 
 fn scene(mounting: Mounting, index: usize, seed: Seed) -> Scene {
@@ -123,17 +125,12 @@ fn setup(mounting: Mounting, name: &'static str, noise: &Noise, count: usize, se
         noise: name,
         sets: count,
         refused,
-        table_m: spread(table),
-        position_m: spread(position),
-        rotation_deg: spread(rotation),
-        held_out_px: spread(held_out),
+        table_m: Spread::of(table),
+        position_m: Spread::of(position),
+        rotation_deg: Spread::of(rotation),
+        held_out_px: Spread::of(held_out),
         coverage,
     }
-}
-
-fn spread(mut values: Vec<f64>) -> Spread {
-    values.sort_by(f64::total_cmp);
-    Spread { median: quantile(&values, 0.5), p95: quantile(&values, 0.95) }
 }
 
 /// Text summary.
@@ -159,5 +156,5 @@ pub fn describe(report: &Report) -> String {
     for (how, [refused, all]) in &report.degenerate {
         text += &format!("{how:?}: {refused} of {all} refused\n");
     }
-    text
+    text + &report.rendered.as_ref().map_or_else(String::new, board_images::describe)
 }

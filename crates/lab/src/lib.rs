@@ -9,6 +9,7 @@ pub mod answers;
 pub mod assets;
 pub mod batch;
 pub mod blame;
+mod board_images;
 pub mod calibration;
 mod clock;
 pub mod data;
@@ -41,3 +42,4 @@ pub use clock::cpu_clock;
 /// Error of a measurement.
 pub use genmanip_workspace::WorkspaceError as LabError;
 pub use program::program;
+pub use quantile::Spread;

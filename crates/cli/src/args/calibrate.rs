@@ -13,8 +13,9 @@ pub struct CalibrateArguments {
     /// Subcommand
     #[command(subcommand)]
     pub command: Option<CalibrateCommand>,
-    /// Robot states and detected corners of a board: docs/guides/calibrate-a-camera.md describes the file
-    #[arg(value_name = "VIEWS.json", required = true)]
+    /// Robot states with detected corners, or with images beside the file; of a folder, its views.json:
+    /// docs/guides/calibrate-a-camera.md describes the file
+    #[arg(value_name = "VIEWS", required = true)]
     pub views: Option<PathBuf>,
     /// World file that gets the camera, edited in place
     #[arg(long, value_name = "FILE")]
@@ -38,6 +39,41 @@ pub enum CalibrateCommand {
                       --board-at is the middle of the board: on the table, in the robot's base, for a camera on the hand;\n\
                       in the frame of the hand for a camera beside the robot. Approximate poses are enough.")]
     Plan(CalibratePlanArguments),
+    /// Write a board of AprilTags to print, and its description for a file of views beside it
+    #[command(after_help = "Examples:\n  genmanip calibrate board --out board.svg\n  \
+                      genmanip calibrate board --out small.png --columns 7 --rows 5 --square-mm 25 --tag-mm 19\n\n\
+                      A ChArUco board has tags in the white squares of a chessboard, whose crossings are found to a few\n\
+                      hundredths of a pixel; OpenCV reads it too (DICT_APRILTAG_36h11). Print it at 100 % and measure it.")]
+    Board(CalibrateBoardArguments),
+}
+
+/// Arguments of `calibrate board`.
+#[derive(Debug, Args)]
+pub struct CalibrateBoardArguments {
+    /// Image to write: SVG is a page, PNG the pattern with a border at 600 dpi; the description gets the ending .json
+    #[arg(long, value_name = "FILE.svg|FILE.png")]
+    pub out: PathBuf,
+    /// Pattern: chessboard with tags, or tags alone
+    #[arg(long, default_value = "charuco", value_parser = ["charuco", "tags"])]
+    pub pattern: String,
+    /// Squares in a row
+    #[arg(long, default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=100))]
+    pub columns: u32,
+    /// Rows of squares
+    #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u32).range(1..=100))]
+    pub rows: u32,
+    /// Side of a square, or distance of neighbouring tags, mm
+    #[arg(long, value_name = "MM", default_value_t = 30.0, value_parser = parse::number)]
+    pub square_mm: f64,
+    /// Side of a tag with its black border, mm
+    #[arg(long, value_name = "MM", default_value_t = 22.5, value_parser = parse::number)]
+    pub tag_mm: f64,
+    /// Id of the first tag; boards with different ids can be told apart
+    #[arg(long, value_name = "ID", default_value_t = 0)]
+    pub first_id: u32,
+    /// Page of an SVG
+    #[arg(long, default_value = "a4", value_parser = ["a4", "a3", "letter"])]
+    pub page: String,
 }
 
 /// Arguments of `calibrate plan`.

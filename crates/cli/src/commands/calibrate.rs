@@ -1,17 +1,19 @@
 //! `genmanip calibrate`.
 
+mod board;
+mod images;
+
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{CameraMount, Pose, RobotModel, limits};
+use genmanip_core::{CameraMount, Pose, RobotModel};
 use genmanip_layout::obstacles;
 use genmanip_motion::{AllowedCollisions, PlannerSettings, PlanningScene};
 use genmanip_real::calibrate::CameraModel;
 use genmanip_real::calibrate::{
-    Board, BoardViews, Calibration, CalibrationSettings, Candidate, Mounting, Noise, PlanSettings, calibrate,
-    candidates, choose,
+    Board, Calibration, CalibrationSettings, Candidate, Mounting, Noise, PlanSettings, calibrate, candidates, choose,
 };
 use genmanip_terminal::{ExitStatus, Failed, Printer};
 use genmanip_workspace::worlds::{self, CameraEdit};
-use genmanip_workspace::{WorkspaceError, documents, scenarios, text_table};
+use genmanip_workspace::{WorkspaceError, scenarios, text_table};
 use serde_json::json;
 
 use crate::args::{CalibrateArguments, CalibrateCommand, CalibratePlanArguments};
@@ -19,17 +21,23 @@ use crate::args::{CalibrateArguments, CalibrateCommand, CalibratePlanArguments};
 pub fn run(arguments: &CalibrateArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     match (&arguments.command, &arguments.views) {
         (Some(CalibrateCommand::Plan(arguments)), _) => plan(arguments, printer),
+        (Some(CalibrateCommand::Board(arguments)), _) => board::write(arguments, printer),
         (None, Some(views)) => solve(views, arguments, printer),
         (None, None) => Err(Failed::misused("no views").hint("genmanip calibrate VIEWS.json")),
     }
 }
 
 fn solve(views: &std::path::Path, arguments: &CalibrateArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let file: BoardViews = documents::read_document(views, limits::VIEWS)?;
+    let (file, reasons) = images::read(views, printer)?;
     let world = worlds::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
     let robot = worlds::robot(&world)?;
     let refused = |error| WorkspaceError::input(format!("{} calibrates no camera", views.display())).because(error);
-    let (paired, skipped) = file.paired(|joints| hand_of(&robot, joints)).map_err(refused)?;
+    let (paired, mut skipped) = file.paired(|joints| hand_of(&robot, joints)).map_err(refused)?;
+    for view in &mut skipped {
+        if let Some(reason) = reasons.get(&view.id) {
+            view.reason.clone_from(reason);
+        }
+    }
     if !(arguments.hand_mm > 0.0 && arguments.hand_deg > 0.0) {
         let (mm, deg) = (arguments.hand_mm, arguments.hand_deg);
         return Err(WorkspaceError::input(format!("--hand-mm {mm} --hand-deg {deg} is not possible"))

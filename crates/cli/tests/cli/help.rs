@@ -22,6 +22,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["ablate"],
         &["sim2real"],
         &["calibrate"],
+        &["calibrate", "board"],
         &["calibrate", "plan"],
         &["agent", "act"],
         &["serve", "segment"],

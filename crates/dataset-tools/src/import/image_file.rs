@@ -14,7 +14,7 @@ const MAX_SIDE_PX: usize = 3840;
 ///
 /// # Errors
 /// If the bytes are neither or exceed the maximum size.
-pub(super) fn decode(file: &[u8]) -> Result<(u32, u32, Vec<u8>), DataError> {
+pub fn decode(file: &[u8]) -> Result<(u32, u32, Vec<u8>), DataError> {
     if file.starts_with(b"\x89PNG") {
         return decode_png(file);
     }

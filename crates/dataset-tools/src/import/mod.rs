@@ -28,6 +28,7 @@ use metadata::ImportedMetadata;
 
 pub use convert::to_v21;
 pub use genmanip_data::lerobot::imported::Imported;
+pub use image_file::decode as decode_image;
 pub use importer::ImportSettings;
 
 /// Summary of an import.

@@ -68,4 +68,10 @@ pub struct LabCalibrateArguments {
     /// Sets of each mounting and noise
     #[arg(long, default_value_t = 50, value_parser = parse::count)]
     pub count: usize,
+    /// Sets of each from rendered images of a board, 2 s each; with any, also 100 images without a board
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub rendered: usize,
+    /// Folder for rendered images and their views, as `genmanip calibrate` reads them
+    #[arg(long, value_name = "DIR", requires = "rendered")]
+    pub images: Option<PathBuf>,
 }

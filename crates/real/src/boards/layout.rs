@@ -1,6 +1,7 @@
 //! Layout of printed boards: tags, squares and numbered corners.
 
 use genmanip_core::glam::DVec2;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::grey::GreyImage;
@@ -15,7 +16,7 @@ pub const MIN_TAGS: usize = 2;
 /// Chessboard whose white squares hold tags of the family tag36h11, as OpenCV's `CharucoBoard` with
 /// `DICT_APRILTAG_36h11` (4.6 and newer): the top left square is black, tags are numbered row by row and stand on their
 /// heads, and inner corners are numbered row by row from the top left.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Charuco {
     /// Squares in a row.
@@ -33,7 +34,7 @@ pub struct Charuco {
 
 /// Tags of the family tag36h11 in rows, numbered from the top left; each has its corners at 4 times its place in the
 /// list, clockwise from its top left.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TagGrid {
     /// Tags in a row.

@@ -9,6 +9,7 @@ mod crossing;
 mod detect;
 mod grey;
 mod layout;
+mod print;
 mod quads;
 mod segments;
 mod tags;
@@ -17,5 +18,6 @@ mod tests;
 
 pub use detect::{NoBoard, detect};
 pub use grey::GreyImage;
-pub use layout::{Charuco, Corner, CornerKind, Layout, PlacedTag, Rectangle, TagGrid};
+pub use layout::{Charuco, Corner, CornerKind, LEVELS, Layout, PlacedTag, Rectangle, TagGrid};
+pub use print::{BORDER_MM, svg};
 pub use tags::TAGS;

@@ -189,3 +189,14 @@ fn the_shipped_example_is_calibrated() {
     assert_eq!(found.skipped.iter().map(|it| it.id.as_str()).collect::<Vec<_>>(), ["007"]);
     assert!(found.warnings.is_empty() && found.statement.contains("FROM the camera"), "{found:?}");
 }
+
+#[test]
+fn the_schema_on_disk_is_that_of_the_type() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../schemas/board_views.schema.json");
+    let text = serde_json::to_string_pretty(&schemars::schema_for!(BoardViews)).unwrap() + "\n";
+    if std::env::var_os("GENMANIP_UPDATE_SCHEMAS").is_some() {
+        std::fs::write(&path, &text).unwrap();
+    }
+    let stored = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(stored == text, "schemas/board_views.schema.json is stale: run the tests with GENMANIP_UPDATE_SCHEMAS=1");
+}

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Camera, CameraMount, Distortion, Document, DocumentError, Intrinsics, Pose};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::error::CalibrationError;
@@ -17,7 +18,7 @@ const MAX_CORNERS: usize = 2_000;
 const MIN_CORNERS: usize = 6;
 
 /// Document `genmanip.board_views/1`: robot states and detected corners by the id of a view.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BoardViews {
     /// Camera: name, intrinsics, distortion.
@@ -35,7 +36,7 @@ pub struct BoardViews {
 }
 
 /// Projection of the camera; its pose is what is sought.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraModel {
     /// Name in the world file.
@@ -48,7 +49,7 @@ pub struct CameraModel {
 }
 
 /// Place of a camera.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Mounting {
     /// On the hand; the board stays in its place.
@@ -58,7 +59,7 @@ pub enum Mounting {
 }
 
 /// Flat board with numbered corners.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Board {
     /// Corners of a chessboard or ChArUco board, numbered row by row.
@@ -79,7 +80,7 @@ pub enum Board {
 }
 
 /// State of the robot when an image was taken.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RobotState {
     /// Hand link in the robot's base.

@@ -3,7 +3,7 @@
 use std::io::Write;
 
 use genmanip_core::image::depth_to_mm;
-use png::{BitDepth, ColorType, Compression, Filter};
+use png::{BitDepth, ColorType, Compression, Filter, PixelDimensions, Unit};
 
 /// Reasons why an image cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -55,6 +55,23 @@ pub fn png_u16(width: u32, height: u32, values: &[u16]) -> Result<Vec<u8>, Encod
     let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_be_bytes()).collect();
     // Depth is piecewise planar: the Paeth filter makes it ten times smaller than `Up` at the same speed.
     png(width, height, ColorType::Grayscale, BitDepth::Sixteen, Filter::Paeth, &bytes)
+}
+
+/// 8-bit grey image as PNG to print, with its size on paper.
+///
+/// # Errors
+/// A buffer of the wrong size.
+pub fn png_print(width: u32, height: u32, grey: &[u8], pixels_per_m: u32) -> Result<Vec<u8>, EncodeError> {
+    check_size(width, height, 1, grey.len())?;
+    let mut out = Vec::new();
+    let mut encoder = png::Encoder::new(&mut out, width, height);
+    encoder.set_color(ColorType::Grayscale);
+    encoder.set_depth(BitDepth::Eight);
+    encoder.set_pixel_dims(Some(PixelDimensions { xppu: pixels_per_m, yppu: pixels_per_m, unit: Unit::Meter }));
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(grey)?;
+    writer.finish()?;
+    Ok(out)
 }
 
 /// 8-bit sRGB image as JPEG; chroma is subsampled below `quality` 90.
