@@ -14,6 +14,7 @@ pub use assets::*;
 pub use calibrate::*;
 pub use collect::*;
 pub use data::*;
+pub use edit::*;
 pub use evaluate::*;
 pub use export::*;
 pub use launch::*;
@@ -30,6 +31,7 @@ mod assets;
 mod calibrate;
 mod collect;
 mod data;
+mod edit;
 mod evaluate;
 mod export;
 mod launch;
@@ -211,6 +213,17 @@ pub enum Command {
         #[command(subcommand)]
         command: WorldCommand,
     },
+    /// Change a scenario by operations that can be undone, judge it, and repair it
+    #[command(after_help = "Examples:\n  \
+                      genmanip edit my.json --op '{\"op\": \"swap\", \"args\": {\"object\": \"020\", \"uid\": \"027\"}}'\n  \
+                      genmanip edit my.json --verdict\n  \
+                      genmanip edit my.json --repair --author ada\n  \
+                      genmanip edit my.json --undo\n  \
+                      genmanip edit my.json --history --json\n  \
+                      genmanip edit suites/genmanip-200-rc/scenarios/009_appearance-000.json --copy-to mine --verdict\n\n\
+                      Operations: place, state, add, remove, duplicate, swap, instruction, goal, edges, kind, camera,\n\
+                      remove_camera; docs/formats/edits.md has their arguments.")]
+    Edit(EditArguments),
     /// List, change and preview the cameras of worlds and scenarios
     Camera {
         /// Subcommand

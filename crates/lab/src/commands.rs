@@ -22,10 +22,11 @@ use genmanip_lab::learn::LearnArguments;
 use genmanip_lab::learned_controls::ControlArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
 use genmanip_lab::strangers::StrangersArguments;
+use genmanip_lab::studio::StudioArguments;
 use genmanip_lab::{
     agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hand_eye, hostile, layout,
     learn, learned_controls, motion, readers, relations, render, rendered, scale, segment, statistics, strangers,
-    suite, wording,
+    studio, suite, wording,
 };
 use genmanip_workspace::WorkspaceError;
 
@@ -56,6 +57,13 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             };
             let measured = strangers::measure(&strangers, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &strangers::describe(&measured));
+        }
+        LabCommand::Studio(arguments) => {
+            let world = worlds::read_world(arguments.world.as_deref())?;
+            let args::LabStudioArguments { operations, faults, sound, .. } = *arguments;
+            let amounts = StudioArguments { operations, faults, sound };
+            let measured = studio::measure(amounts, &world, Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &studio::describe(&measured));
         }
         LabCommand::Batch(arguments) => {
             let world = worlds::read_world(arguments.world.as_deref())?;

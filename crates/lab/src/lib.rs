@@ -35,6 +35,7 @@ pub mod scale;
 pub mod segment;
 pub mod statistics;
 pub mod strangers;
+pub mod studio;
 pub mod suite;
 pub mod wording;
 

@@ -9,10 +9,12 @@ pub mod parse;
 mod printer;
 mod program;
 mod stop;
+mod time;
 mod urdf;
 
 pub use error::{ExitStatus, Failed};
 pub use printer::{List, Printer};
 pub use program::{GlobalArguments, arguments, environment, robot_help, run};
 pub use stop::on_interrupt;
+pub use time::rfc3339;
 pub use urdf::UrdfArguments;

@@ -9,6 +9,7 @@ pub mod compare;
 pub mod data;
 pub mod demo;
 pub mod doctor;
+pub mod edit;
 pub mod evaluate;
 pub mod export;
 pub mod grasps;

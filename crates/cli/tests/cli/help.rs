@@ -44,6 +44,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["data", "rerender"],
         &["grasps", "bake"],
         &["grasps", "show"],
+        &["edit"],
         &["camera", "list"],
         &["camera", "add"],
         &["camera", "set"],

@@ -7,6 +7,7 @@ mod calibrating;
 mod cameras;
 mod comparing;
 mod designing;
+mod editing;
 mod full_disk;
 mod help;
 mod hostile;
@@ -65,6 +66,12 @@ impl Outcome {
     fn json(&self, code: i32) -> Value {
         assert_eq!(self.code, Some(code), "{self:?}");
         serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("stdout is no JSON ({error}): {self:?}"))
+    }
+
+    /// Panics unless the call ended with exit code 0.
+    #[track_caller]
+    fn assert_done(&self) {
+        assert_eq!(self.code, Some(0), "{self:?}");
     }
 
     /// Panics unless the call failed as a user's mistake does: exit 1, one message, nothing on stdout.

@@ -98,6 +98,11 @@ pub enum LabCommand {
     #[command(after_help = "Example:\n  genmanip-lab assets --seed 7 --count 200 --json\n\n\
                       The families in turn, each with its own seeds; docs/concepts/assets.md describes the figures.")]
     Assets(LabAssetsArguments),
+    /// Edit laid out tasks at random, judge every edit, plant faults and repair them
+    #[command(after_help = "Example:\n  genmanip-lab studio --seed 1 --operations 500 --json\n\n\
+                      CPU time of one thread. Verdicts are compared with the audit of layouts and the independent\n\
+                      reader; faults of eight kinds are planted in turn; keys that need a browser are null.")]
+    Studio(LabStudioArguments),
     /// Lay designed tasks out, once each, and audit the layouts
     #[command(after_help = "Example:\n  genmanip-lab layout --seed 2000 --count 1000 --json\n\n\
                       One thread; the audit (every edge, state and goal again, 2 s of physics with sleep off, \

@@ -61,3 +61,23 @@ pub struct ScaleArguments {
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
 }
+
+/// Arguments of `genmanip-lab studio`.
+#[derive(Debug, Args)]
+pub struct LabStudioArguments {
+    /// World in which tasks are laid out: TOML or JSON [default: the built-in one]
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
+    /// Seed of tasks, layouts and operations
+    #[arg(long, default_value_t = 1, value_parser = parse::seed)]
+    pub seed: u64,
+    /// Random operations of two authors
+    #[arg(long, value_name = "N", default_value_t = 500)]
+    pub operations: usize,
+    /// Faults to plant
+    #[arg(long, value_name = "N", default_value_t = 100)]
+    pub faults: usize,
+    /// Sound scenarios to judge
+    #[arg(long, value_name = "N", default_value_t = 100)]
+    pub sound: usize,
+}

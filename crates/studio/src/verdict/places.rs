@@ -62,9 +62,13 @@ impl Inspection<'_> {
         let (world, settings) = (&self.scenario.world, &self.equipment.settings);
         let Some(bounds) = scene.bounds(object) else { return Vec::new() };
         let group = Group::of(scene, world, object);
+        let id = &self.scenario.objects[object].id;
+        let mut edges = self.scenario.task.scene_graph.edges.iter();
+        let is_carried = edges.any(|edge| edge.subject == *id && edge.relation.is_support());
+        // An object that only happens to be on another one goes back to the table.
         let carrier = match support(scene, world, object).below {
-            Below::Object(carrier) => Some(carrier),
-            Below::Surface(_) | Below::Nothing => None,
+            Below::Object(carrier) if is_carried => Some(carrier),
+            Below::Object(_) | Below::Surface(_) | Below::Nothing => None,
         };
         let surface = match support(scene, world, object).below {
             Below::Surface(surface) => surface,

@@ -53,3 +53,15 @@ fn stamp(author: &str, id: impl ToString) -> Stamp {
 fn command(author: &str, id: impl ToString, base_revision: u64, value: Value) -> Command {
     Command { operation: operation(value), base_revision, stamp: stamp(author, id) }
 }
+
+#[test]
+fn the_schema_of_the_log_is_current() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../schemas/edits.schema.json");
+    let schema = schemars::schema_for!(genmanip_studio::edit::CommandLine);
+    let text = serde_json::to_string_pretty(&schema).unwrap() + "\n";
+    if std::env::var_os("GENMANIP_UPDATE_SCHEMAS").is_some() {
+        std::fs::write(&path, &text).unwrap();
+    }
+    let stored = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(stored == text, "schemas/edits.schema.json is stale: run the tests with GENMANIP_UPDATE_SCHEMAS=1");
+}
