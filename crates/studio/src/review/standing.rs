@@ -1,4 +1,4 @@
-//! What the reviews of a scenario amount to.
+//! Standing of a scenario: what its reviews amount to.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ pub const REVIEWS: usize = 2;
 pub enum Standing {
     /// Reviews are missing.
     Open {
-        /// How many.
+        /// Number of missing reviews.
         missing: usize,
     },
     /// Somebody has to mend it.
