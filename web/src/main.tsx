@@ -5,7 +5,7 @@ import { App } from "./panels/App.tsx";
 import { restored } from "./logic/outbox.ts";
 import { connect, loadScenarios, open } from "./state/connection.ts";
 import { session } from "./state/requests.ts";
-import { author, keepEntries, notify, openKey, scenarios, storedEntries, version } from "./state/store.ts";
+import { author, keepEntries, notify, openKey, scenarios, scene, storedEntries, version, waiting } from "./state/store.ts";
 import { listenToKeys } from "./state/shortcuts.ts";
 import "./style.css";
 
@@ -31,6 +31,9 @@ async function start(): Promise<void> {
     author.value = storedName() ?? "editor";
     notify("The server does not answer yet.", { hint: (error as Error).message, isError: true });
   }
+  // Closing the tab would lose what waits; a reload would not, but the browser does not tell them apart.
+  window.addEventListener("beforeunload", (event) => waiting.value > 0 && event.preventDefault());
+  scene.subscribe((shown) => (document.title = shown ? `${shown.id} · GenManip studio` : "GenManip studio"));
   author.subscribe((name) => {
     try {
       if (name) localStorage.setItem(NAME, name);

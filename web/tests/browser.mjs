@@ -44,6 +44,7 @@ async function openPage(url = values.url ?? server.url, options = {}) {
   const context = await browser.newContext({ viewport: SIZE, ...options });
   const page = await context.newPage();
   page.failures = [];
+  page.on("dialog", (dialog) => dialog.accept());
   page.on("pageerror", (error) => page.failures.push(error.stack ?? error.message));
   page.on("console", (message) => message.type() === "error" && !/ERR_|WebSocket/.test(message.text()) && page.failures.push(message.text()));
   await page.goto(url);
@@ -192,6 +193,7 @@ test("one drag is one command and one undo; Escape cancels a drag and the view s
   await drag(() => page.keyboard.press("Escape"));
   await page.waitForTimeout(200);
   assert.deepEqual([await revision(page), await field(page, "x")], [start, before], "a cancelled drag changed something");
+  await untilChecked(page);
   await drag(async () => undefined);
   await page.waitForFunction((value) => document.querySelector("[data-field=x]")?.value !== value, before);
   await untilChecked(page);

@@ -60,7 +60,7 @@ export class Lights extends Group {
 
   constructor() {
     super();
-    const sky = new HemisphereLight(0xffffff, 0xb8b2a8, 1.7);
+    const sky = new HemisphereLight(0xffffff, 0xb8b2a8, 1.95);
     sky.position.set(0, 0, 1);
     this.sun.position.set(1.4, 0.9, 2.6);
     this.sun.target.position.set(0.5, 0, 0);
@@ -71,9 +71,7 @@ export class Lights extends Group {
     this.sun.shadow.bias = -0.0006;
     this.sun.shadow.normalBias = 0.003;
     this.sun.shadow.radius = 3;
-    const fill = new DirectionalLight(0xffffff, 0.5);
-    fill.position.set(-1, -1.5, 1);
-    this.add(sky, this.sun, this.sun.target, fill);
+    this.add(sky, this.sun, this.sun.target);
   }
 }
 

@@ -1,15 +1,16 @@
 // The socket of this tab, and the sending of commands that wait.
 
-import { batch } from "@preact/signals";
+import { batch, effect } from "@preact/signals";
 import type { ServerMessage, ScenarioState, Placement } from "../contract.ts";
 import { answered, backoff, nextToSend, resolved } from "../logic/outbox.ts";
-import { empty, folded } from "../logic/verdict.ts";
+import { empty, folded, type Verdict } from "../logic/verdict.ts";
 import * as requests from "./requests.ts";
 import {
   author,
   confirm,
   confirmed,
   entries,
+  isDragging,
   isOnline,
   notify,
   openKey,
@@ -118,7 +119,10 @@ function receive(message: ServerMessage): void {
       refuse(message.client_operation_id, message.error);
       break;
     case "verdict":
-      if (confirmed.value && message.revision === confirmed.value.revision) verdict.value = folded(verdict.value, message);
+      // A preview that comes after its drag is no longer about what is shown.
+      if (message.revision !== confirmed.value?.revision || (message.preview && !isDragging.value)) break;
+      if (message.preview && !verdict.value.preview) stored = verdict.value;
+      verdict.value = folded(verdict.value, message);
       if (message.error) notify("The verdict could not be completed.", { hint: message.error, isError: true });
       break;
     case "presence":
@@ -129,6 +133,15 @@ function receive(message: ServerMessage): void {
       break;
   }
 }
+
+/** Verdict on the stored state, shown again after a drag. */
+let stored: Verdict = empty(0);
+
+effect(() => {
+  if (isDragging.value) return;
+  const shown = verdict.peek();
+  if (shown.preview) verdict.value = stored.revision === shown.revision ? stored : empty(shown.revision);
+});
 
 /** A state that the server applied: by our request, or for another tab. */
 function acceptState(state: ScenarioState, id: string): void {
