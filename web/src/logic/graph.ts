@@ -32,8 +32,8 @@ export interface Layout {
   edges: PlacedEdge[];
 }
 
-export const NODE = { width: 88, height: 25 };
-const ROW = 62;
+export const NODE = { width: 92, height: 33 };
+const ROW = 70;
 const LABEL = { height: 12 };
 /** Room between the columns, pixels: that of an edge with its label. */
 const GAP = 30;
@@ -49,6 +49,22 @@ interface Arrow {
 interface Cell {
   row: number;
   column: number;
+}
+
+/** Letters that fit into a line of a node. */
+const LETTERS = 15;
+
+/** Name of a node in one or two lines: sizes in brackets are left out, what does not fit is cut. */
+export function nodeLines(name: string): string[] {
+  const lines: string[] = [];
+  for (const word of name.replace(/\s*\(.*\)$/, "").split(/\s+/)) {
+    const last = lines.at(-1);
+    if (last !== undefined && `${last} ${word}`.length <= LETTERS) lines[lines.length - 1] = `${last} ${word}`;
+    else lines.push(word);
+  }
+  const kept = lines.slice(0, 2);
+  if (lines.length > 2) kept[1] += "…";
+  return kept.map((line) => (line.length > LETTERS ? `${line.slice(0, LETTERS - 1)}…` : line));
 }
 
 /** Coordinates of nodes and edges for a drawing of `width` pixels. */

@@ -32,7 +32,9 @@ export function ObjectsTab() {
                 <span class="name">{object.name}</span>
                 {blocks !== undefined && <span class={blocks ? "mark blocking" : "mark warning"}>{blocks ? "problem" : "warning"}</span>}
                 <span class="muted kind">{object.role}</span>
-                <span class="muted id">{object.id}</span>
+                <span class="muted id" title={object.id}>
+                  {object.id}
+                </span>
               </button>
             </li>
           );

@@ -2,7 +2,7 @@
 
 import { useMemo } from "preact/hooks";
 import { KINDS, RELATIONS } from "../contract.ts";
-import { layoutGraph, NODE } from "../logic/graph.ts";
+import { layoutGraph, NODE, nodeLines } from "../logic/graph.ts";
 import { atomWords, edgeWords, endsOfAtom, nameOf } from "../logic/operations.ts";
 import { apply } from "../state/edits.ts";
 import * as store from "../state/store.ts";
@@ -181,16 +181,14 @@ function Graph() {
           >
             <title>{node.name}</title>
             <rect x={-NODE.width / 2} y={-NODE.height / 2} width={NODE.width} height={NODE.height} rx="4" />
-            <text y="4">{shortened(node.name)}</text>
+            {nodeLines(node.name).map((line, index, all) => (
+              <text key={index} y={4 + (index - (all.length - 1) / 2) * 12.5}>
+                {line}
+              </text>
+            ))}
           </g>
         );
       })}
     </svg>
   );
-}
-
-/** Names that do not fit into a node lose their middle words first. */
-function shortened(name: string): string {
-  const most = 14;
-  return name.length <= most ? name : `${name.slice(0, most - 1).trimEnd()}…`;
 }

@@ -129,7 +129,7 @@ function placeLabels(view: View, host: HTMLElement | null): void {
     const object = state.objects.find((one) => one.id === label.dataset["id"]);
     const [low, high] = object?.bounds_m ?? [[0, 0, 0], [0, 0, 0]];
     const at = object && !store.isDragging.peek() ? view.project([(low[0]! + high[0]!) / 2, (low[1]! + high[1]!) / 2, high[2]! + 0.015]) : null;
-    label.style.display = at ? "" : "none";
+    label.style.display = at ? "block" : "none";
     if (at) label.style.transform = `translate(${at.x.toFixed(1)}px, ${at.y.toFixed(1)}px) translate(-50%, -100%)`;
   }
 }
@@ -144,6 +144,6 @@ function turnLegend(view: View, legend: SVGSVGElement | null): void {
     text.setAttribute("x", (x * 34).toFixed(1));
     text.setAttribute("y", (y * 34 + 3).toFixed(1));
     text.setAttribute("text-anchor", x > 0.35 ? "start" : x < -0.35 ? "end" : "middle");
-    text.style.opacity = Math.hypot(x, y) < 0.25 ? "0" : "";
+    text.style.opacity = Math.hypot(x, y) < 0.25 ? "0" : "1";
   });
 }

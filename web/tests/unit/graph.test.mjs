@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { readFileSync, readdirSync } from "node:fs";
 import test from "node:test";
-import { layoutGraph, NODE } from "../../src/logic/graph.ts";
+import { layoutGraph, NODE, nodeLines } from "../../src/logic/graph.ts";
 
 const SUITE = new URL("../../../suites/genmanip-200-rc/scenarios/", import.meta.url);
 const WIDTH = 366;
@@ -39,6 +39,13 @@ test("edges of a pair do not share a path, and unknown ends are left out", () =>
   assert.equal(layout.edges.length, 3);
   assert.equal(new Set(layout.edges.map((edge) => edge.path)).size, 3);
   assert.deepEqual(layout.edges.map((edge) => edge.isGoal), [false, false, true]);
+});
+
+test("names fit into two lines", () => {
+  assert.deepEqual(nodeLines("Lemon"), ["Lemon"]);
+  assert.deepEqual(nodeLines("Dark-Brown Basket (270 mm)"), ["Dark-Brown", "Basket"]);
+  assert.deepEqual(nodeLines("Oak Pepper Mill with Dark-Grey Knob"), ["Oak Pepper Mill", "with Dark-Grey…"]);
+  assert.deepEqual(nodeLines("Incomprehensibilities"), ["Incomprehensib…"]);
 });
 
 test("an empty scene", () => {
