@@ -14,14 +14,14 @@ pub struct Review {
     pub scenario: String,
     /// SHA-256 of what was reviewed: scenario, assets and engine.
     pub content_sha256: String,
-    /// Who reviewed.
+    /// Reviewer.
     pub reviewer: Reviewer,
     /// Decision.
     pub decision: Decision,
     /// Judgement by criterion; a criterion that was not judged is absent.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub criteria: BTreeMap<Criterion, bool>,
-    /// Remark for whoever mends the scenario; may be empty.
+    /// Remark for the editor of the scenario; may be empty.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub note: String,
     /// True if it decides between two reviews that differ.
@@ -72,7 +72,7 @@ pub enum Decision {
         /// Reasons, one at least.
         reasons: BTreeSet<Reason>,
     },
-    /// Somebody has to mend it first; the note says what.
+    /// The scenario needs a change first, which the note names.
     SendBack,
     /// The reviewer's earlier review no longer counts.
     TakeBack,
@@ -131,7 +131,7 @@ impl Review {
                 Some("the reason `other` needs a note".into())
             }
             Decision::SendBack if self.note.trim().is_empty() => {
-                Some("a scenario is sent back with a note that says what to mend".into())
+                Some("a scenario is sent back with a note that names the change".into())
             }
             Decision::Approve if self.criteria.values().any(|holds| !holds) => {
                 let failed = self.criteria.iter().find(|(_, holds)| !**holds);

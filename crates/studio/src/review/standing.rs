@@ -18,7 +18,7 @@ pub enum Standing {
         /// Number of missing reviews.
         missing: usize,
     },
-    /// Somebody has to mend it.
+    /// Sent back for a change.
     SentBack,
     /// The reviews differ in their decision or in a criterion.
     Adjudication,

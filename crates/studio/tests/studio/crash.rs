@@ -31,7 +31,7 @@ fn no_acknowledged_line_is_lost_at_any_byte() {
             let revision = document.revision();
             let is_whole = length == new;
             assert_eq!(revision, acknowledged as u64 + u64::from(is_whole), "after {length} bytes");
-            // Reading wrote nothing; the next change mends both files.
+            // Reading wrote nothing; the next change restores both files.
             assert_eq!(fs::read(&log).unwrap().len(), length);
             if length % 16 == 0 || is_whole || length + 1 == new {
                 document.undo(&stamp("ada", "undo")).unwrap();
