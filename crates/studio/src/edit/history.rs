@@ -124,12 +124,16 @@ impl History {
     }
 
     /// The first field of a command that another command in effect changed after the command was applied or taken back
-    /// last.
+    /// last. Commands of the same author that were taken back and applied again in between have only returned.
     pub fn changed_after(&self, revision: u64) -> Option<Overlap> {
         let entry = self.entry(revision)?;
-        let from = entry.undone.as_ref().map_or(entry.since, |(at, _)| *at);
-        let later = self.entries.iter().filter(|other| other.is_in_effect() && other.since > from);
-        overlapping(later.filter(|other| other.line.revision != revision), &entry.fields, |other| other.since)
+        let is_later = |other: &&Entry| match &entry.undone {
+            None => other.since > entry.since,
+            Some((at, _)) if other.line.stamp.author == entry.line.stamp.author => other.line.revision > *at,
+            Some((at, _)) => other.since > *at,
+        };
+        let later = self.entries.iter().filter(|other| other.is_in_effect() && other.line.revision != revision);
+        overlapping(later.filter(is_later), &entry.fields, |other| other.since)
     }
 
     fn entry(&self, revision: u64) -> Option<&Entry> {

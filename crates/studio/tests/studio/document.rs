@@ -121,6 +121,7 @@ fn one_command_is_reverted_and_snapshots_compared() {
     document.apply(&command("ada", 4, 3, json!({"op": "remove", "args": {"object": "021"}}))).unwrap();
     document.revert(1, &stamp("bo", 5)).unwrap();
     assert!(instruction(&document).starts_with("Move the bright-yellow"));
+    drop(document);
     let mut document = open(&path);
     assert_eq!(document.snapshots()[0].revision, 1);
     let difference = document.difference(1, 5).unwrap();

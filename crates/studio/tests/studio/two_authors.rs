@@ -116,7 +116,7 @@ fn check_there_and_back(name: &str, draws: &[Draw]) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 6, max_shrink_iters: 200, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, max_shrink_iters: 200, ..ProptestConfig::default() })]
 
     #[test]
     fn commands_are_applied_or_answered(draws in draws(60)) {
@@ -124,7 +124,7 @@ proptest! {
     }
 
     #[test]
-    fn undo_and_redo_end_with_the_same_bytes(draws in draws(40)) {
+    fn undo_and_redo_end_with_the_same_bytes(draws in draws(25)) {
         check_there_and_back(DRAWER, &draws);
     }
 }
