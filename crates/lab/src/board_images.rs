@@ -1,5 +1,6 @@
 //! Calibrations from rendered images of a board with known truth.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -8,17 +9,18 @@ use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
 use genmanip_core::sensor::SENSORS;
 use genmanip_core::{
-    AppearanceFactor, Camera, CameraMount, CameraSensor, Distortion, Document, Intrinsics, Material, ObjectModel, Pose,
-    Seed, Texture, TriMesh, VisualPart,
+    AppearanceFactor, Camera, CameraMount, CameraSensor, Distortion, Intrinsics, Material, ObjectModel, Pose, Seed,
+    Texture, TriMesh, VisualPart,
 };
 use genmanip_real::boards::{Charuco, GreyImage, Layout, detect};
-use genmanip_real::calibrate::{Board, BoardViews, CalibrationSettings, Mounting, Noise, RobotState, calibrate};
+use genmanip_real::calibrate::{Board, CalibrationSettings, Mounting, Noise, calibrate};
 use genmanip_real::synthetic::Scene;
 use genmanip_render::{Channels, FrameBuffers, RenderAssets, Renderer, ViewJob, encode, sampling, sensor};
 use genmanip_workspace::{WorkspaceError, documents, text_table};
 use rand::RngExt;
 use serde::Serialize;
 
+use crate::board_sets;
 use crate::quantile::Spread;
 
 /// The printed board.
@@ -138,27 +140,23 @@ impl Kind<'_> {
                 scene.camera.distortion = Some(Distortion { k1: -0.12, k2: 0.05, p1: 4e-4, p2: -3e-4, k3: 0.0 });
             }
             let mut views = scene.views(self.noise, own.fork("robot"));
-            let mut file = BoardViews {
-                camera: scene.camera.clone(),
-                mounting: self.mounting,
-                board: Board::Charuco(BOARD),
-                robot: views
-                    .iter()
-                    .map(|view| (view.id.clone(), RobotState::BaseFromHand(view.base_from_hand)))
-                    .collect(),
-                detections: Default::default(),
-            };
-            let variation = sampled_look(own);
-            let mut renderer = Renderer::new(Arc::clone(self.assets), variation);
+            let folder = settings
+                .folder
+                .map(|folder| folder.join(format!("rendered_{}_{}_{index:03}", self.mounting.name(), self.name)));
+            if let Some(folder) = &folder {
+                board_sets::write(folder, &scene, &Board::Charuco(BOARD), &views)?;
+            }
+            let mut pixels: BTreeMap<String, Vec<(u32, f64, f64)>> = BTreeMap::new();
+            let mut renderer = Renderer::new(Arc::clone(self.assets), sampled_look(own));
             for (view, hand) in views.iter_mut().zip(&scene.hands) {
                 let image = self.photo(&mut renderer, &scene, hand, own.fork("photo").fork(&view.id))?;
-                if let Some(folder) = settings.folder {
-                    let folder = folder.join(format!("{}_{}_{index:03}", self.mounting.name(), self.name));
+                if let Some(folder) = &folder {
                     let png = encode::png_rgb(image.width, image.height, &image.rgb).map_err(broken)?;
                     documents::write_file(&folder.join(format!("{}.png", view.id)), &png)?;
                 }
                 let truth = self.true_corners(&scene, hand);
                 let found = detect(&grey(&image)?, self.layout).unwrap_or_default();
+                pixels.insert(view.id.clone(), found.iter().map(|(id, at)| (*id, at.x, at.y)).collect());
                 report.boards[0] += usize::from(!found.is_empty());
                 report.boards[1] += 1;
                 report.corners[0] += found.len();
@@ -166,12 +164,10 @@ impl Kind<'_> {
                 corner_px.extend(found.iter().filter_map(|(id, at)| Some(truth[*id as usize]?.distance(*at))));
                 view.corners =
                     found.iter().map(|(id, at)| (self.layout.corners[*id as usize].at.extend(0.0), *at)).collect();
-                file.detections.insert(view.id.clone(), found.iter().map(|(id, at)| (*id, at.x, at.y)).collect());
             }
-            if let Some(folder) = settings.folder {
-                let folder = folder.join(format!("{}_{}_{index:03}", self.mounting.name(), self.name));
-                file.detections.clear();
-                documents::write_file(&folder.join("views.json"), file.to_json().as_bytes())?;
+            if let Some(folder) = &folder {
+                let text = serde_json::to_vec(&pixels).map_err(broken)?;
+                documents::write_file(&folder.join("corners.json"), &text)?;
             }
             views.retain(|view| view.corners.len() >= 6);
             match calibrate(&scene.camera, self.mounting, &views, Vec::new(), &CalibrationSettings::default()) {

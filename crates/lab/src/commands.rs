@@ -80,7 +80,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
         }
         LabCommand::Calibrate(arguments) => {
             let args::LabCalibrateArguments { count, rendered, seed, .. } = *arguments;
-            let measured = hand_eye::measure(count, rendered, arguments.images.as_deref(), Seed::new(seed))?;
+            let measured = hand_eye::measure(count, rendered, arguments.out.as_deref(), Seed::new(seed))?;
             printer.data(&measured, &hand_eye::describe(&measured));
         }
         LabCommand::Wording(arguments) => {

@@ -10,6 +10,7 @@ use genmanip_workspace::{WorkspaceError, text_table};
 use serde::Serialize;
 
 use crate::board_images::{self, RenderedReport};
+use crate::board_sets;
 use crate::clock::cpu_clock;
 use crate::quantile::Spread;
 
@@ -61,7 +62,7 @@ pub struct SetupReport {
 }
 
 /// Calibrates `count` random sets of each mounting and noise, and as many degenerate ones of all kinds together; and
-/// `rendered` sets of each from rendered images, which are written into a folder.
+/// `rendered` sets of each from rendered images. Sound sets are written into a folder.
 ///
 /// # Errors
 /// When an image cannot be rendered or written.
@@ -71,7 +72,8 @@ pub fn measure(count: usize, rendered: usize, folder: Option<&Path>, seed: Seed)
     let mut setups = Vec::new();
     for mounting in [Mounting::EyeInHand, Mounting::EyeToHand] {
         for (name, noise) in &NOISES {
-            setups.push(setup(mounting, name, noise, count, seed.fork(mounting.name()).fork(name)));
+            let own = seed.fork(mounting.name()).fork(name);
+            setups.push(setup(mounting, name, noise, count, folder, own)?);
         }
     }
     let mut degenerate: BTreeMap<Degeneracy, [usize; 2]> = BTreeMap::new();
@@ -99,13 +101,25 @@ fn calibrated(scene: &Scene, views: &[View]) -> Result<Calibration, CalibrationE
     calibrate(&scene.camera, scene.mounting, views, Vec::new(), &CalibrationSettings::default())
 }
 
-fn setup(mounting: Mounting, name: &'static str, noise: &Noise, count: usize, seed: Seed) -> SetupReport {
+fn setup(
+    mounting: Mounting,
+    name: &'static str,
+    noise: &Noise,
+    count: usize,
+    folder: Option<&Path>,
+    seed: Seed,
+) -> Result<SetupReport, WorkspaceError> {
     let (mut table, mut position, mut rotation, mut held_out) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let (mut refused, mut within) = (Vec::new(), 0);
     for index in 0..count {
         let own = seed.fork_index(index as u64);
         let scene = scene(mounting, index, own);
-        match calibrated(&scene, &scene.views(noise, own)) {
+        let views = scene.views(noise, own);
+        if let Some(folder) = folder {
+            let folder = folder.join(format!("{}_{name}_{index:03}", mounting.name()));
+            board_sets::write(&folder, &scene, &scene.board, &views)?;
+        }
+        match calibrated(&scene, &views) {
             Ok(found) => {
                 let pose = found.camera.mount_from_camera;
                 table.extend(scene.table_errors_m(&pose));
@@ -120,7 +134,7 @@ fn setup(mounting: Mounting, name: &'static str, noise: &Noise, count: usize, se
         }
     }
     let coverage = within as f64 / (3 * position.len()).max(1) as f64;
-    SetupReport {
+    Ok(SetupReport {
         mounting: mounting.name(),
         noise: name,
         sets: count,
@@ -130,7 +144,7 @@ fn setup(mounting: Mounting, name: &'static str, noise: &Noise, count: usize, se
         rotation_deg: Spread::of(rotation),
         held_out_px: Spread::of(held_out),
         coverage,
-    }
+    })
 }
 
 /// Text summary.

@@ -10,6 +10,7 @@ pub mod assets;
 pub mod batch;
 pub mod blame;
 mod board_images;
+mod board_sets;
 pub mod calibration;
 mod clock;
 pub mod data;

@@ -73,7 +73,7 @@ pub enum LabCommand {
     Batch(BatchArguments),
     /// Calibrate cameras of random setups with known truth, on the hand and beside the robot; refuse degenerate sets
     #[command(after_help = "Examples:\n  genmanip-lab calibrate --seed 7 --count 200 --json\n  \
-                      genmanip-lab calibrate --seed 7 --count 1 --rendered 20 --images boards\n\n\
+                      genmanip-lab calibrate --seed 7 --count 1 --rendered 20 --out sets\n\n\
                       COUNT sets of 15 to 20 views for each mounting and noise, and as many degenerate ones of all kinds.")]
     Calibrate(LabCalibrateArguments),
     /// Compose tasks with the rule-based designer and check validity, variety, quotas and references

@@ -71,7 +71,7 @@ pub struct LabCalibrateArguments {
     /// Sets of each from rendered images of a board, 2 s each; with any, also 100 images without a board
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub rendered: usize,
-    /// Folder for rendered images and their views, as `genmanip calibrate` reads them
-    #[arg(long, value_name = "DIR", requires = "rendered")]
-    pub images: Option<PathBuf>,
+    /// Folder for all sound sets, rendered images included, as `genmanip calibrate` reads them, with their true poses
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
 }
