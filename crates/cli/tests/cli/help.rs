@@ -25,6 +25,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["calibrate", "board"],
         &["calibrate", "plan"],
         &["agent", "act"],
+        &["studio"],
         &["serve", "segment"],
         &["serve", "agent"],
         &["serve", "policy"],

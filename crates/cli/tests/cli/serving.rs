@@ -11,7 +11,7 @@ use genmanip_core::{Camera, Intrinsics, RgbdImage};
 use genmanip_llm::fake::answering;
 use serde_json::{Value, json};
 
-use super::{example, genmanip, program};
+use super::{REPOSITORY, example, genmanip, program};
 
 /// A red cube of 5 cm on a table before the robot, seen from the far side at a slant.
 fn one_cube() -> RgbdImage {
@@ -162,4 +162,21 @@ fn demonstrations_with_grasps_from_images() {
     assert!(!folder.path().join("gone/episodes/021_spatial-000").exists());
     collect("camera", "wrong").assert_refused(&["unknown source of grasps `camera`", "mesh, rgbd, http:URL"]);
     assert!(!folder.path().join("wrong").exists(), "nothing is touched");
+}
+
+#[test]
+fn the_studio_offers_the_scenarios_that_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = format!("{REPOSITORY}/suites/genmanip-200-rc/scenarios/009_appearance-000.json");
+    let studio = Serving::start(folder.path(), &["studio", &scenario, "--port", "0", "--no-open", "--author", "ada"]);
+    let (status, session) = studio.json("GET", "/api/session", "");
+    assert_eq!((status, &session["author"], &session["needs_token"]), (200, &json!("ada"), &json!(false)));
+    let (_, rows) = studio.json("GET", "/api/scenarios", "");
+    assert_eq!((&rows[0]["key"], &rows[0]["read_only"]), (&json!("009_appearance-000"), &json!(true)), "{rows}");
+    assert_eq!(genmanip(folder.path(), &["studio", "none.json", "--no-open"]).code, Some(1));
+
+    let scene = folder.path().join("scene.glb");
+    let written = genmanip(folder.path(), &["export", &scenario, "--glb", "--out", scene.to_str().unwrap()]);
+    written.assert_ended(0, &["wrote"]);
+    assert!(std::fs::read(&scene).unwrap().starts_with(b"glTF"));
 }

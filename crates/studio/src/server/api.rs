@@ -23,6 +23,8 @@ use crate::verdict::{Inspection, ProblemCode, Stage};
 
 /// Largest body of a request, bytes: many times the largest command.
 pub const MAX_BODY: usize = 1 << 20;
+/// Most that is read of a body: closed before its end, the connection would be reset and the answer lost.
+const MAX_READ: usize = 4 * MAX_BODY;
 /// Time-out for receiving a body.
 const RECEIVE: Duration = Duration::from_secs(30);
 /// Objects of a search without a limit.
@@ -390,10 +392,13 @@ async fn unknown() -> Response {
 
 /// Receives a JSON body.
 async fn body<T: DeserializeOwned>(request: HttpRequest) -> Result<T, Refusal> {
-    let received = tokio::time::timeout(RECEIVE, to_bytes(request.into_body(), MAX_BODY)).await;
+    let received = tokio::time::timeout(RECEIVE, to_bytes(request.into_body(), MAX_READ)).await;
     let too_large =
         || Refusal::unsuited(format!("the request was not received, or is larger than {MAX_BODY} bytes"), "");
     let bytes = received.map_err(|_| too_large())?.map_err(|_| too_large())?;
+    if bytes.len() > MAX_BODY {
+        return Err(too_large());
+    }
     serde_json::from_slice(&bytes)
         .map_err(|error| Refusal::unsuited(format!("the request cannot be read: {error}"), ""))
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use genmanip_assets::Catalogue;
@@ -33,6 +34,8 @@ pub struct Room {
     pub wanted: watch::Sender<Option<Revision>>,
     /// Stages of the verdict on the newest revision.
     verdict: Mutex<Vec<StageVerdict>>,
+    /// True once somebody judges the newest revision.
+    is_judged: AtomicBool,
     /// Author of each tab.
     tabs: Mutex<BTreeMap<u64, String>>,
 }
@@ -132,6 +135,7 @@ impl Room {
             events: broadcast::Sender::new(BEHIND),
             wanted: watch::Sender::new(None),
             verdict: Mutex::default(),
+            is_judged: AtomicBool::new(false),
             tabs: Mutex::default(),
         }
     }
@@ -189,14 +193,16 @@ impl Room {
         let steps = Arc::new(Steps(authors.into_iter().map(step).collect()));
         // A command that was sent again changes nothing.
         if revision.number != before {
-            self.lock_verdict().clear();
+            // Under one lock, so that no verdict comes before its state, and none of an older revision is kept.
+            let mut verdict = self.lock_verdict();
+            verdict.clear();
             let _ = self.events.send(Event::Applied {
                 client_operation_id: stamp.client_operation_id.clone(),
                 author: stamp.author.clone(),
                 state: Arc::clone(&state),
                 steps: Arc::clone(&steps),
             });
-            self.wanted.send_replace(Some(revision));
+            self.want(revision);
         }
         Ok((state, steps))
     }
@@ -229,6 +235,22 @@ impl Room {
             }
             refusal
         })
+    }
+
+    /// Wants a revision judged, unless it already wants a newer one.
+    pub fn want(&self, revision: Revision) {
+        self.wanted.send_if_modified(|wanted| {
+            let is_newer = wanted.as_ref().is_none_or(|known| known.number <= revision.number);
+            if is_newer {
+                *wanted = Some(revision);
+            }
+            is_newer
+        });
+    }
+
+    /// True for the first caller, who is to judge the newest revision from now on.
+    pub fn is_first_judge(&self) -> bool {
+        !self.is_judged.swap(true, Ordering::Relaxed)
     }
 
     /// Keeps what a stage found and tells the tabs, if the revision is still the newest.

@@ -320,11 +320,11 @@ async fn judge_previews(
 
 /// Judges the newest revision of a scenario from now on; once per scenario.
 fn begin_judging(studio: &Arc<Studio>, room: &Arc<Room>) {
-    if room.wanted.receiver_count() > 0 {
+    if !room.is_first_judge() {
         return;
     }
     let mut wanted = room.wanted.subscribe();
-    room.wanted.send_replace(Some(room.revision()));
+    room.want(room.revision());
     // A room is never closed, and its judge sleeps where nothing changes.
     let (studio, room) = (Arc::clone(studio), Arc::clone(room));
     tokio::spawn(async move {

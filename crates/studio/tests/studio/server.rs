@@ -176,7 +176,7 @@ fn a_frozen_scenario_is_copied_by_its_first_edit() {
     let folder = tempfile::tempdir().unwrap();
     let parent = suite_scenario();
     let before = fs::read(&parent).unwrap();
-    let server = serve(folder.path(), &[parent.clone()], None);
+    let server = serve(folder.path(), std::slice::from_ref(&parent), None);
     let studio =
         Studio { server, key: parent.file_stem().unwrap().to_str().unwrap().into(), file: parent.clone(), folder };
     assert_eq!(studio.get("/api/scenarios").json()[0]["read_only"], json!(true));
