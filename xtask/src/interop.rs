@@ -2,6 +2,7 @@
 
 mod environment;
 mod lerobot;
+mod opencv;
 
 use crate::problem::{OnPath, Problem, Result};
 use crate::process::{self, Workspace};
@@ -24,7 +25,7 @@ const VLA_EVAL_PACKAGES: [&str; 2] = ["vla-eval==0.8.0", "numpy==2.3.5"];
 /// Until the server listens.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Both protocols, one after the other, on one scenario; then a dataset.
+/// Both protocols, one after the other, on one scenario; then calibrations, and a dataset.
 pub fn run(workspace: &Workspace) -> Result {
     let place = workspace.target_dir()?.join("interop");
     let scenario = place.join("scenario");
@@ -35,6 +36,7 @@ pub fn run(workspace: &Workspace) -> Result {
     process::output(layout.arg(&scenario))?;
     openpi(workspace, &place, &scenario)?;
     vla_eval(workspace, &place, &scenario)?;
+    opencv::run(workspace, &place)?;
     lerobot::run(workspace, &place)?;
     println!("{}", docs::run(workspace, &[], docs::Blocks::Interop)?);
     Ok(())

@@ -18,9 +18,15 @@ const MAX_PNG_M: f64 = 0.6;
 /// Writes the image of a board and its description.
 pub fn write(arguments: &CalibrateBoardArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let CalibrateBoardArguments { columns, rows, first_id, .. } = *arguments;
-    let (square_m, tag_m) = (arguments.square_mm * 1e-3, arguments.tag_mm * 1e-3);
+    let (square_m, tag_m) = (arguments.square_mm / 1e3, arguments.tag_mm / 1e3);
     let board = match arguments.pattern.as_str() {
-        "tags" => Board::Tags(TagGrid { columns, rows, tag_m, gap_m: square_m - tag_m, first_id }),
+        "tags" => Board::Tags(TagGrid {
+            columns,
+            rows,
+            tag_m,
+            gap_m: (arguments.square_mm - arguments.tag_mm) / 1e3,
+            first_id,
+        }),
         _ => Board::Charuco(Charuco { columns, rows, square_m, tag_m, first_id }),
     };
     let layout = match board.layout() {
