@@ -1,17 +1,18 @@
 // Tests of the page in Chromium: `node tests/browser.mjs [--url URL] [--strict] [WORD]` runs those whose name
 // contains the word, against the mock server or a running `genmanip studio`; `--strict` holds times to their bars, which
-// only a machine at rest can meet.
+// only a machine at rest can meet; `--dist` takes the scripts of this folder in place of the program's own.
 
 import { AxeBuilder } from "@axe-core/playwright";
 import assert from "node:assert/strict";
 import { existsSync, mkdirSync } from "node:fs";
 import path from "node:path";
+import { fileURLToPath } from "node:url";
 import { parseArgs } from "node:util";
 import { chromium } from "playwright-core";
 import { startMock } from "./mock.mjs";
 
 const { values, positionals } = parseArgs({
-  options: { url: { type: "string" }, strict: { type: "boolean" }, shots: { type: "string" } },
+  options: { url: { type: "string" }, strict: { type: "boolean" }, dist: { type: "boolean" }, shots: { type: "string" } },
   allowPositionals: true,
 });
 const CHROMIUM = process.env["CHROMIUM"] ?? "/usr/bin/chromium";
@@ -28,6 +29,7 @@ const FLAGS = [
   "--enable-precise-memory-info",
   "--js-flags=--expose-gc",
 ];
+const DIST = path.join(path.dirname(fileURLToPath(import.meta.url)), "../dist");
 const SIZE = { width: 1366, height: 768 };
 
 /** Tests in their order; `mock` marks those that steer the server. */
@@ -42,6 +44,7 @@ let server;
 
 async function openPage(url = values.url ?? server.url, options = {}) {
   const context = await browser.newContext({ viewport: SIZE, ...options });
+  if (values.dist) await context.route(/\/assets\//, (route) => route.fulfill({ path: path.join(DIST, new URL(route.request().url()).pathname) }));
   const page = await context.newPage();
   page.failures = [];
   page.on("dialog", (dialog) => dialog.accept());
