@@ -6,6 +6,7 @@ use clap::{ArgGroup, Args};
 
 /// Arguments of `edit`.
 #[derive(Debug, Args)]
+#[command(override_usage = "genmanip edit [OPTIONS] <SCENARIO> <ACTION>…")]
 #[command(group(ArgGroup::new("action").required(true).multiple(true).args([
     "op", "undo", "redo", "revert", "repair", "snapshot", "history", "verdict", "difference", "copy_to",
 ])))]
