@@ -89,12 +89,13 @@ fn reviewers_see_others_only_after_their_own_review() {
 
 #[test]
 fn faults_of_reviews_are_named() {
-    let with = |spoil: fn(&mut Review)| {
+    type Spoil = fn(&mut Review);
+    let with = |spoil: Spoil| {
         let mut review = review("ada+", "s", "1");
         spoil(&mut review);
         review.fault().unwrap_or_default()
     };
-    let cases: [(fn(&mut Review), &str); 6] = [
+    let cases: [(Spoil, &str); 6] = [
         (|_| (), ""),
         (|it| it.decision = Decision::Reject { reasons: BTreeSet::new() }, "a rejection needs a reason: implausible"),
         (|it| it.decision = Decision::Reject { reasons: [Reason::Other].into() }, "`other` needs a note"),

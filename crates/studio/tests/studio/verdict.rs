@@ -54,7 +54,7 @@ fn planted_faults_are_found_and_repaired() {
         json!({"op": "place", "args": {"objects": [{"id": id, "pose": pose}]}})
     };
     let [x, y, z] = can.pose.position.to_array();
-    let say = json!({"op": "instruction", "args": {"text": "Move the red metal can with the white wave to the right of the bright-yellow drink can."}});
+    let say = json!({"op": "instruction", "args": {"text": "Move the lemon soda can to the left of the cola can."}});
     for (value, stage, code, object, words) in [
         (
             place("020", [x, y, z + 0.03]),
