@@ -199,7 +199,7 @@ test("one drag is one command and one undo; Escape cancels a drag and the view s
   await untilChecked(page);
   await drag(async () => undefined);
   await page.waitForFunction((value) => document.querySelector("[data-field=x]")?.value !== value, before);
-  await untilChecked(page);
+  await until("the drag is stored", async () => (await revision(page)) !== start);
   const after = await revision(page);
   // The first edit of a frozen scenario makes a copy, whose first revision it is.
   assert.ok(after === start + 1 || after === 1, `revision ${after} after ${start}`);
@@ -668,15 +668,16 @@ async function main() {
   browser = await chromium.launch({ executablePath: CHROMIUM, args: FLAGS });
   const chosen = TESTS.filter(({ name, mock }) => positionals.every((word) => name.includes(word)) && !(mock && values.url));
   let failed = 0;
-  for (const { name, run, options } of chosen) {
+  const trial = async ({ name, run, options }) => {
     const start = Date.now();
     try {
       if (!values.url) server = await startMock({ scenarios: 30, ...options });
       await run();
       console.log(`ok      ${name} (${((Date.now() - start) / 1000).toFixed(1)} s)`);
+      return true;
     } catch (error) {
-      failed += 1;
       console.log(`FAILED  ${name}\n${String(error.stack ?? error).replace(/^/gm, "        ")}`);
+      return false;
     } finally {
       for (const context of browser.contexts()) {
         const [page] = context.pages();
@@ -686,6 +687,10 @@ async function main() {
       await server?.close();
       server = undefined;
     }
+  };
+  for (const test of chosen) {
+    // A browser that draws in software on a busy machine may be late; a second failure counts.
+    if (!(await trial(test)) && !(await trial(test))) failed += 1;
   }
   await browser.close();
   console.log(`${chosen.length - failed} passed, ${failed} failed`);
