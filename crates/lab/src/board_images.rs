@@ -341,7 +341,6 @@ fn broken(error: impl std::error::Error + Send + Sync + 'static) -> WorkspaceErr
 
 /// Text summary.
 pub fn describe(report: &RenderedReport) -> String {
-    let pair = |spread: Spread, scale: f64| format!("{:.2} / {:.2}", scale * spread.median, scale * spread.p95);
     let of = |[found, all]: [usize; 2]| format!("{found} of {all}");
     let head =
         ["rendered", "noise", "sets", "refused", "boards", "corners", "corner, px", "table, mm", "rotation, deg"];
@@ -354,9 +353,9 @@ pub fn describe(report: &RenderedReport) -> String {
             it.refused.len().to_string(),
             of(it.boards),
             of(it.corners),
-            pair(it.corner_px, 1.0),
-            pair(it.table_m, 1e3),
-            pair(it.rotation_deg, 1.0),
+            it.corner_px.text(1.0),
+            it.table_m.text(1e3),
+            it.rotation_deg.text(1.0),
         ]
     }));
     let [found, all] = report.false_boards;

@@ -149,7 +149,6 @@ fn setup(
 
 /// Text summary.
 pub fn describe(report: &Report) -> String {
-    let pair = |spread: Spread, scale: f64| format!("{:.2} / {:.2}", scale * spread.median, scale * spread.p95);
     let head =
         ["camera", "noise", "sets", "refused", "table, mm", "position, mm", "rotation, deg", "held out, px", "95 %"];
     let mut rows = vec![head.map(String::from).to_vec()];
@@ -159,10 +158,10 @@ pub fn describe(report: &Report) -> String {
             it.noise.into(),
             it.sets.to_string(),
             it.refused.len().to_string(),
-            pair(it.table_m, 1e3),
-            pair(it.position_m, 1e3),
-            pair(it.rotation_deg, 1.0),
-            pair(it.held_out_px, 1.0),
+            it.table_m.text(1e3),
+            it.position_m.text(1e3),
+            it.rotation_deg.text(1.0),
+            it.held_out_px.text(1.0),
             format!("{:.1} %", 100.0 * it.coverage),
         ]
     }));

@@ -21,4 +21,9 @@ impl Spread {
         values.sort_by(f64::total_cmp);
         Self { median: quantile(&values, 0.5), p95: quantile(&values, 0.95) }
     }
+
+    /// `median / 95th percentile` in another unit.
+    pub fn text(self, scale: f64) -> String {
+        format!("{:.2} / {:.2}", scale * self.median, scale * self.p95)
+    }
 }

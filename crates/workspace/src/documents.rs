@@ -68,7 +68,7 @@ pub fn unreadable(path: &Path, error: DataError) -> WorkspaceError {
     }
 }
 
-fn document<T: Document>(path: &Path, bytes: &[u8]) -> Result<T, WorkspaceError> {
+pub(crate) fn document<T: Document>(path: &Path, bytes: &[u8]) -> Result<T, WorkspaceError> {
     T::from_bytes(bytes).map_err(|error| not_a_document::<T>(path, error))
 }
 

@@ -8,16 +8,24 @@ use genmanip_core::{Goal, Scenario, SceneGraph, Seed, Task, TaskKind, World, lim
 use genmanip_rollout::Stage;
 use genmanip_sim::EngineSettings;
 
-use crate::documents::read_document;
+use crate::documents::{document, read_bytes};
 use crate::error::{Cause, WorkspaceError};
 use crate::worlds;
 
 /// Reads a scenario; checks its robot and its engine settings.
 ///
 /// # Errors
-/// As [`read_document`], and when the robot differs from the one that the scenario was made with.
+/// As [`crate::documents::read_document`], and when the robot differs from the one that the scenario was made with.
 pub fn read_scenario(path: &Path) -> Result<Scenario, WorkspaceError> {
-    let scenario: Scenario = read_document(path, limits::SCENARIO)?;
+    parse_scenario(path, &read_bytes(path, limits::SCENARIO)?)
+}
+
+/// The scenario in the bytes of a file; checked as by [`read_scenario`].
+///
+/// # Errors
+/// As [`read_scenario`].
+pub fn parse_scenario(path: &Path, bytes: &[u8]) -> Result<Scenario, WorkspaceError> {
+    let scenario: Scenario = document(path, bytes)?;
     robots::of_world(&scenario.world).map_err(|error| unsuited(path, error))?;
     EngineSettings::read(&scenario.world.physics.engine).map_err(|error| unsuited(path, error))?;
     Ok(scenario)

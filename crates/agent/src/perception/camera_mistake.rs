@@ -75,10 +75,7 @@ pub fn camera_mistake(image: &RgbdImage) -> Option<CameraMistake> {
     let best = likely_mistakes(&given)
         .map(|(view, mistake)| (view.surfaces().table_share, mistake))
         .filter(|(share, _)| *share >= LIKELY_SHARE.max(LIKELY_RATIO * surfaces.table_share))
-        .fold(None, |best: Option<(f64, &'static str)>, other| match best {
-            Some(best) if best.0 >= other.0 => Some(best),
-            _ => Some(other),
-        });
+        .reduce(|best, other| if best.0 >= other.0 { best } else { other });
     let is_plausible = surfaces.table_share >= MIN_SHARE && best.is_none();
     let off_table = "the pose is not in the robot's base frame, whose z = 0 is the table top";
     (!is_plausible).then(|| CameraMistake {
@@ -241,7 +238,7 @@ mod tests {
     }
 
     /// Views of a table, as labs mount cameras: facing the robot, over its shoulder, from the side, from above.
-    /// Straight from above, a pose and its inverse cannot be told apart.
+    /// Not straight from above, where a pose and its inverse show the same plane.
     fn views() -> [RgbdImage; 4] {
         let middle = DVec3::new(0.5, 0.0, 0.0);
         [

@@ -68,7 +68,7 @@ pub struct CalibrateBoardArguments {
     /// Side of a tag with its black border, mm
     #[arg(long, value_name = "MM", default_value_t = 22.5, value_parser = parse::number)]
     pub tag_mm: f64,
-    /// Id of the first tag; boards with different ids can be told apart
+    /// Id of the first tag; different ids distinguish boards
     #[arg(long, value_name = "ID", default_value_t = 0)]
     pub first_id: u32,
     /// Page of an SVG

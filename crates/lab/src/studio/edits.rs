@@ -13,9 +13,10 @@ use genmanip_tasks::references;
 use genmanip_workspace::Progress;
 use rand::{Rng, RngExt};
 
-use super::measured::{Measured, spread};
+use super::measured::Measured;
 use crate::LabError;
 use crate::clock::cpu_clock;
+use crate::quantile::Spread;
 
 /// Operations on one scenario.
 const PER_SCENARIO: usize = 25;
@@ -85,13 +86,13 @@ pub(super) fn measure(
     progress.end();
     let count = measured.operations.max(1) as f64;
     measured.stage_ms = stage_ms.map(|(name, total)| (name, total / count)).to_vec();
-    let [median, p95] = spread(quick_ms);
-    (measured.verdict_ms_p50, measured.verdict_ms_p95) = (median, p95);
-    measured.all_checks_ms_p95 = spread(all_ms)[1];
+    let quick_ms = Spread::of(quick_ms);
+    (measured.verdict_ms_p50, measured.verdict_ms_p95) = (quick_ms.median, quick_ms.p95);
+    measured.all_checks_ms_p95 = Spread::of(all_ms).p95;
     Ok(())
 }
 
-/// A kill while the last line is written, and the undoing of everything.
+/// Bytes in memory, on the disk and after reading the log again; then kills while the last line is written.
 fn check_files(
     document: EditedScenario,
     path: &Path,

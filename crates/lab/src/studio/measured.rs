@@ -2,8 +2,6 @@
 
 use serde::Serialize;
 
-use crate::quantile::quantile;
-
 /// Results.
 #[derive(Debug, Default, Serialize)]
 pub struct Measured {
@@ -31,7 +29,7 @@ pub struct Measured {
     pub lost: usize,
     /// Operations answered as conflicts.
     pub conflicts: usize,
-    /// True if memory, disk and a log that is read again always agree, and all edits undone give the first bytes.
+    /// True if memory, disk and a log that is read again always agree.
     pub equal_bytes: bool,
     /// Verdicts that differ from the audit of layouts or from the independent reader.
     pub verdict_mismatches: usize,
@@ -49,10 +47,4 @@ pub struct Measured {
     pub by_fault: Vec<(&'static str, [usize; 3])>,
     /// Particulars of mismatches, missed faults and false alarms.
     pub notes: Vec<String>,
-}
-
-/// Sorted CPU times as median and 95th percentile.
-pub(super) fn spread(mut values: Vec<f64>) -> [f64; 2] {
-    values.sort_by(f64::total_cmp);
-    [0.5, 0.95].map(|share| quantile(&values, share))
 }

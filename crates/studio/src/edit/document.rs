@@ -7,7 +7,7 @@ use genmanip_assets::AssetSource;
 use genmanip_core::{Document, Scenario, limits};
 use genmanip_data::files;
 use genmanip_workspace::documents::{read_bytes, stem, unwritable, write_file};
-use genmanip_workspace::scenarios::read_scenario;
+use genmanip_workspace::scenarios::parse_scenario;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -62,10 +62,9 @@ impl EditedScenario {
     /// # Errors
     /// [`EditError`] if a file cannot be read, the log is damaged, or the scenario was changed outside.
     pub fn open(path: &Path, assets: &'static dyn AssetSource) -> Result<Self, EditError> {
-        let found = read_scenario(path)?;
-        let file_sha256 = sha256(&read_bytes(path, limits::SCENARIO)?);
+        let bytes = read_bytes(path, limits::SCENARIO)?;
+        let (found, file_sha256) = (Arc::new(parse_scenario(path, &bytes)?), sha256(&bytes));
         let log_path = EditLog::path_of(path);
-        let found = Arc::new(found);
         let mut document = Self {
             path: path.to_owned(),
             assets,
