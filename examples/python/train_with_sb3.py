@@ -2,9 +2,11 @@
 
     pip install -r examples/python/train-requirements.txt
     python examples/python/train_with_sb3.py reach --cpu-minutes 20 --out out/reach
+    python examples/python/train_with_sb3.py reach --evaluate --out out/reach
 
-Writes the learning curve to OUT/curve.csv and prints the share of 200 fresh starts that succeed. The time is that of the
-processor, of all threads together, so that it means the same on a busy machine.
+Writes the learning curve to OUT/curve.csv, model and observation scales beside it, and prints the share of 200 fresh
+starts that succeed; `--evaluate` does only that, with what OUT holds. The time is that of the processor, of all threads
+together, so that it means the same on a busy machine.
 """
 
 import argparse
@@ -19,9 +21,9 @@ from gymnasium.wrappers import TransformAction, TransformObservation
 from stable_baselines3 import SAC
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.env_util import make_vec_env
-from stable_baselines3.common.vec_env import VecNormalize
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
-import genmanip  # makes GenManip-v0 known
+import genmanip.gym  # makes GenManip-v0 known
 
 #: Layouts of training; those of the test have larger numbers.
 TRAINED, TESTED = 50, 1000
@@ -68,35 +70,44 @@ class Curve(BaseCallback):
         return time.process_time() - self.begun < self.until
 
 
+def train(task, cpu_minutes, out):
+    # Numbers in metres and small rewards: both are scaled by what was seen so far.
+    envs = VecNormalize(make_vec_env(lambda: make(task), seed=1), gamma=DISCOUNT)
+    # The default weight of entropy, 1, outweighs these rewards for the first ten thousand updates.
+    sac = {"gamma": DISCOUNT, "ent_coef": "auto_0.02", "learning_rate": 1e-3, "learning_starts": 1000, "seed": 1}
+    model = SAC("MlpPolicy", envs, policy_kwargs={"net_arch": [128, 128]}, **sac)
+    with open(out / "curve.csv", "w", newline="") as file:
+        model.learn(10_000_000, callback=Curve(cpu_minutes, file))
+    model.save(out / "model")
+    envs.save(str(out / "scales"))
+    print(f"{model.num_timesteps} steps")
+
+
+def evaluate(task, tests, out):
+    env = make(task)
+    model = SAC.load(out / "model")
+    scales = VecNormalize.load(str(out / "scales"), DummyVecEnv([lambda: env]))
+
+    def act(seen):
+        return model.predict(scales.normalize_obs(seen), deterministic=True)[0]
+
+    print(genmanip.gym.evaluate(env, act, range(TESTED, TESTED + tests), name=task))
+
+
 def main():
     arguments = argparse.ArgumentParser()
     arguments.add_argument("task", choices=["reach", "lift", "place"])
     arguments.add_argument("--cpu-minutes", type=float, default=20)
+    arguments.add_argument("--evaluate", action="store_true", help="do not train, load the model of --out")
     arguments.add_argument("--tests", type=int, default=200, help="fresh starts")
     arguments.add_argument("--threads", type=int, default=1, help="of PyTorch")
     arguments.add_argument("--out", type=pathlib.Path, required=True)
     given = arguments.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(given.threads)
-    # Numbers in metres and small rewards: both are scaled by what was seen so far.
-    envs = VecNormalize(make_vec_env(lambda: make(given.task), seed=1), gamma=DISCOUNT)
-    # The default weight of entropy, 1, outweighs these rewards for the first ten thousand updates.
-    sac = {"gamma": DISCOUNT, "ent_coef": "auto_0.02", "learning_rate": 1e-3, "learning_starts": 1000, "seed": 1}
-    model = SAC("MlpPolicy", envs, policy_kwargs={"net_arch": [128, 128]}, **sac)
-    with open(given.out / "curve.csv", "w", newline="") as file:
-        model.learn(10_000_000, callback=Curve(given.cpu_minutes, file))
-    model.save(given.out / "model")
-    envs.save(given.out / "scales")
-    env, reached = make(given.task), []
-    for layout in range(TESTED, TESTED + given.tests):
-        seen, info = env.reset(options={"layout": layout})
-        over = False
-        while not over:
-            action, _ = model.predict(envs.normalize_obs(seen), deterministic=True)
-            seen, _, terminated, truncated, info = env.step(action)
-            over = terminated or truncated
-        reached.append(info["is_success"])
-    print(f"{given.task}: {100 * np.mean(reached):.1f} % of {len(reached)} fresh starts, {model.num_timesteps} steps")
+    if not given.evaluate:
+        train(given.task, given.cpu_minutes, given.out)
+    evaluate(given.task, given.tests, given.out)
 
 
 main()

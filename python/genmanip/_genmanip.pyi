@@ -99,6 +99,8 @@ def evaluate(
     keep_going: bool,
     progress: _Progress,
 ) -> str: ...
+def success_interval(successes: int, episodes: int) -> tuple[float, float]:
+    """Ends of the 95 % interval (Wilson) of a success rate."""
 def spec_mistakes(spec: str) -> str | None:
     """Mistakes of a policy's specification (JSON), one per line."""
 def tasks(paths: Sequence[_Path]) -> str: ...

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from typing import Any, Sequence
+from typing import Any, Callable, Iterable, Sequence
 
 import gymnasium
 import numpy as np
@@ -17,6 +17,10 @@ from ._arguments import options as known_options
 from ._genmanip import Error, Scenes
 from ._spaces import Spaces
 from .environment import settings
+from .results import EnvironmentEvaluation
+
+#: Built-in tasks that end before the cube is on the plate.
+PARTS = ("reach", "lift")
 
 
 class _Setup:
@@ -51,6 +55,8 @@ class _Setup:
         else:
             self.scenes = Scenes.tasks(paths("tasks", tasks), keep=keep)
         self.has_layouts, self.layouts = suite is None, count("layouts", layouts, 1)
+        #: Whether episodes end in success before the goal of their task is reached.
+        self.is_part = tasks in (*PARTS, *([part] for part in PARTS))
         self.ids = self.scenes.ids()
         if index is not None:
             count("index", index, 0, len(self.ids) - 1)
@@ -159,6 +165,38 @@ class GenManipEnv(gymnasium.Env[dict[str, Any], np.ndarray]):
     def finish(self, policy: str = "gymnasium") -> str:
         """Ends the episode: its row as of the results of an evaluation, JSON."""
         return self.native.finish(policy)
+
+
+def evaluate(
+    env: gymnasium.Env[Any, Any],
+    act: Callable[[Any], Any],
+    starts: Iterable[int] = range(1000, 1200),
+    *,
+    name: str = "gymnasium",
+) -> EnvironmentEvaluation:
+    """Success of a policy in the environment that it was trained in, wrappers included: an episode per start.
+
+    act: from an observation to an action, both as the wrapped environment has them. starts: layouts of `tasks`, which
+    should lie above the `layouts` of training, or indices of the scenes of a `suite`. An episode succeeds by
+    info["is_success"] of its last step; unless the task is "reach" or "lift", it is then left to settle and judged as
+    `genmanip evaluate` does, which gives its row the verdict, the causes of failure and the success of the table.
+    """
+    native: GenManipEnv = env.unwrapped  # type: ignore[assignment]
+    key = "layout" if native.setup.has_layouts else "index"
+    rows: list[dict[str, Any]] = []
+    for start in starts:
+        seen, info = env.reset(options={key: start})
+        over = False
+        while not over:
+            seen, _, terminated, truncated, info = env.step(act(seen))
+            over = terminated or truncated
+        row = {"id": native.task, "success": bool(info["is_success"]), "score": info["score"]}
+        rows.append(row if native.setup.is_part else json.loads(native.finish(name)))
+    if not rows:
+        raise refuse("starts is empty", "expected layouts or indices, such as range(1000, 1200)")
+    successes = sum(row["success"] for row in rows)
+    low, high = _genmanip.success_interval(successes, len(rows))
+    return EnvironmentEvaluation(name, successes / len(rows), low, high, len(rows), rows)
 
 
 class GenManipVectorEnv(VectorEnv[dict[str, Any], np.ndarray, np.ndarray]):

@@ -166,9 +166,29 @@ class Evaluation(Record):
 
     def pandas(self) -> Any:
         """A pandas DataFrame, a row per episode."""
-        keys = ("id", "scenario_id", "success", "ending", "duration_s", "tcp_path_m", "max_stray_contact_n")
-        rows = ({key: row.get(key) for key in keys} | _first_failure(row) for row in self.results)
-        return frame(rows)
+        return _episodes(self.results)
+
+
+@dataclasses.dataclass
+class EnvironmentEvaluation(Record):
+    """Results of a policy in the environment of Gymnasium that it was trained in."""
+
+    label: str
+    #: Success at the end of an episode, with the ends of its 95 % interval (Wilson).
+    success: float
+    low: float
+    high: float
+    episodes: int
+    #: A dictionary per episode; except for "reach" and "lift" as in the file of an evaluation.
+    results: list[dict[str, Any]] = dataclasses.field(repr=False)
+
+    def __str__(self) -> str:
+        rate = f"{100 * self.success:.1f} % ({100 * self.low:.1f} to {100 * self.high:.1f} %)"
+        return f"{self.label}: {rate} of {self.episodes} episodes"
+
+    def pandas(self) -> Any:
+        """A pandas DataFrame, a row per episode."""
+        return _episodes(self.results)
 
 
 class Evaluations(list[Evaluation]):
@@ -183,9 +203,16 @@ class Evaluations(list[Evaluation]):
         return frame({key: getattr(one, key) for key in keys} | {"not_run": len(one.not_run)} for one in self)
 
 
-def _first_failure(row: Mapping[str, Any]) -> dict[str, Any]:
-    failure = (row["failures"] or [{"cause": None, "evidence": None}])[0]
-    return {"cause": failure["cause"], "evidence": failure["evidence"], "score": row["verdict"]["score"]}
+def _episodes(rows: Iterable[Mapping[str, Any]]) -> Any:
+    """A pandas DataFrame of results, with the first cause of failure of each."""
+    keys = ("id", "scenario_id", "success", "ending", "duration_s", "tcp_path_m", "max_stray_contact_n")
+
+    def flat(row: Mapping[str, Any]) -> dict[str, Any]:
+        failure = (row.get("failures") or [{}])[0]
+        score = row["verdict"]["score"] if "verdict" in row else row["score"]
+        return {key: row.get(key) for key in keys} | {key: failure.get(key) for key in ("cause", "evidence")} | {"score": score}
+
+    return frame(map(flat, rows))
 
 
 def frame(rows: Iterable[Mapping[str, Any]]) -> Any:

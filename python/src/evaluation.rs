@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use genmanip_benchmark::statistics::{StatisticsSettings, wilson_interval};
 use genmanip_core::{ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec};
 use genmanip_pipeline::PolicyFactory;
 use genmanip_pipeline::evaluate::{self as run, EndingRules, EvaluateOptions, Suite};
@@ -16,6 +17,12 @@ use pyo3::types::PyDict;
 use crate::errors::{error, json, read_json};
 use crate::observation::dictionary;
 use crate::progress::Reporter;
+
+/// Ends of the 95 % interval (Wilson) of a success rate.
+#[pyfunction]
+pub fn success_interval(successes: usize, episodes: usize) -> [f64; 2] {
+    wilson_interval(successes, episodes, StatisticsSettings::default().z)
+}
 
 /// Evaluates policies on a suite, a run or scenarios; reports as JSON.
 ///

@@ -29,6 +29,7 @@ fn _genmanip(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(engine, module)?)?;
     module.add_function(wrap_pyfunction!(evaluation::evaluate, module)?)?;
     module.add_function(wrap_pyfunction!(evaluation::policies, module)?)?;
+    module.add_function(wrap_pyfunction!(evaluation::success_interval, module)?)?;
     module.add_function(wrap_pyfunction!(evaluation::spec_mistakes, module)?)?;
     module.add_function(wrap_pyfunction!(stages::tasks, module)?)?;
     module.add_function(wrap_pyfunction!(stages::design, module)?)?;

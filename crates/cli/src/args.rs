@@ -476,7 +476,7 @@ pub struct LayoutArguments {
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("goal").required(true))]
 pub struct PlanArguments {
-    /// Scenario file, as `layout` and `collect` write them; without one, the arm moves in an empty world
+    /// Scenario file, as `layout` and `collect` write them; without one, the arm moves in the built-in world without objects
     #[arg(required_unless_present_any = ["robot", "world"])]
     pub scenario: Option<PathBuf>,
     /// World whose tables and walls the arm avoids: TOML or JSON [default without a scenario: the built-in one]
@@ -485,7 +485,7 @@ pub struct PlanArguments {
     /// To a grasp of this object: its uid or name
     #[arg(long, value_name = "OBJECT", group = "goal")]
     pub pick: Option<String>,
-    /// To a point between the fingertips, hand pointing down, metres
+    /// To a point between the fingertips, hand pointing down, metres; of a URDF z of the tool frame points down
     #[arg(long, value_name = "X,Y,Z", group = "goal", value_delimiter = ',', allow_hyphen_values = true,
           value_parser = parse::number)]
     pub to: Option<Vec<f64>>,
@@ -517,7 +517,7 @@ pub struct PlanArguments {
     /// Camera of image and video, one of the scenario's [default: a view of the whole arm]
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
-    /// Robot of the empty world, or the URDF of any arm; scenarios laid out for another robot are refused
+    /// Robot without a scenario, or the URDF of any arm; scenarios laid out for another robot are refused
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
     /// Folders of the meshes of a URDF, and choices of its reader

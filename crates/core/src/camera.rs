@@ -38,6 +38,24 @@ pub enum CameraMount {
     Hand,
 }
 
+impl CameraMount {
+    /// Pose of an optical frame at `eye` that looks at `target`, both in the frame of the mount, m.
+    ///
+    /// The upper edge of the image lies towards +z of the world, or towards +x of the hand, as that of the wrist camera;
+    /// towards the other one of the two axes where the camera looks along the first.
+    pub fn pose_looking_at(self, eye: DVec3, target: DVec3) -> Pose {
+        let forward = (target - eye).normalize();
+        let [up, other] = match self {
+            Self::World => [DVec3::Z, DVec3::X],
+            Self::Hand => [DVec3::X, DVec3::Z],
+        };
+        let up = if forward.cross(up).length() < 1e-6 { other } else { up };
+        let right = forward.cross(up).normalize();
+        let down = forward.cross(right);
+        Pose::from_axes(eye, right, down, forward)
+    }
+}
+
 impl Camera {
     /// A camera fixed in the world at `eye`, looking at `target`, image upright against world +z.
     pub fn looking_at(name: &str, eye: DVec3, target: DVec3, intrinsics: Intrinsics) -> Self {
@@ -51,11 +69,7 @@ impl Camera {
 
     /// Pose of an optical frame at `eye` that looks at `target`, image upright against +z.
     pub fn pose_looking_at(eye: DVec3, target: DVec3) -> Pose {
-        let forward = (target - eye).normalize();
-        let up_hint = if forward.cross(DVec3::Z).length() < 1e-6 { DVec3::X } else { DVec3::Z };
-        let right = forward.cross(up_hint).normalize();
-        let down = forward.cross(right);
-        Pose::from_axes(eye, right, down, forward)
+        CameraMount::World.pose_looking_at(eye, target)
     }
 
     /// `world_from_camera`, given the pose of the hand link.

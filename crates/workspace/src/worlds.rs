@@ -9,7 +9,8 @@ use genmanip_core::camera::CameraPreset;
 use genmanip_core::glam::DVec3;
 use genmanip_core::sensor::SensorPreset;
 use genmanip_core::{
-    Camera, CameraSensor, Distortion, Document, Intrinsics, Pose, RobotModel, Scenario, World, WorldFault, json, limits,
+    Camera, CameraMount, CameraSensor, Distortion, Document, Intrinsics, Pose, RobotModel, Scenario, World, WorldFault,
+    json, limits,
 };
 use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_sim::EngineSettings;
@@ -188,9 +189,9 @@ pub struct CameraChange {
     pub size_px: Option<[u32; 2]>,
     /// Vertical field of view, rad.
     pub vertical_fov_rad: Option<f64>,
-    /// Position of the camera and the point that it looks at, in the world frame, m.
+    /// Position of the camera and the point that it looks at, in the frame of its mount, m.
     pub view: Option<[DVec3; 2]>,
-    /// True to mount it on the gripper, at the robot's wrist camera.
+    /// True to mount it on the hand, without `view` at the pose of the robot's wrist camera.
     pub on_hand: bool,
     /// Name of a sensor preset, see [`genmanip_core::sensor::SENSORS`], or `none`.
     pub sensor: Option<String>,
@@ -225,10 +226,17 @@ impl CameraChange {
             (Some([eye, target]), _, _) if (eye - target).length() < 1e-6 => {
                 return Err(needs("a --target that is another point than --eye"));
             }
-            (Some([eye, target]), _, _) => (genmanip_core::CameraMount::World, Camera::pose_looking_at(eye, target)),
+            (Some([eye, target]), on_hand, before) => {
+                let kept = before.map_or(CameraMount::World, |camera| camera.mount);
+                let mount = if on_hand { CameraMount::Hand } else { kept };
+                (mount, mount.pose_looking_at(eye, target))
+            }
             (None, true, _) => {
                 let wrist = robot.hand_from_wrist_camera;
-                (genmanip_core::CameraMount::Hand, wrist.ok_or_else(|| needs("a robot that has a wrist camera"))?)
+                (
+                    CameraMount::Hand,
+                    wrist.ok_or_else(|| needs("a robot that has a wrist camera, or --eye and --target"))?,
+                )
             }
             (None, false, Some(before)) => (before.mount, before.mount_from_camera),
             (None, false, None) => return Err(needs("--eye and --target, or --hand")),

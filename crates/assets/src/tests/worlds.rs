@@ -58,6 +58,10 @@ fn all_faults_are_reported_with_their_path() {
     );
     check(&[("vertical_fov_deg = 58.0", "")], &["cameras[4]"]);
     check(&[("target_m = [0.46, 0.0, 0.08]", "")], &["cameras[0]"]);
+    check(
+        &[("vertical_fov_deg = 58.0", "vertical_fov_deg = 58.0\nmount_from_camara = 1")],
+        &["cameras[0].mount_from_camara"],
+    );
 }
 
 #[test]

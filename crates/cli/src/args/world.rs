@@ -95,14 +95,14 @@ pub struct CameraEditArguments {
     /// Vertical field of view, degrees
     #[arg(long, value_parser = parse_angle)]
     pub fov_deg: Option<f64>,
-    /// Camera position: x,y,z in metres, the robot's base frame
+    /// Camera position: x,y,z in metres, the robot's base frame; of a camera on the hand, the hand's frame
     #[arg(long, requires = "target", allow_hyphen_values = true, value_parser = parse_point, value_name = "X,Y,Z")]
     pub eye: Option<[f64; 3]>,
-    /// Target point: x,y,z in metres, the robot's base frame
+    /// Target point: x,y,z in metres, in the same frame
     #[arg(long, requires = "eye", allow_hyphen_values = true, value_parser = parse_point, value_name = "X,Y,Z")]
     pub target: Option<[f64; 3]>,
-    /// Mount it where the robot has its wrist camera
-    #[arg(long, conflicts_with_all = ["eye", "target"])]
+    /// Mount it on the hand: where the robot has its wrist camera, or at --eye
+    #[arg(long)]
     pub hand: bool,
     /// Noise, missing pixels and depth quantisation of a device's sensors, or `none`
     #[arg(long, value_name = "DEVICE", value_parser = sensor_names())]

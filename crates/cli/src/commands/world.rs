@@ -124,7 +124,8 @@ fn show(file: &Path, picture: Option<&Path>, printer: &Printer) -> Result<ExitSt
 
 fn presets(printer: &Printer) {
     let all = genmanip_core::camera::PRESETS;
-    let mut rows = vec![["preset", "what", "pixels", "field, degrees", "source"].map(String::from).to_vec()];
+    let mut rows =
+        vec![["preset", "what", "pixels", "horizontal field of view, degrees", "source"].map(String::from).to_vec()];
     let mut data = Vec::new();
     for preset in &all {
         let [width, height] = preset.size_px;
@@ -147,7 +148,11 @@ fn presets(printer: &Printer) {
 }
 
 fn cameras_table(cameras: &[Camera]) -> String {
-    let mut rows = vec![["camera", "on", "at, m", "pixels", "field, degrees", "sensor"].map(String::from).to_vec()];
+    let mut rows = vec![
+        ["camera", "mount", "position in its frame, m", "pixels", "field of view, degrees", "sensor"]
+            .map(String::from)
+            .to_vec(),
+    ];
     for camera in cameras {
         let k = &camera.intrinsics;
         let at = camera.mount_from_camera.position.to_array().map(|value| format!("{value:.3}")).join(", ");

@@ -3,6 +3,7 @@
 use std::fs;
 
 use genmanip_assets::worlds::DEFAULT_TEXT;
+use genmanip_core::glam::DVec3;
 use serde_json::json;
 
 use crate::{REPOSITORY, genmanip, tree};
@@ -45,6 +46,17 @@ fn a_camera_comes_changes_and_goes_and_nothing_else_does() {
         let top = cameras()[before.len()].clone();
         assert_eq!(top["mount_from_camera"]["position_m"], json!([0.5, -0.25, 1.0]), "{file}");
         assert!((top["intrinsics"]["fy"].as_f64().unwrap() - 18.0).abs() < 1e-9, "{file}: {top}");
+        // On the hand, --eye and --target are in its frame; x points to the upper edge of the image.
+        call(&format!("camera set {file} top --hand --eye 0.08,0,0.03 --target 0,0,0.11"));
+        call(&format!("camera set {file} top --eye 0.07,0,0.03 --target 0.07,0,0.11"));
+        let top = cameras()[before.len()].clone();
+        assert_eq!(top["mount"], "hand", "{file}");
+        let pose: genmanip_core::Pose = serde_json::from_value(top["mount_from_camera"].clone()).unwrap();
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| pose.transform_vector(axis));
+        let expected = [DVec3::Y, -DVec3::X, DVec3::Z];
+        for (axis, expected) in axes.iter().zip(expected) {
+            assert!(axis.distance(expected) < 1e-9, "{file}: right, down and forward are {axes:?} in the hand frame");
+        }
         call(&format!("camera remove {file} top"));
         assert_eq!(cameras(), before, "{file}");
         assert_eq!(text().trim_end(), text_before.trim_end(), "{file}: comments and all");

@@ -9,7 +9,7 @@ use crate::camera::CameraPreset;
 use crate::json as strict;
 use crate::names::near_misses;
 use crate::sensor::SensorPreset;
-use crate::{Camera, Document, DocumentError, Intrinsics, RobotModel};
+use crate::{Camera, CameraMount, Document, DocumentError, Intrinsics, RobotModel};
 
 /// A world file before its shorthands are resolved.
 ///
@@ -23,6 +23,11 @@ pub struct WorldFile {
 
 /// Top-level keys, in the order of the file.
 const KEYS: [&str; 8] = ["surfaces", "floor_z_m", "workspace", "robot", "cameras", "physics", "relations", "look"];
+
+/// Keys of a camera in the file, and those that [`read_camera`] replaces by them.
+const CAMERA_KEYS: [&str; 6] = ["name", "mount", "mount_from_camera", "intrinsics", "distortion", "sensor"];
+const CAMERA_SHORTHANDS: [&str; 6] =
+    ["eye_m", "target_m", "size_px", "vertical_fov_deg", "horizontal_fov_deg", "preset"];
 
 impl WorldFile {
     /// Reads JSON (a text that starts with `{`) or TOML, and checks the schema.
@@ -151,8 +156,9 @@ pub fn read_camera(entry: Value, robot: &RobotModel, place: &str) -> Result<Came
             if !(eye - target).is_finite() || eye.distance(target) < 1e-6 {
                 return Err(WorldFault::new(format!("{place}.target_m"), "another point than eye_m", target));
             }
-            body.entry("mount").or_insert_with(|| "world".into());
-            body.insert("mount_from_camera".into(), json!(Camera::pose_looking_at(eye, target)));
+            let mount = body.entry("mount").or_insert_with(|| "world".into()).clone();
+            let mount: CameraMount = parse(mount, &format!("{place}.mount"))?;
+            body.insert("mount_from_camera".into(), json!(mount.pose_looking_at(eye, target)));
         }
         (None, None) => {}
         _ => return Err(WorldFault::new(place, "eye_m and target_m together", "only one of them")),
@@ -209,6 +215,12 @@ pub fn read_camera(entry: Value, robot: &RobotModel, place: &str) -> Result<Came
             return Err(fault.hint("or give the parameters of a sensor; see docs/formats/world.md"));
         };
         body.insert("sensor".into(), json!(preset.sensor));
+    }
+    if let Some(unknown) = body.keys().find(|key| !CAMERA_KEYS.contains(&key.as_str())) {
+        let known = [CAMERA_KEYS.as_slice(), &CAMERA_SHORTHANDS].concat();
+        let near = near_misses(unknown, &known).first().map(|near| format!("did you mean `{near}`?"));
+        let hint = near.unwrap_or_else(|| format!("there are {}", known.join(", ")));
+        return Err(WorldFault::new(format!("{place}.{unknown}"), "a known key", format!("`{unknown}`")).hint(hint));
     }
     parse(Value::Object(body), place)
 }
