@@ -11,10 +11,12 @@
 //! - [`leaderboard_html`]: policies on the same suites.
 //! - [`failure_page`]: failures of a policy that asks questions, with its images.
 //! - [`suites`]: suite folders: check, freeze, review, differences, training tasks.
+//! - [`balance`]: distribution of a collection against targets, and the choice of a balanced suite with its reasons.
 //! - [`distributions`]: suites of task distributions, whose layouts are regenerated: to learn from and to be tested on.
 //! - [`compare`](mod@compare): paired comparison of two evaluations of one suite.
 //! - [`sim2real`]: agreement of success rates in simulation and in reality.
 
+pub mod balance;
 pub mod compare;
 mod dataset_page;
 pub mod distributions;

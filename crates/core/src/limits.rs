@@ -37,6 +37,8 @@ pub const TASK: Limit = Limit::mib("a task or recorded answer", 4);
 pub const SCENARIO: Limit = Limit::mib("a scenario", 8);
 /// The log of a scenario's edits: the scenario, and up to 10 KiB per edit.
 pub const EDITS: Limit = Limit::mib("a log of edits", 192);
+/// The log of reviews: up to 4 KiB per review.
+pub const REVIEWS: Limit = Limit::mib("a log of reviews", 192);
 /// A world, TOML or JSON, typically below 20 KiB; TOML tables take about 400 times their size in memory.
 pub const WORLD: Limit = Limit::mib("a world", 2);
 /// A file with cameras: a world or a scenario.

@@ -9,7 +9,7 @@ mod reviewers;
 mod sequential;
 mod summary;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod traits;
 
 pub use agreement::{Duel, RankViolation, bradley_terry, kendall, mmrv, pearson, rank_violations, spearman};

@@ -1,9 +1,12 @@
 //! Selection of candidates for a balanced suite.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+/// Target shares by trait and value; a trait that is absent wants the same share of all its values.
+pub type Targets = BTreeMap<String, BTreeMap<String, f64>>;
 
 /// A candidate scenario.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,13 +48,20 @@ const AGAIN: f64 = 0.0005;
 const ROUNDS: usize = 8;
 
 /// Counts of a selection, updated incrementally.
-#[derive(Default)]
-struct Tally {
+struct Tally<'a> {
+    targets: &'a Targets,
     values: BTreeMap<String, BTreeMap<String, f64>>,
     once: BTreeMap<String, f64>,
 }
 
-impl Tally {
+impl<'a> Tally<'a> {
+    /// Counts of nothing yet, with every value of the candidates, so that missing ones count too.
+    fn of(candidates: &[Candidate], targets: &'a Targets) -> Self {
+        let mut tally = Self { targets, values: BTreeMap::new(), once: BTreeMap::new() };
+        candidates.iter().for_each(|candidate| tally.add(candidate, 0.0));
+        tally
+    }
+
     fn add(&mut self, candidate: &Candidate, weight: f64) {
         for (name, values) in &candidate.traits {
             for value in values {
@@ -64,24 +74,69 @@ impl Tally {
     }
 
     fn cost(&self) -> f64 {
-        let deviation = |counts: &BTreeMap<String, f64>| {
-            let wanted = counts.values().sum::<f64>() / counts.len() as f64;
-            counts.values().map(|count| ((count - wanted) / wanted.max(1.0)).powi(2)).sum::<f64>()
+        let deviation = |(name, counts): (&String, &BTreeMap<String, f64>)| {
+            let (all, even) = (counts.values().sum::<f64>(), 1.0 / counts.len() as f64);
+            let targets = self.targets.get(name);
+            let squared = |(value, count): (&String, &f64)| {
+                let wanted = match targets {
+                    None => all / counts.len() as f64,
+                    Some(shares) => all * shares.get(value).copied().unwrap_or(0.0),
+                };
+                // Rare values must not outweigh the others, nor those that nobody wants.
+                let scale = if targets.is_none() { wanted } else { wanted.max(all * even / 2.0) };
+                ((count - wanted) / scale.max(1.0)).powi(2)
+            };
+            counts.iter().map(squared).sum::<f64>()
         };
         let again = self.once.values().map(|count| (count - 1.0).max(0.0).powi(2)).sum::<f64>();
-        self.values.values().map(deviation).sum::<f64>() + AGAIN * again
+        self.values.iter().map(deviation).sum::<f64>() + AGAIN * again
     }
 }
 
-/// Indices of `per_kind` candidates of each kind, ascending, such that the values of every trait have about equal
+/// Indices of the candidates of a suite: as [`select`], and at least half of the spatial ones identify two objects by
+/// position.
+pub fn choose(candidates: &[Candidate], per_kind: usize, targets: &Targets) -> BTreeSet<usize> {
+    let has_one_clue = |index: &usize| {
+        candidates[*index].traits.get("clues").is_some_and(|clues| clues.iter().any(|clue| clue == "one"))
+    };
+    let mut left: Vec<usize> = (0..candidates.len()).collect();
+    loop {
+        let offered: Vec<Candidate> = left.iter().map(|&index| candidates[index].clone()).collect();
+        let chosen: BTreeSet<usize> = select(&offered, per_kind, targets).into_iter().map(|at| left[at]).collect();
+        let with_one: Vec<usize> = chosen.iter().copied().filter(has_one_clue).collect();
+        let superfluous = with_one.iter().rev().find(|&&index| !candidates[index].is_preferred);
+        match superfluous {
+            Some(superfluous) if with_one.len() > per_kind.div_ceil(2) => left.retain(|index| index != superfluous),
+            _ => return chosen,
+        }
+    }
+}
+
+/// Reduction of the cost of a selection by each candidate outside of it, the most helpful first; equal ones in their
+/// order. Negative where a candidate makes the balance worse.
+pub fn gains(candidates: &[Candidate], chosen: &BTreeSet<usize>, targets: &Targets) -> Vec<(usize, f64)> {
+    let mut tally = Tally::of(candidates, targets);
+    chosen.iter().for_each(|&index| tally.add(&candidates[index], 1.0));
+    let before = tally.cost();
+    let outside = (0..candidates.len()).filter(|index| !chosen.contains(index));
+    let gain = |index: usize| {
+        tally.add(&candidates[index], 1.0);
+        let cost = tally.cost();
+        tally.add(&candidates[index], -1.0);
+        (index, before - cost)
+    };
+    let mut gains: Vec<(usize, f64)> = outside.map(gain).collect();
+    gains.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    gains
+}
+
+/// Indices of `per_kind` candidates of each kind, ascending, such that the values of every trait have about their target
 /// shares; fewer if a kind has fewer candidates.
 ///
 /// Preferred candidates are selected first and stay; the others are added greedily, then exchanged while that reduces
 /// the cost. Deterministic.
-pub fn select(candidates: &[Candidate], per_kind: usize) -> Vec<usize> {
-    let mut tally = Tally::default();
-    // Count every value, including those that no selected candidate has.
-    candidates.iter().for_each(|candidate| tally.add(candidate, 0.0));
+pub fn select(candidates: &[Candidate], per_kind: usize, targets: &Targets) -> Vec<usize> {
+    let mut tally = Tally::of(candidates, targets);
     let mut kinds: Vec<&str> = candidates.iter().map(|candidate| candidate.kind.as_str()).collect();
     kinds.sort_unstable();
     kinds.dedup();
@@ -91,7 +146,7 @@ pub fn select(candidates: &[Candidate], per_kind: usize) -> Vec<usize> {
             let is_free = |index: &usize| !chosen[*index] && candidates[*index].kind == *kind;
             let preferred = (0..candidates.len()).find(|index| is_free(index) && candidates[*index].is_preferred);
             let free = preferred.map_or(0..candidates.len(), |index| index..index + 1).filter(is_free);
-            let cost_with = |tally: &mut Tally, index: usize| {
+            let cost_with = |tally: &mut Tally<'_>, index: usize| {
                 tally.add(&candidates[index], 1.0);
                 let cost = tally.cost();
                 tally.add(&candidates[index], -1.0);
@@ -113,7 +168,7 @@ pub fn select(candidates: &[Candidate], per_kind: usize) -> Vec<usize> {
 }
 
 /// Exchanges each selected candidate for the best free one of its kind; returns true if any exchange helped.
-fn exchange(candidates: &[Candidate], chosen: &mut [bool], tally: &mut Tally) -> bool {
+fn exchange(candidates: &[Candidate], chosen: &mut [bool], tally: &mut Tally<'_>) -> bool {
     let mut has_helped = false;
     for out in 0..candidates.len() {
         if !chosen[out] || candidates[out].is_preferred {

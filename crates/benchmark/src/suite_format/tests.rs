@@ -24,9 +24,9 @@ proptest! {
             .iter()
             .map(|&(kind, relation, clutter, thing)| candidate(kind, skewed(relation, 4), skewed(clutter, 3), thing))
             .collect();
-        let chosen = select(&candidates, 24);
+        let chosen = select(&candidates, 24, &Targets::new());
         prop_assert_eq!(chosen.len(), 48);
-        prop_assert_eq!(&chosen, &select(&candidates, 24));
+        prop_assert_eq!(&chosen, &select(&candidates, 24, &Targets::new()));
         let of_first = chosen.iter().filter(|&&index| candidates[index].kind == "kind 0").count();
         prop_assert_eq!(of_first, 24);
         for marginal in marginals(chosen.iter().map(|&index| &candidates[index].traits)) {
@@ -37,15 +37,15 @@ proptest! {
 
 #[test]
 fn what_is_not_there_is_not_taken() {
-    assert!(select(&[], 3).is_empty());
+    assert!(select(&[], 3, &Targets::new()).is_empty());
     let few = [candidate(0, 0, 0, 0), candidate(1, 0, 0, 0)];
-    assert_eq!(select(&few, 3), [0, 1]);
+    assert_eq!(select(&few, 3, &Targets::new()), [0, 1]);
 }
 
 #[test]
 fn other_things_are_preferred() {
     let all = [candidate(0, 0, 0, 1), candidate(0, 0, 0, 1), candidate(0, 0, 0, 2)];
-    let chosen = select(&all, 2);
+    let chosen = select(&all, 2, &Targets::new());
     assert!(chosen.contains(&2), "{chosen:?}");
 }
 
@@ -56,7 +56,21 @@ fn preferred_candidates_come_first() {
     for index in [2, 4] {
         all[index].is_preferred = true;
     }
-    assert_eq!(select(&all, 1), [2]);
-    assert_eq!(select(&all, 2), [2, 4]);
-    assert_eq!(select(&all, 4), [1, 2, 3, 4]);
+    assert_eq!(select(&all, 1, &Targets::new()), [2]);
+    assert_eq!(select(&all, 2, &Targets::new()), [2, 4]);
+    assert_eq!(select(&all, 4, &Targets::new()), [1, 2, 3, 4]);
+}
+
+/// Targets replace equal shares, and a candidate helps where it brings what is missing.
+#[test]
+fn targets_are_followed_and_gains_name_what_is_missing() {
+    let all: Vec<Candidate> = (0..40).map(|thing| candidate(0, thing % 2, 0, thing)).collect();
+    let targets = Targets::from([("relation".into(), [("0".into(), 0.75), ("1".into(), 0.25)].into())]);
+    let chosen = select(&all, 12, &targets);
+    assert_eq!(chosen.iter().filter(|&&index| index % 2 == 0).count(), 9);
+    let only_even = (0..8).filter(|index| index % 2 == 0).collect();
+    let gains = gains(&all, &only_even, &Targets::new());
+    assert_eq!(gains.len(), 36);
+    assert!(gains[0].0 % 2 == 1 && gains[0].1 > 0.0, "{:?}", gains[0]);
+    assert!(gains[35].0 % 2 == 0 && gains[35].1 < 0.0, "{:?}", gains[35]);
 }

@@ -297,7 +297,7 @@ fn asks_for(task: &Task, relation: Relation) -> bool {
 }
 
 /// Need stated by a common-sense task before its request.
-fn need(task: &Task) -> Option<String> {
+pub(crate) fn need(task: &Task) -> Option<String> {
     let need = || task.instruction.split(['.', ':', ';']).next().unwrap_or_default().to_lowercase();
     (task.kind == TaskKind::CommonSense).then(need)
 }

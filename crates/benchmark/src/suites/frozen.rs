@@ -60,7 +60,8 @@ pub fn certificate(trials: &[EpisodeResult]) -> Certificate {
     }
 }
 
-/// Writes the scenarios first and `suite.json` last, as a mark of completeness. Removes the folder `work`.
+/// Writes the scenarios first and `suite.json` last, as a mark of completeness. Removes the folder `work`, if there
+/// is one.
 ///
 /// # Errors
 /// If a file cannot be written.
@@ -83,6 +84,8 @@ pub fn write(folder: &Path, head: SuiteHeader, kept: Vec<(Scenario, SuiteEntry)>
     };
     documents::write_file(&folder.join("suite.json"), suite.to_json().as_bytes())?;
     let work = folder.join("work");
-    fs::remove_dir_all(&work).map_err(|error| WorkspaceError::file("write", &work, error))?;
-    Ok(suite)
+    match fs::remove_dir_all(&work) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(WorkspaceError::file("write", &work, error)),
+        _ => Ok(suite),
+    }
 }

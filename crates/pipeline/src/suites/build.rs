@@ -1,12 +1,13 @@
 //! From a seed to a suite: tasks, layouts, trials, choice.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_assets::Catalogue;
-use genmanip_benchmark::suite_format::{BuildStep, Candidate, SuiteEntry, SuiteFile, select, sha256, template};
+use genmanip_benchmark::balance;
+use genmanip_benchmark::suite_format::{BuildStep, Candidate, SuiteEntry, SuiteFile, Targets, choose, sha256};
 use genmanip_core::{Document, EpisodeResult, Scenario, Seed, Task, World};
 use genmanip_layout::LayoutSettings;
 
@@ -83,16 +84,11 @@ pub fn build(
     let entries: Vec<(Scenario, SuiteEntry)> =
         certified.into_iter().map(|(scenario, trials)| entry(scenario, &trials, options.catalogue)).collect();
     let candidate = |(scenario, entry): &(Scenario, SuiteEntry)| {
-        let things = scenario.task.goal.alternatives.iter().flatten().flat_map(|atom| atom.ids().map(String::from));
-        Candidate {
-            kind: entry.kind.name().into(),
-            traits: entry.traits.clone(),
-            once: things.chain([template(&scenario.task.instruction)]).collect(),
-            is_preferred: options.tasks.iter().any(|task| task.id == scenario.task.id),
-        }
+        let is_preferred = options.tasks.iter().any(|task| task.id == scenario.task.id);
+        balance::candidate(&scenario.task, entry.traits.clone(), is_preferred)
     };
     let candidates: Vec<Candidate> = entries.iter().map(candidate).collect();
-    let chosen = choose(&candidates, options.per_kind);
+    let chosen = choose(&candidates, options.per_kind, &Targets::new());
     for kind in KINDS {
         let count = chosen.iter().filter(|&&index| entries[index].1.kind == kind).count();
         if count < options.per_kind {
@@ -113,24 +109,6 @@ pub fn build(
         funnel,
     };
     frozen::write(&options.out, head, kept).map(Some)
-}
-
-/// Indices of the chosen candidates: balanced; at least half of the spatial ones identify two objects by position.
-fn choose(candidates: &[Candidate], per_kind: usize) -> BTreeSet<usize> {
-    let has_one_clue = |index: &usize| {
-        candidates[*index].traits.get("clues").is_some_and(|clues| clues.iter().any(|clue| clue == "one"))
-    };
-    let mut left: Vec<usize> = (0..candidates.len()).collect();
-    loop {
-        let offered: Vec<Candidate> = left.iter().map(|&index| candidates[index].clone()).collect();
-        let chosen: BTreeSet<usize> = select(&offered, per_kind).into_iter().map(|place| left[place]).collect();
-        let with_one: Vec<usize> = chosen.iter().copied().filter(has_one_clue).collect();
-        let superfluous = with_one.iter().rev().find(|&&index| !candidates[index].is_preferred);
-        match superfluous {
-            Some(superfluous) if with_one.len() > per_kind.div_ceil(2) => left.retain(|index| index != superfluous),
-            _ => return chosen,
-        }
-    }
 }
 
 fn lay_out_all(
@@ -171,13 +149,9 @@ fn certify(
     stop: &AtomicBool,
 ) -> Result<Option<(Certified, BuildStep)>, WorkspaceError> {
     let paths: Vec<PathBuf> = scenarios.iter().map(|scenario| layouts.join(format!("{}.json", scenario.id))).collect();
-    let suite = Suite::of_scenarios(&paths)?.with_episodes(TRIALS);
-    let evaluation =
-        EvaluateOptions { out: Some(folder.to_owned()), workers: options.workers, ..EvaluateOptions::default() };
-    let expert = [PolicyFactory::resolve("expert")?];
-    let reports = evaluate(&suite, &expert, &evaluation, progress, stop)?;
-    let Some(report) = reports.into_iter().next() else { return Ok(None) };
-    let mut by_scenario = frozen::by_scenario(report.results);
+    let Some(mut by_scenario) = try_expert(&paths, Some(folder), options.workers, progress, stop)? else {
+        return Ok(None);
+    };
     let mut stage = BuildStep::new(&format!("are solved by the expert, {TRIALS} of {TRIALS} times"));
     let mut certified = Vec::new();
     for scenario in scenarios {
@@ -193,15 +167,40 @@ fn certify(
     Ok(Some((certified, stage)))
 }
 
-fn entry(scenario: Scenario, trials: &[EpisodeResult], catalogue: &Catalogue) -> (Scenario, SuiteEntry) {
+/// Results of the expert's trials that certify a scenario, five each, by scenario id; `None` when it was stopped. With a
+/// folder an interrupted call continues.
+///
+/// # Errors
+/// When a scenario cannot be read, two have one id, their robots differ, or an episode broke.
+pub fn try_expert(
+    paths: &[PathBuf],
+    folder: Option<&Path>,
+    workers: usize,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Option<BTreeMap<String, Vec<EpisodeResult>>>, WorkspaceError> {
+    let suite = Suite::of_scenarios(paths)?.with_episodes(TRIALS);
+    let evaluation = EvaluateOptions { out: folder.map(Path::to_owned), workers, ..EvaluateOptions::default() };
+    let expert = [PolicyFactory::resolve("expert")?];
+    let reports = evaluate(&suite, &expert, &evaluation, progress, stop)?;
+    Ok(reports.into_iter().next().map(|report| frozen::by_scenario(report.results)))
+}
+
+/// Simulated time that a policy gets on a scenario, s, from the expert's trials: the longest verified one with a factor
+/// for slower policies.
+pub fn horizon_s(trials: &[EpisodeResult]) -> f64 {
     let longest = trials.iter().filter(|it| it.success).map(|it| it.duration_s).fold(0.0, f64::max);
+    (HORIZON_FACTOR * longest / HORIZON_STEP_S).ceil() * HORIZON_STEP_S
+}
+
+fn entry(scenario: Scenario, trials: &[EpisodeResult], catalogue: &Catalogue) -> (Scenario, SuiteEntry) {
     let entry = SuiteEntry {
         id: scenario.id.clone(),
         sha256: sha256(scenario.to_json().as_bytes()),
         kind: scenario.task.kind,
         source: scenario.task.source.clone(),
         traits: traits(&scenario.task, catalogue),
-        horizon_s: (HORIZON_FACTOR * longest / HORIZON_STEP_S).ceil() * HORIZON_STEP_S,
+        horizon_s: horizon_s(trials),
         certificate: certificate(trials),
         pictures: BTreeMap::new(),
     };

@@ -1,8 +1,8 @@
-//! Building and perturbing benchmark suites: the steps that run policies. Everything else about suites is in
+//! Building and perturbing benchmark suites, and certifying scenarios: the steps that run policies. Everything else about suites is in
 //! `genmanip_benchmark::suites`.
 
 mod build;
 mod perturb;
 
-pub use build::{BuildOptions, build};
+pub use build::{BuildOptions, build, horizon_s, try_expert};
 pub use perturb::{PerturbOptions, perturb};

@@ -1,0 +1,121 @@
+//! Choice of a balanced suite, with a reason for every candidate.
+
+use std::collections::BTreeSet;
+
+use genmanip_core::{Document, Task};
+use serde::{Deserialize, Serialize};
+
+use super::axes::Axes;
+use super::distribution::{Balance, balance};
+use crate::suite_format::{Candidate, Targets, choose, gains, template};
+
+/// A scenario offered for a suite.
+#[derive(Clone, Debug)]
+pub struct Offered {
+    /// Id.
+    pub scenario: String,
+    /// The candidate; its traits are its axes.
+    pub candidate: Candidate,
+    /// Reason why it cannot be chosen, e.g. `rejected: implausible`; `None` if it can.
+    pub refused: Option<String>,
+}
+
+/// A scenario with the reason why it was chosen or not.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Reasoned {
+    /// Id of the scenario.
+    pub scenario: String,
+    /// Reason.
+    pub reason: String,
+}
+
+/// A choice; each list is in the order of the offers.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Choice {
+    /// Scenarios of the suite.
+    pub chosen: Vec<Reasoned>,
+    /// All others.
+    pub rejected: Vec<Reasoned>,
+}
+
+impl Document for Choice {
+    const SCHEMA: &'static str = "genmanip.choice/1";
+}
+
+/// Candidate of a task with its axes; objects of the goal and the sentence's template repeat as little as possible.
+pub fn candidate(task: &Task, axes: Axes, is_preferred: bool) -> Candidate {
+    let things = task.goal.alternatives.iter().flatten().flat_map(|atom| atom.ids().map(String::from));
+    Candidate {
+        kind: task.kind.name().into(),
+        traits: axes,
+        once: things.chain([template(&task.instruction)]).collect(),
+        is_preferred,
+    }
+}
+
+/// Chooses `per_kind` scenarios of each kind towards the targets.
+pub fn choice(offered: &[Offered], per_kind: usize, targets: &Targets) -> Choice {
+    let free: Vec<usize> = (0..offered.len()).filter(|&index| offered[index].refused.is_none()).collect();
+    let candidates: Vec<Candidate> = free.iter().map(|&index| offered[index].candidate.clone()).collect();
+    let chosen: BTreeSet<usize> = choose(&candidates, per_kind, targets).into_iter().map(|place| free[place]).collect();
+    let axes = |index: usize| &offered[index].candidate.traits;
+    let taken: Vec<&Axes> = chosen.iter().map(|&index| axes(index)).collect();
+    let all: Vec<&Axes> = free.iter().map(|&index| axes(index)).collect();
+    let reached = balance(&taken, &all, targets);
+    let mut made = Choice::default();
+    for (index, one) in offered.iter().enumerate() {
+        let kind = &one.candidate.kind;
+        let (list, reason) = match &one.refused {
+            Some(refused) => (&mut made.rejected, refused.clone()),
+            None if chosen.contains(&index) => {
+                let rarest = extreme(&one.candidate.traits, &reached, |share, wanted| wanted - share);
+                let why = rarest.map_or_else(|| "it is wanted".into(), |(words, _)| format!("for {words}"));
+                (&mut made.chosen, if one.candidate.is_preferred { format!("preferred; {why}") } else { why })
+            }
+            None => {
+                let commonest = extreme(&one.candidate.traits, &reached, |share, wanted| share - wanted);
+                let why = match commonest {
+                    Some((words, above)) if above > 0.0 => format!("enough of {words}"),
+                    _ => format!("{per_kind} of kind {kind} are as balanced without it"),
+                };
+                (&mut made.rejected, why)
+            }
+        };
+        list.push(Reasoned { scenario: one.scenario.clone(), reason });
+    }
+    made
+}
+
+/// Candidates that would improve the balance of the scenarios already decided on, the most helpful first: index, gain
+/// and reason. `decided` are indices of the scenarios that are in; refused ones are out.
+pub fn helpful(offered: &[Offered], decided: &BTreeSet<usize>, targets: &Targets) -> Vec<(usize, f64, String)> {
+    let candidates: Vec<Candidate> = offered.iter().map(|one| one.candidate.clone()).collect();
+    let taken: Vec<&Axes> = decided.iter().map(|&index| &offered[index].candidate.traits).collect();
+    let all: Vec<&Axes> = offered.iter().map(|one| &one.candidate.traits).collect();
+    let now = balance(&taken, &all, targets);
+    let ranked = gains(&candidates, decided, targets).into_iter();
+    let ranked = ranked.filter(|(index, _)| offered[*index].refused.is_none());
+    ranked
+        .map(|(index, gain)| {
+            let rarest = extreme(&offered[index].candidate.traits, &now, |share, wanted| wanted - share);
+            (index, gain, rarest.map_or_else(String::new, |(words, _)| words))
+        })
+        .collect()
+}
+
+/// The value of a scenario for which a measure of (share, wanted) is largest, in words, with that measure.
+fn extreme(axes: &Axes, reached: &Balance, measure: impl Fn(f64, f64) -> f64) -> Option<(String, f64)> {
+    let mut best: Option<(String, f64)> = None;
+    for known in reached.axes.iter().filter(|known| known.values.len() > 1) {
+        let own = axes.get(&known.axis).into_iter().flatten();
+        for value in own.filter_map(|value| known.values.iter().find(|share| share.value == *value)) {
+            let measured = measure(value.share, value.wanted);
+            if best.as_ref().is_none_or(|(_, most)| measured > *most) {
+                let (share, wanted) = (100.0 * value.share, 100.0 * value.wanted);
+                let words = format!("{} {}: {share:.0} %, wanted {wanted:.0} %", known.axis, value.value);
+                best = Some((words, measured));
+            }
+        }
+    }
+    best
+}

@@ -1,0 +1,33 @@
+//! Measured difficulty: success of reference policies on each scenario.
+
+use std::collections::BTreeMap;
+
+use genmanip_core::EpisodeResult;
+
+/// Successes and episodes by policy, by scenario id.
+pub type Successes = BTreeMap<String, BTreeMap<String, (usize, usize)>>;
+
+/// Successes of all results.
+pub fn successes<'a>(results: impl IntoIterator<Item = &'a EpisodeResult>) -> Successes {
+    let mut found = Successes::new();
+    for result in results {
+        let of_scenario = found.entry(result.scenario_id.clone()).or_default();
+        let (successes, episodes) = of_scenario.entry(result.policy.clone()).or_default();
+        *successes += usize::from(result.success);
+        *episodes += 1;
+    }
+    found
+}
+
+/// Difficulty of a scenario from the mean success rate of the policies that tried it, each with the same weight: `easy`
+/// from two thirds, `hard` up to one third, else `medium`; `None` if none did.
+pub fn difficulty(scenario: &str, successes: &Successes) -> Option<&'static str> {
+    let policies = successes.get(scenario).filter(|policies| !policies.is_empty())?;
+    let rates = policies.values().map(|&(successes, episodes)| successes as f64 / episodes.max(1) as f64);
+    let mean = rates.sum::<f64>() / policies.len() as f64;
+    Some(match mean {
+        mean if mean >= 2.0 / 3.0 => "easy",
+        mean if mean <= 1.0 / 3.0 => "hard",
+        _ => "medium",
+    })
+}
