@@ -181,7 +181,8 @@ impl Collection {
     /// Scenarios in the studio's folder and in the folders of copies inside it.
     fn add_edited(&mut self, folder: &Path, depth: usize) {
         for file in sorted_names(folder).into_iter().map(|name| folder.join(name)) {
-            if file.is_dir() && depth > 0 {
+            // A suite of reviewed scenarios holds copies of them.
+            if file.is_dir() && depth > 0 && !file.join("suite.json").is_file() {
                 self.add_edited(&file, depth - 1);
             } else if file.extension().is_some_and(|ending| ending == "json") && is_scenario(&file).unwrap_or(false) {
                 self.add_or_leave_out(&file, "studio", None);

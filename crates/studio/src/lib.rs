@@ -2,7 +2,9 @@
 //!
 //! - [`edit`] changes a scenario by [`edit::Operation`]s, each with an inverse, and keeps them in an append-only log
 //!   beside the scenario's file.
-//! - [`review`] says what the reviews of a scenario amount to, and who reviews what next.
+//! - [`review`] keeps reviews in an append-only log, says what they amount to and who reviews what next, and writes a
+//!   balanced suite of the approved scenarios.
+//! - [`log_file`] is the append-only file of both logs.
 //! - [`verdict`] judges an edited scenario in stages with the checks of `layout` and `tasks`, and offers repairs as
 //!   operations.
 //! - [`scene`] writes meshes as binary glTF and describes what stands where.
@@ -10,6 +12,7 @@
 
 pub mod collections;
 pub mod edit;
+pub mod log_file;
 pub mod review;
 pub mod scene;
 pub mod server;

@@ -6,6 +6,8 @@ use genmanip_workspace::WorkspaceError;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::log_file::LogError;
+
 /// Reason why an edit is not applied; scenario, log and memory are unchanged.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -106,6 +108,18 @@ impl EditError {
             Self::Log { .. } => "keep a copy of the log; remove it to start a new one from the scenario's file".into(),
             Self::Stopped { .. } => "open the scenario again; acknowledged changes are in its log".into(),
             Self::File(error) => error.hint().unwrap_or_default().to_owned(),
+        }
+    }
+}
+
+impl From<LogError> for EditError {
+    fn from(error: LogError) -> Self {
+        match error {
+            LogError::Damaged { path, line, message } => Self::Log { path, line, message },
+            LogError::ChangedOutside { path } => Self::ChangedOutside { path },
+            LogError::Busy { path } => Self::Busy { path },
+            LogError::Stopped { path } => Self::Stopped { path },
+            LogError::File(error) => Self::File(error),
         }
     }
 }

@@ -1,17 +1,38 @@
-//! Reviews of scenarios: who said what about which content, and what follows from it.
+//! Reviews of scenarios: who said what about which content, what follows from it, and a balanced suite of what was
+//! approved.
 //!
 //! A review is bound to the hash of what was reviewed, so that any edit voids it. Two reviewers judge independently,
 //! criterion by criterion; a third one decides where they differ.
+//!
+//! [`ReviewDesk`] holds the scenarios and the [`ReviewLog`]; everything else is pure.
 
+mod agreement;
+mod build;
+mod content;
+mod desk;
+mod likeness;
+mod log;
+mod older;
 mod planted;
 mod queue;
+mod reading;
 mod reviewed;
 mod standing;
 
+pub use agreement::{Agreement, agreement};
+pub use build::{Built, build_suite};
+pub use content::content_sha256;
+pub use desk::{Dashboard, Helpful, QueueRow, ReviewDesk, ReviewQueue, ReviewState, Reviewable};
+pub use likeness::groups;
+pub use log::{ExpertTrials, ImportedReviews, ReviewError, ReviewHeader, ReviewLine, ReviewLog, SCHEMA};
+pub use older::take_from_suites;
 pub use planted::{Detection, detections};
-pub use queue::{next_for, visible_to};
+pub use queue::{Work, next_for, visible_to, work_for};
+pub use reading::{certify, read_desk, read_item};
 pub use reviewed::{Criterion, Decision, Reason, Review, Reviewer, ReviewerKind};
 pub use standing::{REVIEWS, Standing, current, standing};
 
+#[cfg(test)]
+mod log_tests;
 #[cfg(test)]
 mod tests;

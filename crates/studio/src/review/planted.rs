@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
-use super::{Decision, Review};
+use super::reviewed::{Decision, Review};
 
 /// A reviewer measured on planted faults.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -19,10 +19,10 @@ pub struct Detection {
     pub false_alarms: usize,
 }
 
-/// Detections by reviewer, of the current reviews of all scenarios; `planted` names the faulty ones.
-pub fn detections(current: &[&Review], planted: &BTreeSet<String>) -> BTreeMap<String, Detection> {
+/// Detections by reviewer, of one word per reviewer and scenario; `planted` names the faulty ones.
+pub fn detections(words: &[&Review], planted: &BTreeSet<String>) -> BTreeMap<String, Detection> {
     let mut measured = BTreeMap::<String, Detection>::new();
-    for review in current.iter().filter(|review| !review.adjudicates) {
+    for review in words.iter().filter(|review| !review.adjudicates) {
         let detection = measured.entry(review.reviewer.name.clone()).or_default();
         let is_refused = usize::from(review.decision != Decision::Approve);
         if planted.contains(&review.scenario) {

@@ -1,27 +1,42 @@
 //! Order of work of a reviewer, and what each may see.
 
-use super::{Review, Standing, current, standing};
+use serde::Serialize;
 
-/// The scenario that a reviewer should see next, out of (id, hash of the content) in the order of the collection; `None`
-/// if nothing is left.
-///
-/// Scenarios that others have reviewed once come first, so that pairs are completed; then those without reviews; then
-/// those to adjudicate. Nobody gets a scenario that they have reviewed, and nobody adjudicates a difference of their own.
-pub fn next_for<'a>(reviewer: &str, scenarios: &'a [(String, String)], reviews: &[Review]) -> Option<&'a str> {
-    let rank = |(id, content): &(String, String)| {
-        let current = current(reviews, id, content);
-        if current.iter().any(|review| review.reviewer.name == reviewer) {
-            return None;
-        }
-        match standing(&current, true) {
-            Standing::Open { missing } => Some(missing),
-            Standing::Adjudication => Some(usize::MAX),
-            Standing::SentBack | Standing::Uncertified | Standing::Approved | Standing::Rejected => None,
-        }
-    };
-    let ranked = scenarios.iter().filter_map(|scenario| Some((rank(scenario)?, scenario)));
-    // `min_by_key` keeps the first of equals.
-    ranked.min_by_key(|(rank, _)| *rank).map(|(_, (id, _))| id.as_str())
+use super::reviewed::Review;
+use super::standing::{Standing, current, standing};
+
+/// Work that a scenario offers to a reviewer, in the order in which it is done: pairs are completed first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Work {
+    /// The second review.
+    Second,
+    /// The first review.
+    First,
+    /// A decision between two reviews that differ.
+    Adjudicate,
+}
+
+/// Work of a reviewer on a scenario with these current reviews; `None` if there is none. Nobody gets a scenario that
+/// they have reviewed, and nobody adjudicates a difference of their own.
+pub fn work_for(reviewer: &str, current: &[&Review]) -> Option<Work> {
+    if current.iter().any(|review| review.reviewer.name == reviewer) {
+        return None;
+    }
+    match standing(current, true) {
+        Standing::Open { missing: 1 } => Some(Work::Second),
+        Standing::Open { .. } => Some(Work::First),
+        Standing::Adjudication => Some(Work::Adjudicate),
+        Standing::SentBack | Standing::Uncertified | Standing::Approved | Standing::Rejected => None,
+    }
+}
+
+/// Index of the scenario that a reviewer should see next, out of (id, hash of the content) in the order of the
+/// collection; `None` if nothing is left.
+pub fn next_for(reviewer: &str, scenarios: &[(String, String)], reviews: &[Review]) -> Option<usize> {
+    let work = |(id, content): &(String, String)| work_for(reviewer, &current(reviews, id, content));
+    let ranked = scenarios.iter().enumerate().filter_map(|(index, scenario)| Some((work(scenario)?, index)));
+    ranked.min().map(|(_, index)| index)
 }
 
 /// Current reviews of a scenario that a reviewer may see: all of them after their own, none before; when two differ,

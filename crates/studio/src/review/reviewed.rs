@@ -30,9 +30,17 @@ pub struct Review {
     /// Time spent on it (s), if measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub duration_s: Option<f64>,
+    /// Id that the client chose; a review that is sent twice is kept once. Empty for none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub client_operation_id: String,
     /// Time, RFC 3339; given by the caller.
     pub at: String,
 }
+
+/// Longest name or version of a reviewer, id and time, characters.
+const MAX_NAME: usize = 128;
+/// Longest note, characters.
+const MAX_NOTE: usize = 2000;
 
 /// A reviewer.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
@@ -123,6 +131,25 @@ named_enum! {
 impl Review {
     /// The fault of a review that cannot be stored, if any.
     pub fn fault(&self) -> Option<String> {
+        let Reviewer { name, kind, version } = &self.reviewer;
+        let version = version.as_deref().unwrap_or_default();
+        let texts =
+            [("name", name.as_str()), ("version", version), ("id", &self.client_operation_id), ("at", &self.at)];
+        if let Some((what, _)) = texts.into_iter().find(|(_, text)| !is_line(text)) {
+            return Some(format!("`{what}` has more than {MAX_NAME} characters, or one that is no letter"));
+        }
+        if name.trim().is_empty() || self.at.is_empty() {
+            return Some("a review names its reviewer and its time".into());
+        }
+        if *kind != ReviewerKind::Human && version.is_empty() {
+            return Some(format!("a reviewer of kind `{}` has a version", kind.name()));
+        }
+        if self.note.chars().count() > MAX_NOTE {
+            return Some(format!("expected a note of at most {MAX_NOTE} characters"));
+        }
+        if self.duration_s.is_some_and(|duration| !duration.is_finite() || duration < 0.0) {
+            return Some("expected a duration of at least 0 s".into());
+        }
         match &self.decision {
             Decision::Reject { reasons } if reasons.is_empty() => {
                 Some(format!("a rejection needs a reason: {}", Reason::ALL.map(Reason::name).join(", ")))
@@ -141,4 +168,9 @@ impl Review {
             Decision::Approve | Decision::Reject { .. } | Decision::SendBack | Decision::TakeBack => None,
         }
     }
+}
+
+/// True for a short text without line breaks.
+fn is_line(text: &str) -> bool {
+    text.chars().count() <= MAX_NAME && !text.chars().any(char::is_control)
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::{Decision, Review};
+use super::reviewed::{Decision, Review};
 
 /// Number of independent reviews of a scenario.
 pub const REVIEWS: usize = 2;
@@ -28,6 +28,20 @@ pub enum Standing {
     Approved,
     /// Rejected.
     Rejected,
+}
+
+impl Standing {
+    /// Name in files and tables.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Open { .. } => "open",
+            Self::SentBack => "sent_back",
+            Self::Adjudication => "adjudication",
+            Self::Uncertified => "uncertified",
+            Self::Approved => "approved",
+            Self::Rejected => "rejected",
+        }
+    }
 }
 
 /// Reviews that count: of this content, the last word of each reviewer, without those taken back; in the order given.

@@ -4,7 +4,7 @@ use super::*;
 
 /// A review in short form: `ada+` approves, `ada-` rejects, `ada<` sends back, `ada~` takes back; a capital letter at the
 /// beginning adjudicates; `!` at the end says that the scene looks wrong.
-fn review(text: &str, scenario: &str, content: &str) -> Review {
+pub(super) fn review(text: &str, scenario: &str, content: &str) -> Review {
     let looks_right = !text.ends_with('!');
     let text = text.trim_end_matches('!');
     let (name, sign) = text.split_at(text.len() - 1);
@@ -17,12 +17,13 @@ fn review(text: &str, scenario: &str, content: &str) -> Review {
     Review {
         scenario: scenario.into(),
         content_sha256: content.into(),
-        reviewer: Reviewer { name: name.to_lowercase(), kind: ReviewerKind::Script, version: None },
+        reviewer: Reviewer { name: name.to_lowercase(), kind: ReviewerKind::Human, version: None },
         decision,
         criteria: BTreeMap::from([(Criterion::LooksRight, looks_right)]),
         note: String::new(),
         adjudicates: name.starts_with(char::is_uppercase),
         duration_s: None,
+        client_operation_id: String::new(),
         at: "2026-11-27T12:00:00Z".into(),
     }
 }
@@ -59,7 +60,8 @@ fn standing_follows_from_the_last_words_on_this_content() {
 fn pairs_are_completed_first_and_nobody_reviews_twice() {
     let scenarios = ["a", "b", "c"].map(|id| (id.to_owned(), "1".to_owned()));
     let mut reviews = vec![review("ada+", "b", "1")];
-    let next = |name: &str, reviews: &[Review]| next_for(name, &scenarios, reviews).map(str::to_owned);
+    let next =
+        |name: &str, reviews: &[Review]| next_for(name, &scenarios, reviews).map(|index| scenarios[index].0.clone());
     assert_eq!(next("bo", &reviews).as_deref(), Some("b"));
     assert_eq!(next("ada", &reviews).as_deref(), Some("a"));
     reviews.push(review("bo-", "b", "1"));
@@ -95,13 +97,17 @@ fn faults_of_reviews_are_named() {
         spoil(&mut review);
         review.fault().unwrap_or_default()
     };
-    let cases: [(Spoil, &str); 6] = [
+    let cases: [(Spoil, &str); 10] = [
         (|_| (), ""),
         (|it| it.decision = Decision::Reject { reasons: BTreeSet::new() }, "a rejection needs a reason: implausible"),
         (|it| it.decision = Decision::Reject { reasons: [Reason::Other].into() }, "`other` needs a note"),
         (|it| it.decision = Decision::Reject { reasons: [Reason::Unsafe].into() }, ""),
         (|it| it.decision = Decision::SendBack, "sent back with a note"),
         (|it| it.criteria = BTreeMap::from([(Criterion::Feasible, false)]), "`feasible` is false"),
+        (|it| it.reviewer.kind = ReviewerKind::Model, "kind `model` has a version"),
+        (|it| it.reviewer.name = " ".into(), "names its reviewer"),
+        (|it| it.reviewer.name = "a\nb".into(), "`name` has"),
+        (|it| it.note = "x".repeat(3000), "at most 2000"),
     ];
     for (spoil, expected) in cases {
         let fault = with(spoil);

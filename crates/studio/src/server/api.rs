@@ -391,7 +391,7 @@ async fn unknown() -> Response {
 }
 
 /// Receives a JSON body.
-async fn body<T: DeserializeOwned>(request: HttpRequest) -> Result<T, Refusal> {
+pub async fn body<T: DeserializeOwned>(request: HttpRequest) -> Result<T, Refusal> {
     let received = tokio::time::timeout(RECEIVE, to_bytes(request.into_body(), MAX_READ)).await;
     let too_large =
         || Refusal::unsuited(format!("the request was not received, or is larger than {MAX_BODY} bytes"), "");

@@ -5,6 +5,8 @@ mod answer;
 mod api;
 mod catalogue;
 mod page;
+mod review_desk;
+mod reviews;
 mod room;
 mod socket;
 mod studio;
@@ -53,6 +55,7 @@ pub fn start(collection: Collection, settings: StudioSettings) -> Result<Server,
 fn router(studio: Arc<Studio>, listens_on_loopback: bool) -> Router {
     let guarded = Arc::clone(&studio);
     api::routes()
+        .merge(reviews::routes())
         .route("/api/socket", axum::routing::get(socket::connect))
         .fallback(page::file)
         .layer(middleware::from_fn(move |request: Request, next: Next| {

@@ -1,7 +1,7 @@
 //! State that all requests share: the scenarios, those that are open, and the means to draw and judge them.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use genmanip_assets::Catalogue;
@@ -13,9 +13,11 @@ use tokio::sync::Semaphore;
 use super::access::Token;
 use super::answer::Refusal;
 use super::catalogue::CatalogueSearch;
+use super::review_desk::Reviews;
 use super::room::{Request, Revision, Room, StageVerdict, Steps};
-use crate::collections::{Collection, Summary};
+use crate::collections::{Collection, Listed, Summary};
 use crate::edit::{EditLog, EditedScenario};
+use crate::review::{ReviewDesk, read_desk};
 use crate::scene::exported::models;
 use crate::scene::images::{CameraImage, Painters};
 use crate::scene::scene_message::{SceneAssets, SceneMessage};
@@ -33,6 +35,8 @@ pub struct Studio {
     pub scenes: SceneAssets,
     /// Computations at once.
     pub permits: Semaphore,
+    /// Reviews of the scenarios.
+    pub reviews: Reviews,
     out: PathBuf,
     collection: Mutex<Collection>,
     rooms: Mutex<BTreeMap<String, Arc<Room>>>,
@@ -61,6 +65,7 @@ impl Studio {
             catalogue: CatalogueSearch::default(),
             scenes: SceneAssets::default(),
             permits: Semaphore::new(cores + 1), // one more than cores: an image never waits for long stages alone
+            reviews: Reviews::default(),
             out,
             collection: Mutex::new(collection),
             rooms: Mutex::default(),
@@ -69,15 +74,35 @@ impl Studio {
         }
     }
 
-    /// List of all scenarios.
-    pub fn list(&self) -> Value {
-        let edited: Vec<String> = {
+    /// Folder of copies, of the log of reviews and of suites.
+    pub fn out(&self) -> &Path {
+        &self.out
+    }
+
+    /// Works on the scenarios under review.
+    ///
+    /// # Errors
+    /// When the log of reviews or a suite's file is damaged, and those of the work.
+    pub fn at_desk<T>(&self, work: impl FnOnce(&mut ReviewDesk) -> Result<T, Refusal>) -> Result<T, Refusal> {
+        let edited = self.edited();
+        let listed: Vec<Listed> = self.lock_collection().iter().cloned().collect();
+        let read = || read_desk(&self.lock_collection(), &self.out).map(|(desk, _)| desk);
+        self.reviews.at_desk(&listed, &edited, read, work)
+    }
+
+    /// Scenarios with a log of edits, opened.
+    fn edited(&self) -> Vec<(Listed, Arc<Room>)> {
+        let edited: Vec<Listed> = {
             let collection = self.lock_collection();
-            let edited = collection.iter().filter(|listed| EditLog::path_of(&listed.path).is_file());
-            edited.map(|listed| listed.key.clone()).collect()
+            collection.iter().filter(|listed| EditLog::path_of(&listed.path).is_file()).cloned().collect()
         };
         // A log that cannot be read is reported where its scenario is opened.
-        edited.iter().for_each(|key| drop(self.room(key)));
+        edited.into_iter().filter_map(|listed| self.room(&listed.key).ok().map(|room| (listed, room))).collect()
+    }
+
+    /// List of all scenarios.
+    pub fn list(&self) -> Value {
+        drop(self.edited());
         let open: BTreeMap<String, Arc<Room>> = self.lock_rooms().clone();
         let collection = self.lock_collection();
         let row = |listed: &crate::collections::Listed| {

@@ -7,6 +7,7 @@ mod crash;
 mod document;
 mod glb;
 mod operations;
+mod reviews;
 mod server;
 mod two_authors;
 mod verdict;
@@ -56,13 +57,18 @@ fn command(author: &str, id: impl ToString, base_revision: u64, value: Value) ->
 }
 
 #[test]
-fn the_schema_of_the_log_is_current() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../schemas/edits.schema.json");
-    let schema = schemars::schema_for!(genmanip_studio::edit::CommandLine);
-    let text = serde_json::to_string_pretty(&schema).unwrap() + "\n";
-    if std::env::var_os("GENMANIP_UPDATE_SCHEMAS").is_some() {
-        std::fs::write(&path, &text).unwrap();
+fn the_schemas_of_the_logs_are_current() {
+    let schemas = [
+        ("edits", schemars::schema_for!(genmanip_studio::edit::CommandLine)),
+        ("reviews", schemars::schema_for!(genmanip_studio::review::ReviewLine)),
+    ];
+    for (name, schema) in schemas {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../schemas/{name}.schema.json"));
+        let text = serde_json::to_string_pretty(&schema).unwrap() + "\n";
+        if std::env::var_os("GENMANIP_UPDATE_SCHEMAS").is_some() {
+            std::fs::write(&path, &text).unwrap();
+        }
+        let stored = std::fs::read_to_string(&path).unwrap_or_default();
+        assert!(stored == text, "schemas/{name}.schema.json is stale: run the tests with GENMANIP_UPDATE_SCHEMAS=1");
     }
-    let stored = std::fs::read_to_string(&path).unwrap_or_default();
-    assert!(stored == text, "schemas/edits.schema.json is stale: run the tests with GENMANIP_UPDATE_SCHEMAS=1");
 }

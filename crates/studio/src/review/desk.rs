@@ -1,0 +1,355 @@
+//! The scenarios under review with the log of their reviews: what each reviewer has to do, may see and may say.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
+use genmanip_assets::Catalogue;
+use genmanip_benchmark::balance::{self, Axes, Balance, Offered, Successes};
+use genmanip_benchmark::suite_format::{Candidate, Targets, sha256};
+use genmanip_core::{Document, Scenario, TaskKind};
+use serde::Serialize;
+
+use super::agreement::{Agreement, agreement};
+use super::content::content_sha256;
+use super::likeness::{features, groups};
+use super::log::{ExpertTrials, ReviewError, ReviewLog};
+use super::queue::{Work, visible_to, work_for};
+use super::reviewed::{Decision, Reason, Review};
+use super::standing::{REVIEWS, Standing, current, standing};
+
+/// Candidates that a dashboard names.
+const NAMED: usize = 20;
+
+/// A scenario under review.
+#[derive(Clone, Debug)]
+pub struct Reviewable {
+    /// Key in addresses.
+    pub key: String,
+    /// Id.
+    pub id: String,
+    /// Its file.
+    pub path: PathBuf,
+    /// Collection that it belongs to.
+    pub source: String,
+    /// Kind of its task.
+    pub kind: TaskKind,
+    /// Instruction.
+    pub instruction: String,
+    /// Hash of its file's content.
+    pub file_sha256: String,
+    /// Hash of scenario, assets and engine.
+    pub content_sha256: String,
+    /// Camera of its image in a contact sheet; `None` without cameras.
+    pub camera: Option<String>,
+    /// True if an edited copy takes its place.
+    pub is_superseded: bool,
+    /// Candidate of a suite; its traits are its axes.
+    pub candidate: Candidate,
+    features: BTreeSet<String>,
+}
+
+impl Reviewable {
+    /// A scenario under review from what is in its file.
+    pub fn of(key: &str, path: PathBuf, source: &str, scenario: &Scenario) -> Self {
+        let task = &scenario.task;
+        Self {
+            key: key.into(),
+            id: scenario.id.clone(),
+            path,
+            source: source.into(),
+            kind: task.kind,
+            instruction: task.instruction.clone(),
+            file_sha256: sha256(scenario.to_json().as_bytes()),
+            content_sha256: content_sha256(scenario),
+            camera: scenario.world.cameras.first().map(|camera| camera.name.clone()),
+            is_superseded: false,
+            candidate: balance::candidate(task, balance::axes(task, Catalogue::all()), false),
+            features: features(scenario),
+        }
+    }
+}
+
+/// A scenario in the queue of a reviewer.
+#[derive(Clone, Debug, Serialize)]
+pub struct QueueRow {
+    /// Key in addresses.
+    pub key: String,
+    /// Id.
+    pub id: String,
+    /// Kind of its task.
+    pub kind: TaskKind,
+    /// Collection that it belongs to.
+    pub source: String,
+    /// Instruction.
+    pub instruction: String,
+    /// Camera of its image; null without cameras.
+    pub camera: Option<String>,
+    /// Standing.
+    #[serde(flatten)]
+    pub standing: Standing,
+    /// Work that it offers to the reviewer; null for none.
+    pub work: Option<Work>,
+    /// True if the reviewer has said.
+    pub has_said: bool,
+    /// True if the expert solves this content.
+    pub is_certified: bool,
+    /// Number of its group of near-duplicates; null if it is like no other.
+    pub group: Option<usize>,
+}
+
+/// The queue of a reviewer.
+#[derive(Clone, Debug, Serialize)]
+pub struct ReviewQueue {
+    /// All scenarios in the order of the collection.
+    pub scenarios: Vec<QueueRow>,
+    /// Key of the scenario to review next; null if nothing is left.
+    pub next: Option<String>,
+}
+
+/// Reviews of a scenario as a reviewer may see them.
+#[derive(Clone, Debug, Serialize)]
+pub struct ReviewState {
+    /// Its row in the queue.
+    #[serde(flatten)]
+    pub row: QueueRow,
+    /// Hash to which a review is bound.
+    pub content_sha256: String,
+    /// Visible reviews.
+    pub reviews: Vec<Review>,
+    /// Last trials of the expert on this content; null before the first.
+    pub trials: Option<ExpertTrials>,
+}
+
+/// Balance of the approved scenarios.
+#[derive(Clone, Debug, Serialize)]
+pub struct Dashboard {
+    /// Distribution of the approved ones.
+    pub balance: Balance,
+    /// Largest total variation distance of an axis.
+    pub worst: f64,
+    /// Candidates that would help most if they were approved.
+    pub helpful: Vec<Helpful>,
+    /// Number of scenarios by standing.
+    pub standings: BTreeMap<&'static str, usize>,
+}
+
+/// A candidate that would help.
+#[derive(Clone, Debug, Serialize)]
+pub struct Helpful {
+    /// Key in addresses.
+    pub key: String,
+    /// Id.
+    pub id: String,
+    /// Reduction of the balance's cost; negative where it makes it worse.
+    pub gain: f64,
+    /// Value that it brings, with its share.
+    pub reason: String,
+}
+
+/// Scenarios under review, and the log.
+#[derive(Debug)]
+pub struct ReviewDesk {
+    items: BTreeMap<String, Reviewable>,
+    log: ReviewLog,
+    /// Certificates of suites, by content.
+    certificates: BTreeMap<String, ExpertTrials>,
+    successes: Successes,
+}
+
+impl ReviewDesk {
+    /// A desk without scenarios.
+    pub fn new(log: ReviewLog) -> Self {
+        Self { items: BTreeMap::new(), log, certificates: BTreeMap::new(), successes: Successes::new() }
+    }
+
+    /// Puts a scenario on the desk; another revision of it is replaced.
+    pub fn put(&mut self, item: Reviewable) {
+        self.items.insert(item.key.clone(), item);
+    }
+
+    /// Results of reference policies, for the axis `difficulty`.
+    pub fn measure(&mut self, successes: Successes) {
+        self.successes = successes;
+    }
+
+    /// Says which scenarios have an edited copy that takes their place.
+    pub fn supersede(&mut self, keys: &BTreeSet<String>) {
+        self.items.values_mut().for_each(|item| item.is_superseded = keys.contains(&item.key));
+    }
+
+    /// A scenario by key.
+    pub fn get(&self, key: &str) -> Option<&Reviewable> {
+        self.items.get(key)
+    }
+
+    /// Scenarios that are not superseded, by key.
+    pub fn items(&self) -> impl Iterator<Item = &Reviewable> {
+        self.items.values().filter(|item| !item.is_superseded)
+    }
+
+    /// The log.
+    pub fn log_mut(&mut self) -> &mut ReviewLog {
+        &mut self.log
+    }
+
+    /// Last trials of the expert on a scenario's content.
+    pub fn trials(&self, item: &Reviewable) -> Option<&ExpertTrials> {
+        let content = &item.content_sha256;
+        self.log.trials(content).or_else(|| self.certificates.get(content))
+    }
+
+    /// Takes a certificate of a suite, which is not written into the log.
+    pub fn certify(&mut self, trials: ExpertTrials) {
+        self.certificates.insert(trials.content_sha256.clone(), trials);
+    }
+
+    /// Standing of a scenario.
+    pub fn standing(&self, item: &Reviewable) -> Standing {
+        self.standing_of(item, &self.log.reviews())
+    }
+
+    fn standing_of(&self, item: &Reviewable, reviews: &[Review]) -> Standing {
+        standing(&current(reviews, &item.id, &item.content_sha256), self.is_certified(item))
+    }
+
+    fn is_certified(&self, item: &Reviewable) -> bool {
+        self.trials(item).is_some_and(|trials| trials.certificate().is_some())
+    }
+
+    /// Queue of a reviewer.
+    pub fn queue(&self, reviewer: &str) -> ReviewQueue {
+        let reviews = self.log.reviews();
+        let features: Vec<&BTreeSet<String>> = self.items().map(|item| &item.features).collect();
+        let rows = self.items().zip(groups(&features)).map(|(item, group)| self.row(item, group, reviewer, &reviews));
+        let scenarios: Vec<QueueRow> = rows.collect();
+        // `min_by_key` keeps the first of equals.
+        let next = scenarios.iter().filter(|row| row.work.is_some()).min_by_key(|row| row.work);
+        ReviewQueue { next: next.map(|row| row.key.clone()), scenarios }
+    }
+
+    fn row(&self, item: &Reviewable, group: Option<usize>, reviewer: &str, reviews: &[Review]) -> QueueRow {
+        let now = current(reviews, &item.id, &item.content_sha256);
+        QueueRow {
+            key: item.key.clone(),
+            id: item.id.clone(),
+            kind: item.kind,
+            source: item.source.clone(),
+            instruction: item.instruction.clone(),
+            camera: item.camera.clone(),
+            standing: self.standing_of(item, reviews),
+            work: work_for(reviewer, &now),
+            has_said: now.iter().any(|review| review.reviewer.name == reviewer),
+            is_certified: self.is_certified(item),
+            group,
+        }
+    }
+
+    /// Reviews of a scenario as a reviewer may see them; `None` without such a scenario.
+    pub fn state(&self, key: &str, reviewer: &str) -> Option<ReviewState> {
+        let item = self.get(key)?;
+        let reviews = self.log.reviews();
+        let now = current(&reviews, &item.id, &item.content_sha256);
+        Some(ReviewState {
+            row: self.row(item, None, reviewer, &reviews),
+            content_sha256: item.content_sha256.clone(),
+            reviews: visible_to(reviewer, &now).into_iter().cloned().collect(),
+            trials: self.trials(item).cloned(),
+        })
+    }
+
+    /// Keeps a review of a scenario on the desk.
+    ///
+    /// # Errors
+    /// [`ReviewError`].
+    pub fn add(&mut self, key: &str, review: Review) -> Result<(), ReviewError> {
+        let Some(item) = self.items.get(key) else { return Err(ReviewError::Invalid(format!("no scenario {key}"))) };
+        if item.is_superseded {
+            return Err(ReviewError::Invalid("an edited copy has taken the place of this scenario".into()));
+        }
+        if review.scenario != item.id {
+            return Err(ReviewError::Invalid(format!(
+                "expected a review of {}, got one of {}",
+                item.id, review.scenario
+            )));
+        }
+        self.log.add(review, &item.content_sha256)
+    }
+
+    /// Agreement of the reviewers; `planted` are ids of faulty items.
+    pub fn agreement(&self, planted: &BTreeSet<String>) -> Agreement {
+        agreement(&self.log.reviews(), planted)
+    }
+
+    /// Balance of the approved scenarios among all that are not rejected.
+    pub fn dashboard(&self, targets: &Targets) -> Dashboard {
+        let offered = self.offered();
+        let is_in = |one: &(Standing, Offered)| one.0 == Standing::Approved;
+        let decided: BTreeSet<usize> = (0..offered.len()).filter(|&index| is_in(&offered[index])).collect();
+        let chosen: Vec<&Axes> = decided.iter().map(|&index| &offered[index].1.candidate.traits).collect();
+        let possible = offered.iter().filter(|one| one.0 != Standing::Rejected);
+        let candidates: Vec<&Axes> = possible.map(|one| &one.1.candidate.traits).collect();
+        let reached = balance::balance(&chosen, &candidates, targets);
+        let mut standings = BTreeMap::new();
+        offered.iter().for_each(|one| *standings.entry(one.0.name()).or_default() += 1);
+        let keys: Vec<String> = self.items().map(|item| item.key.clone()).collect();
+        let undecided = |(standing, offered): &(Standing, Offered)| Offered {
+            refused: offered.refused.clone().filter(|_| *standing == Standing::Rejected),
+            ..offered.clone()
+        };
+        let pool: Vec<Offered> = offered.iter().map(undecided).collect();
+        let ranked = balance::helpful(&pool, &decided, targets).into_iter().take(NAMED);
+        let helpful = ranked.map(|(index, gain, reason)| Helpful {
+            key: keys[index].clone(),
+            id: pool[index].scenario.clone(),
+            gain,
+            reason,
+        });
+        Dashboard {
+            worst: reached.axes.iter().map(|axis| axis.total_variation).fold(0.0, f64::max),
+            helpful: helpful.collect(),
+            balance: reached,
+            standings,
+        }
+    }
+
+    /// Scenarios as they are offered for a suite, with their standing; only approved ones can be chosen.
+    pub fn offered(&self) -> Vec<(Standing, Offered)> {
+        let reviews = self.log.reviews();
+        let offer = |item: &Reviewable| {
+            let standing = self.standing_of(item, &reviews);
+            let now = current(&reviews, &item.id, &item.content_sha256);
+            let mut candidate = item.candidate.clone();
+            if let Some(measured) = balance::difficulty(&item.id, &self.successes) {
+                candidate.traits.insert("difficulty".into(), vec![measured.into()]);
+            }
+            (standing, Offered { scenario: item.id.clone(), candidate, refused: refusal(standing, &now) })
+        };
+        self.items().map(offer).collect()
+    }
+}
+
+/// Reason why a scenario of a standing cannot be in a suite.
+fn refusal(standing: Standing, now: &[&Review]) -> Option<String> {
+    Some(match standing {
+        Standing::Approved => return None,
+        Standing::Open { missing } if missing == REVIEWS => "not reviewed".into(),
+        Standing::Open { .. } => "one review is missing".into(),
+        Standing::Adjudication => "the reviewers differ".into(),
+        Standing::Uncertified => "the expert has not solved this content".into(),
+        Standing::SentBack => {
+            let sent_back = now.iter().find(|review| review.decision == Decision::SendBack);
+            format!("sent back: {}", sent_back.map_or("", |review| review.note.as_str()))
+        }
+        Standing::Rejected => {
+            let reasons: BTreeSet<&str> = now
+                .iter()
+                .filter_map(|review| match &review.decision {
+                    Decision::Reject { reasons } => Some(reasons.iter().map(|reason| Reason::name(*reason))),
+                    _ => None,
+                })
+                .flatten()
+                .collect();
+            format!("rejected: {}", reasons.into_iter().collect::<Vec<_>>().join(", "))
+        }
+    })
+}

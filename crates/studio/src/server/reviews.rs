@@ -1,0 +1,172 @@
+//! Reviews over HTTP: queue, one scenario's reviews, certificates, agreement, balance, and the suite of what was
+//! approved.
+
+use std::collections::BTreeSet;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, PoisonError};
+
+use axum::extract::{Path, Query, Request as HttpRequest, State};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use axum::{Json, Router};
+use genmanip_benchmark::suite_format::Targets;
+use genmanip_workspace::{NoProgress, WorkspaceError, workers};
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use super::answer::Refusal;
+use super::api::{body, work};
+use super::review_desk::refused;
+use super::studio::Studio;
+use crate::review::{self, ReviewDesk, ReviewError, Reviewable};
+
+/// Routes of all operations.
+pub fn routes() -> Router<Arc<Studio>> {
+    Router::new()
+        .route("/api/reviews", get(queue))
+        .route("/api/reviews/{key}", get(state).post(add))
+        .route("/api/reviews/{key}/certificate", post(certify))
+        .route("/api/agreement", get(agreement))
+        .route("/api/balance", get(balance))
+        .route("/api/suites", post(build))
+}
+
+type Shared = State<Arc<Studio>>;
+
+/// Reviewer on whose behalf something is read.
+#[derive(Deserialize)]
+struct AsReviewer {
+    reviewer: Option<String>,
+}
+
+async fn queue(State(studio): Shared, Query(who): Query<AsReviewer>) -> Response {
+    work(&studio, move |studio| {
+        let reviewer = who.reviewer.as_deref().unwrap_or(&studio.author);
+        studio.at_desk(|desk| Ok(Json(desk.queue(reviewer)).into_response()))
+    })
+    .await
+}
+
+async fn state(State(studio): Shared, Path(key): Path<String>, Query(who): Query<AsReviewer>) -> Response {
+    work(&studio, move |studio| {
+        let reviewer = who.reviewer.as_deref().unwrap_or(&studio.author);
+        studio.at_desk(|desk| answer(desk, &key, reviewer))
+    })
+    .await
+}
+
+async fn add(State(studio): Shared, Path(key): Path<String>, request: HttpRequest) -> Response {
+    let said: Value = match body(request).await {
+        Ok(said) => said,
+        Err(refusal) => return refusal.into_response(),
+    };
+    work(&studio, move |studio| {
+        studio.at_desk(|desk| {
+            let item = found(desk, &key)?;
+            let mut said = said;
+            if let Some(fields) = said.as_object_mut() {
+                fields.insert("scenario".into(), json!(item.id));
+            }
+            let review: review::Review = serde_json::from_value(said)
+                .map_err(|error| Refusal::unsuited(format!("the review cannot be read: {error}"), HINT))?;
+            let (sent, present) = (review.content_sha256.clone(), item.content_sha256.clone());
+            let reviewer = review.reviewer.name.clone();
+            desk.add(&key, review).map_err(|error| match error {
+                ReviewError::Voided => Refusal::Conflict {
+                    conflict: json!({ "field": "content_sha256", "mine": sent, "theirs": present }),
+                },
+                error => refused(error),
+            })?;
+            answer(desk, &key, &reviewer)
+        })
+    })
+    .await
+}
+
+/// Place where the fields of a review are described.
+const HINT: &str = "docs/formats/reviews.md lists the fields of a review";
+
+/// Time of a request, from its caller.
+#[derive(Deserialize)]
+struct Timed {
+    at: String,
+    reviewer: Option<String>,
+}
+
+async fn certify(State(studio): Shared, Path(key): Path<String>, request: HttpRequest) -> Response {
+    let Timed { at, reviewer } = match body(request).await {
+        Ok(timed) => timed,
+        Err(refusal) => return refusal.into_response(),
+    };
+    work(&studio, move |studio| {
+        let reviewer = reviewer.as_deref().unwrap_or(&studio.author);
+        let _turn = studio.reviews.expert.lock().unwrap_or_else(PoisonError::into_inner);
+        let (item, is_tried) =
+            studio.at_desk(|desk| found(desk, &key).map(|item| (item.clone(), desk.trials(item).is_some())))?;
+        // A page that asks again after a lost answer gets the trials that were made.
+        if !is_tried {
+            let mut tried = Vec::new();
+            let keep = |trials| {
+                tried.push(trials);
+                Ok(())
+            };
+            let never = AtomicBool::new(false);
+            let work = review::certify(&[item], &at, workers::workers(None), &NoProgress, &never, keep);
+            work.map_err(|error: WorkspaceError| Refusal::of_work(&error))?;
+            for trials in tried {
+                studio.at_desk(|desk| desk.log_mut().add_trials(trials).map_err(refused))?;
+            }
+        }
+        studio.at_desk(|desk| answer(desk, &key, reviewer))
+    })
+    .await
+}
+
+async fn agreement(State(studio): Shared) -> Response {
+    work(&studio, |studio| studio.at_desk(|desk| Ok(Json(desk.agreement(&BTreeSet::new())).into_response()))).await
+}
+
+async fn balance(State(studio): Shared) -> Response {
+    work(&studio, |studio| studio.at_desk(|desk| Ok(Json(desk.dashboard(&Targets::new())).into_response()))).await
+}
+
+/// A suite to write.
+#[derive(Deserialize)]
+struct Wanted {
+    name: String,
+    per_kind: Option<usize>,
+    #[serde(default)]
+    targets: Targets,
+}
+
+async fn build(State(studio): Shared, request: HttpRequest) -> Response {
+    let Wanted { name, per_kind, targets } = match body(request).await {
+        Ok(wanted) => wanted,
+        Err(refusal) => return refusal.into_response(),
+    };
+    work(&studio, move |studio| {
+        let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "-_".contains(letter);
+        if name.is_empty() || name.len() > 64 || !name.chars().all(is_plain) {
+            let message = format!("expected a name of 1 to 64 letters, digits, - and _, got {name:?}");
+            return Err(Refusal::unsuited(message, "it is the name of a folder"));
+        }
+        let folder = studio.out().join(&name);
+        studio.at_desk(|desk| {
+            let built = review::build_suite(desk, &folder, &name, per_kind, &targets)
+                .map_err(|error| Refusal::of_work(&error))?;
+            let scenarios = built.suite.scenarios.len();
+            Ok(Json(json!({ "folder": folder, "scenarios": scenarios, "choice": built.choice })).into_response())
+        })
+    })
+    .await
+}
+
+fn found<'a>(desk: &'a ReviewDesk, key: &str) -> Result<&'a Reviewable, Refusal> {
+    let shown: String = key.chars().take(80).collect();
+    desk.get(key).ok_or_else(|| Refusal::Unknown { message: format!("no scenario {shown}") })
+}
+
+fn answer(desk: &ReviewDesk, key: &str, reviewer: &str) -> Result<Response, Refusal> {
+    found(desk, key)?;
+    Ok(Json(desk.state(key, reviewer)).into_response())
+}
