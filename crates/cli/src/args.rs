@@ -19,6 +19,7 @@ pub use evaluate::*;
 pub use export::*;
 pub use launch::*;
 pub use render::*;
+pub use review::*;
 pub use robot::*;
 pub use serve::*;
 pub use studio::*;
@@ -37,6 +38,7 @@ mod export;
 mod launch;
 mod parse_values;
 mod render;
+mod review;
 mod robot;
 mod serve;
 mod split;
@@ -224,6 +226,16 @@ pub enum Command {
                       Operations: place, state, add, remove, duplicate, swap, instruction, goal, edges, kind, camera,\n\
                       remove_camera; docs/formats/edits.md has their arguments.")]
     Edit(EditArguments),
+    /// Review scenarios independently, measure agreement and balance, and write a suite of what was approved
+    #[command(after_help = "Examples:\n  \
+                      genmanip review suites/mine --queue --reviewer ada\n  \
+                      genmanip review suites/mine --reviewer ada --approve spatial-7-00003-000 --certify spatial-7-00003-000\n  \
+                      genmanip review suites/mine --reviewer bo --reject spatial-7-00003-000 --reason ambiguous\n  \
+                      genmanip review suites/mine --agreement --balance --json\n  \
+                      genmanip review suites/mine --build suites/reviewed --per-kind 5\n\n\
+                      Reviews are kept in --out, where the studio keeps them too. A reviewer sees the other's review\n\
+                      when both have said; an edit of the scenario voids all of them.")]
+    Review(ReviewArguments),
     /// List, change and preview the cameras of worlds and scenarios
     Camera {
         /// Subcommand

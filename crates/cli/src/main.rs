@@ -63,6 +63,7 @@ fn run(arguments: &Arguments, printer: &Printer) -> Result<ExitStatus, Failed> {
         Command::Robot { command } => commands::robot::run(command, printer),
         Command::World { command } => commands::world::run(command, printer),
         Command::Edit(arguments) => commands::edit::run(arguments, printer),
+        Command::Review(arguments) => commands::review::run(arguments, printer),
         Command::Camera { command } => commands::world::run_camera(command, printer),
         Command::Calibrate(arguments) => commands::calibrate::run(arguments, printer),
         Command::Lab { .. } => Err(Failed::misused("`genmanip lab` is the program `genmanip-lab` now")

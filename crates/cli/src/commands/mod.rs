@@ -21,6 +21,7 @@ pub mod plan;
 pub mod render;
 pub mod replay;
 pub mod report;
+pub mod review;
 pub mod robot;
 pub mod serve;
 pub mod sim2real;

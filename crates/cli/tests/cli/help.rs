@@ -46,6 +46,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["grasps", "bake"],
         &["grasps", "show"],
         &["edit"],
+        &["review"],
         &["camera", "list"],
         &["camera", "add"],
         &["camera", "set"],

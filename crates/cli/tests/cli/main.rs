@@ -22,6 +22,7 @@ mod planning;
 mod reading;
 mod refusals;
 mod render;
+mod reviewing;
 mod robots;
 mod runs;
 mod serving;

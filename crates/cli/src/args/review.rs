@@ -1,0 +1,102 @@
+//! Arguments of `review`.
+
+use std::path::PathBuf;
+
+use clap::{ArgGroup, Args};
+use genmanip_studio::review::{Criterion, Reason, ReviewerKind};
+use genmanip_terminal::parse;
+
+/// Arguments of `review`.
+#[derive(Debug, Args)]
+#[command(override_usage = "genmanip review [OPTIONS] [RUN|SUITE|TASKS|SCENARIO]… <ACTION>…")]
+#[command(group(ArgGroup::new("action").required(true).multiple(true).args([
+    "queue", "show", "approve", "reject", "send_back", "take_back", "certify", "agreement", "balance", "build",
+])))]
+#[command(group(ArgGroup::new("decision").args(["approve", "reject", "send_back", "take_back"])))]
+pub struct ReviewArguments {
+    /// Scenarios under review, as `studio` takes them [default: the scenarios in --out]
+    #[arg(value_name = "RUN|SUITE|TASKS|SCENARIO")]
+    pub paths: Vec<PathBuf>,
+    /// Folder of the studio: copies of scenarios, and the log `reviews.jsonl`
+    #[arg(long, default_value = "studio", value_name = "DIR")]
+    pub out: PathBuf,
+    /// List what the reviewer has to do, and the standing of every scenario
+    #[arg(long)]
+    pub queue: bool,
+    /// Show the reviews of a scenario that the reviewer may see
+    #[arg(long, value_name = "KEY")]
+    pub show: Option<String>,
+    /// Approve a scenario; may be repeated, as the other decisions
+    #[arg(long, value_name = "KEY", requires = "reviewer")]
+    pub approve: Vec<String>,
+    /// Reject a scenario, with --reason
+    #[arg(long, value_name = "KEY", requires_all = ["reviewer", "reason"])]
+    pub reject: Vec<String>,
+    /// Send a scenario back for a change that --note names
+    #[arg(long, value_name = "KEY", requires_all = ["reviewer", "note"])]
+    pub send_back: Vec<String>,
+    /// Take the own review of a scenario back
+    #[arg(long, value_name = "KEY", requires = "reviewer")]
+    pub take_back: Vec<String>,
+    /// Decide between two reviews that differ
+    #[arg(long, requires = "decision")]
+    pub adjudicate: bool,
+    /// Name of the reviewer; of a model, its name
+    #[arg(long, value_name = "NAME")]
+    pub reviewer: Option<String>,
+    /// human, model or script
+    #[arg(long, value_name = "KIND", default_value = "human", value_parser = parse::variant(ReviewerKind::ALL, ReviewerKind::name))]
+    pub reviewer_kind: ReviewerKind,
+    /// Version of a model or script
+    #[arg(long, value_name = "VERSION")]
+    pub reviewer_version: Option<String>,
+    /// Reason of a rejection; may be repeated
+    #[arg(long, value_name = "REASON", value_parser = parse::variant(Reason::ALL, Reason::name))]
+    pub reason: Vec<Reason>,
+    /// Judgement of a criterion, such as `plausible=no`; may be repeated
+    #[arg(long, value_name = "NAME=yes|no", value_parser = criterion)]
+    pub criterion: Vec<(Criterion, bool)>,
+    /// Remark
+    #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
+    pub note: String,
+    /// Let the expert try a scenario five times, as approval needs it, or `all` that have no trials; may be repeated
+    #[arg(long, value_name = "KEY|all")]
+    pub certify: Vec<String>,
+    /// Agreement of the reviewers: raw share, Cohen's kappa, Gwet's AC1
+    #[arg(long)]
+    pub agreement: bool,
+    /// Ids of planted faulty scenarios, one a line: detection and false alarms of each reviewer
+    #[arg(long, value_name = "FILE", requires = "agreement")]
+    pub planted: Option<PathBuf>,
+    /// Distribution of the approved scenarios, and the candidates that help most
+    #[arg(long)]
+    pub balance: bool,
+    /// Results of reference policies, which measure the difficulty
+    #[arg(long, value_name = "EVALUATION", num_args = 1..)]
+    pub results: Vec<PathBuf>,
+    /// Target shares as JSON: {"relation": {"left": 0.3, …}, …}
+    #[arg(long, value_name = "FILE")]
+    pub targets: Option<PathBuf>,
+    /// Write a balanced suite of the approved scenarios, for `suite freeze`
+    #[arg(long, value_name = "DIR")]
+    pub build: Option<PathBuf>,
+    /// Scenarios of each kind [default: as many as every kind has]
+    #[arg(long, value_name = "N", requires = "build", value_parser = parse::count)]
+    pub per_kind: Option<usize>,
+    /// Worker threads [default: all cores]
+    #[arg(long, value_parser = parse::count)]
+    pub workers: Option<usize>,
+}
+
+/// `NAME=yes` or `NAME=no`.
+fn criterion(text: &str) -> Result<(Criterion, bool), String> {
+    let names = Criterion::ALL.map(Criterion::name).join(", ");
+    let expected = || format!("expected NAME=yes or NAME=no, with one of {names}");
+    let (name, value) = text.split_once('=').ok_or_else(expected)?;
+    let holds = match value {
+        "yes" => true,
+        "no" => false,
+        _ => return Err(expected()),
+    };
+    Ok((Criterion::named(name).ok_or_else(expected)?, holds))
+}
