@@ -442,12 +442,12 @@ test("no serious finding of axe, in light and dark, with every tab and dialogue"
     await look("page");
     await selectFirst(page);
     await look("selected object");
-    for (const tab of ["cameras", "history", "objects"]) {
+    for (const tab of ["cameras", "history", "review", "objects"]) {
       await page.click(`#tab-${tab}`);
       await page.waitForTimeout(150);
       await look(tab);
     }
-    for (const [key, name] of [["?", "keys"], ["i", "instruction"], ["o", "goal"], ["u", "graph"], ["a", "catalogue"], ["Control+s", "snapshot"]]) {
+    for (const [key, name] of [["?", "keys"], ["i", "instruction"], ["o", "goal"], ["u", "graph"], ["a", "catalogue"], ["Control+s", "snapshot"], ["Shift+c", "sheet"], ["z", "balance"]]) {
       // A key in the moment in which the last dialogue hands the focus back is not heard.
       await until(`the dialogue ${name} is open`, async () => {
         await page.keyboard.press(key);
@@ -455,12 +455,90 @@ test("no serious finding of axe, in light and dark, with every tab and dialogue"
       });
       await page.waitForTimeout(250);
       await look(name);
-      if (name === "keys") await shot(page, `keys-${colorScheme}`);
+      if (["keys", "sheet", "balance"].includes(name)) await shot(page, `${name}-${colorScheme}`);
       await page.keyboard.press("Escape");
       await page.waitForSelector("dialog[open]", { state: "detached" });
     }
     await page.context().close();
   }
+});
+
+test("two people review by keyboard alone, and see each other's answer only afterwards", async () => {
+  const page = await openPage();
+  const as = async (name) => {
+    await page.click("button.author");
+    await page.fill("dialog input", name);
+    await page.keyboard.press("Enter");
+    await page.waitForSelector("dialog[open]", { state: "detached" });
+    await page.waitForTimeout(150);
+  };
+  const standing = (words) => page.waitForSelector(`.review .chip:has-text("${words}")`);
+  await page.click("#tab-review");
+  await standing("not reviewed");
+  await page.keyboard.press("1");
+  await page.keyboard.press("Shift+A");
+  await page.waitForSelector(".notice:has-text('marked as wrong')");
+  await page.keyboard.press("1");
+  await page.keyboard.press("Shift+A");
+  await page.waitForSelector(".said:has-text('approved')");
+  await page.waitForSelector(".review:has-text('solved it 5 of 5')");
+  await as("bo");
+  await standing("one review is missing");
+  assert.equal(await page.locator(".said").count(), 0, "the other's answer shows before the own one");
+  await page.keyboard.press("3");
+  await page.keyboard.press("Shift+R");
+  await standing("differ");
+  assert.equal(await page.locator(".said li").count(), 2);
+  await shot(page, "review");
+  // A third one decides, and the second one's own word can be taken back.
+  await as("cy");
+  await page.waitForSelector(".review:has-text('You decide')");
+  await page.focus(".review textarea");
+  await page.keyboard.type("It is plausible.");
+  await page.keyboard.press("Escape");
+  await page.keyboard.press("Shift+A");
+  await page.waitForSelector(".said li:has-text('decided: approved')");
+  await standing("approved");
+  const key = page.url();
+  await page.keyboard.press("q");
+  await page.waitForFunction((before) => location.href !== before, key);
+  await standing("not reviewed");
+  // An edit voids: the first scenario is open again.
+  await page.goto(key);
+  await page.reload();
+  await ready(page);
+  await page.click("#tab-objects");
+  await selectFirst(page);
+  await page.keyboard.press("PageUp");
+  await until("the edit is stored", async () => (await revision(page)) > 0);
+  await page.click("#tab-review");
+  await standing("not reviewed");
+  assert.deepEqual(page.failures, []);
+  await page.context().close();
+});
+
+test("the contact sheet rejects several at once, and the balance names who helps", async () => {
+  const page = await openPage();
+  await page.keyboard.press("Shift+C");
+  await page.waitForSelector(".sheet .alike");
+  assert.equal(await page.locator(".sheet .alike").count(), 2);
+  await page.waitForFunction(() => [...document.querySelectorAll(".sheet img")].slice(0, 3).every((image) => image.complete && image.naturalWidth > 0));
+  for (const index of [0, 1]) {
+    await page.locator(".sheet input").nth(index).focus();
+    await page.keyboard.press("Space");
+  }
+  await page.selectOption("dialog select", "duplicate");
+  await page.focus("dialog button:has-text('Reject the chosen')");
+  await page.keyboard.press("Enter");
+  await page.waitForSelector(".notice:has-text('2 rejected: duplicate')");
+  await page.keyboard.press("Escape");
+  await page.keyboard.press("z");
+  await page.waitForSelector(".balance tbody tr");
+  await page.focus(".balance ol button");
+  await page.keyboard.press("Enter");
+  await page.waitForSelector("#tab-review[aria-selected=true]");
+  assert.deepEqual(page.failures, []);
+  await page.context().close();
 });
 
 test("usable by keyboard alone: every control is reached in order and shows its focus", async () => {

@@ -8,6 +8,7 @@ import path from "node:path";
 import { fileURLToPath } from "node:url";
 import { WebSocketServer } from "ws";
 import { standIn } from "./glb.mjs";
+import { MockReviews } from "./mock-reviews.mjs";
 
 const HERE = path.dirname(fileURLToPath(import.meta.url));
 const DIST = path.join(HERE, "../dist");
@@ -65,6 +66,7 @@ class Studio {
       scenario.task.objects.forEach((card) => this.cards.set(card.uid, card));
       this.documents.set(scenario.id, new MockDocument(this, scenario, extraObjects));
     }
+    this.reviews = new MockReviews(this.documents);
   }
 
   /** Path of a stand-in mesh, made once. */
@@ -157,6 +159,8 @@ class Studio {
     if (what === "session") return send(200, { version: "mock", author: "ada", needs_token: false });
     if (what === "catalogue") return rest[1] === "thumbnail" ? this.thumbnail(rest[0], send) : send(200, this.search(url.searchParams));
     if (what === "scenarios" && rest.length === 0) return send(200, [...this.documents.values()].map((document) => document.row()));
+    const reviewed = this.reviews.answer(what, rest, request.method, url.searchParams, body);
+    if (reviewed) return send(...reviewed);
     const document = this.documents.get(decodeURIComponent(rest[0]));
     if (!document) return send(404, { error: { message: "there is no such scenario", hint: "the list of scenarios names all" } });
     switch (rest[1]) {

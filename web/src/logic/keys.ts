@@ -4,7 +4,7 @@ export interface Binding {
   action: string;
   /** As `describe` writes keys: `Shift+ArrowUp`. Several are alternatives. */
   keys: string[];
-  group: "Scenario" | "Object" | "Edit" | "View" | "Verdict";
+  group: "Scenario" | "Object" | "Edit" | "View" | "Verdict" | "Review";
   words: string;
 }
 
@@ -54,6 +54,14 @@ export const BINDINGS: Binding[] = [
   { group: "Verdict", action: "problem.next", keys: ["v"], words: "next problem" },
   { group: "Verdict", action: "repair", keys: ["m"], words: "first repair of this problem" },
   { group: "Verdict", action: "repair.all", keys: ["Shift+m"], words: "repair all I can" },
+  { group: "Review", action: "review.next", keys: ["q"], words: "next scenario to review" },
+  { group: "Review", action: "review.mark", keys: ["1", "2", "3", "4", "5", "6", "7", "8"], words: "mark what is wrong" },
+  { group: "Review", action: "review.approve", keys: ["Shift+a"], words: "approve" },
+  { group: "Review", action: "review.reject", keys: ["Shift+r"], words: "reject" },
+  { group: "Review", action: "review.send_back", keys: ["Shift+b"], words: "send back with the note" },
+  { group: "Review", action: "review.take_back", keys: ["Shift+t"], words: "take your review back" },
+  { group: "Review", action: "sheet", keys: ["Shift+c"], words: "contact sheet" },
+  { group: "Review", action: "balance", keys: ["z"], words: "balance of the approved" },
 ];
 
 /** Actions that Shift makes fine (1 mm, 1°). */

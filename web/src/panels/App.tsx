@@ -14,6 +14,8 @@ import { AuthorDialog, HelpDialog, InstructionDialog, SnapshotDialog } from "./d
 import { EdgesDialog, GoalDialog } from "./GoalDialogs.tsx";
 import { HistoryTab } from "./HistoryTab.tsx";
 import { ObjectsTab } from "./ObjectsTab.tsx";
+import { BalanceDialog, SheetDialog } from "./ReviewDialogs.tsx";
+import { ReviewTab } from "./ReviewTab.tsx";
 import { ScenarioList } from "./ScenarioList.tsx";
 import { TaskPanel } from "./TaskPanel.tsx";
 import { VerdictPanel } from "./VerdictPanel.tsx";
@@ -139,6 +141,7 @@ const TABS = [
   ["objects", "Objects"],
   ["cameras", "Cameras"],
   ["history", "History"],
+  ["review", "Review"],
 ] as const;
 
 function Tabs() {
@@ -175,6 +178,7 @@ function Tabs() {
         {current === "objects" && <ObjectsTab />}
         {current === "cameras" && <CamerasTab />}
         {current === "history" && <HistoryTab />}
+        {current === "review" && <ReviewTab />}
       </div>
     </section>
   );
@@ -243,6 +247,10 @@ function OpenDialog() {
       return <SnapshotDialog onClose={close} />;
     case "author":
       return <AuthorDialog onClose={close} />;
+    case "sheet":
+      return <SheetDialog onClose={close} />;
+    case "balance":
+      return <BalanceDialog onClose={close} />;
     default:
       return null;
   }

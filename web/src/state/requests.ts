@@ -25,16 +25,16 @@ export function address(path: string): string {
 }
 
 /** Request that is answered within bounds; rejects when the server cannot be reached. */
-export async function request(path: string, init: RequestInit = {}): Promise<Response> {
-  const signals = [AbortSignal.timeout(PATIENCE_MS), ...(init.signal ? [init.signal] : [])];
+export async function request(path: string, init: RequestInit = {}, patience = PATIENCE_MS): Promise<Response> {
+  const signals = [AbortSignal.timeout(patience), ...(init.signal ? [init.signal] : [])];
   const headers = new Headers(init.headers);
   if (token) headers.set("authorization", `Bearer ${token}`);
   return fetch(address(path), { ...init, headers, signal: AbortSignal.any(signals) });
 }
 
-async function json<T>(path: string, body?: unknown): Promise<T> {
+export async function json<T>(path: string, body?: unknown, patience?: number): Promise<T> {
   const init = body === undefined ? {} : { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) };
-  const response = await request(path, init);
+  const response = await request(path, init, patience);
   if (!response.ok) throw new Error((await refusalOf(response)).message);
   return (await response.json()) as T;
 }

@@ -5,6 +5,7 @@ import { actionOf, isTyping } from "../logic/keys.ts";
 import { turned, type Vector } from "../logic/pose.ts";
 import { open } from "./connection.ts";
 import * as edits from "./edits.ts";
+import * as reviews from "./reviews.ts";
 import * as store from "./store.ts";
 import { toggleTheme } from "./theme.ts";
 
@@ -21,7 +22,8 @@ export function listenToKeys(): void {
     if (isTyping(target as never, event.key) || document.querySelector("dialog[open]")) return;
     const found = actionOf(event);
     if (!found) return;
-    if (run(found.action, found.fine)) event.preventDefault();
+    const isDone = found.action === "review.mark" ? reviews.mark(Number(event.key)) : run(found.action, found.fine);
+    if (isDone) event.preventDefault();
   });
 }
 
@@ -172,6 +174,17 @@ export function run(action: string, fine = false): boolean {
     case "repair.all":
       void edits.repairAll();
       return true;
+    case "review.next":
+      void reviews.next();
+      return true;
+    case "review.approve":
+    case "review.reject":
+    case "review.send_back":
+    case "review.take_back":
+      return reviews.decide(action.slice(7) as "approve");
+    case "sheet":
+    case "balance":
+      return show(action, true);
     default:
       return false;
   }

@@ -35,7 +35,7 @@ export const selectedProblem = signal<string | null>(null);
 export const gizmoMode = signal<"move" | "turn">("move");
 export const snapping = signal(true);
 export const dialog = signal<DialogName | null>(null);
-export const tab = signal<"objects" | "cameras" | "history">("objects");
+export const tab = signal<"objects" | "cameras" | "history" | "review">("objects");
 /** Words for the status line and for screen readers. */
 export const status = signal("");
 export const notices = signal<Notice[]>([]);
@@ -46,7 +46,7 @@ export const isDragging = signal(false);
 /** Progress of loading meshes: loaded and wanted. */
 export const meshes = signal<[number, number]>([0, 0]);
 
-export type DialogName = "help" | "add" | "swap" | "instruction" | "goal" | "edges" | "snapshot" | "camera" | "author";
+export type DialogName = "help" | "add" | "swap" | "instruction" | "goal" | "edges" | "snapshot" | "camera" | "author" | "sheet" | "balance";
 
 export interface Notice {
   id: number;

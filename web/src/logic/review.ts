@@ -1,0 +1,91 @@
+// Reviews: what a reviewer has marked, and what may be said with it.
+
+export const CRITERIA = ["instruction_clear", "goal_matches", "plausible", "feasible", "looks_right"] as const;
+export type Criterion = (typeof CRITERIA)[number];
+
+/** Words of a criterion, and the reason of a rejection where it does not hold. */
+export const ABOUT: Record<Criterion, [words: string, reason: string]> = {
+  instruction_clear: ["The instruction is clear", "ambiguous"],
+  goal_matches: ["The goal is what it says", "goal_wrong"],
+  plausible: ["Plausible in daily life", "implausible"],
+  feasible: ["Can be done", "unreachable"],
+  looks_right: ["The scene looks right", "looks_wrong"],
+};
+export const FURTHER = ["duplicate", "unsafe", "other"] as const;
+export type Further = (typeof FURTHER)[number];
+
+export type Work = "second" | "first" | "adjudicate";
+
+export interface ReviewRow {
+  key: string;
+  id: string;
+  kind: string;
+  instruction: string;
+  camera: string | null;
+  standing: string;
+  missing?: number;
+  work: Work | null;
+  has_said: boolean;
+  is_certified: boolean;
+  group: number | null;
+}
+
+export interface Review {
+  reviewer: { name: string; kind: string; version?: string };
+  decision: { verdict: "approve" | "reject" | "send_back" | "take_back"; reasons?: string[] };
+  criteria?: Partial<Record<Criterion, boolean>>;
+  note?: string;
+  adjudicates?: boolean;
+}
+
+export interface ReviewState extends ReviewRow {
+  content_sha256: string;
+  reviews: Review[];
+  trials: { episodes: number; verified: number } | null;
+}
+
+/** What is marked: criteria that do not hold, further reasons, and a note. */
+export interface Marks {
+  failed: Criterion[];
+  further: Further[];
+  note: string;
+}
+
+export const UNMARKED: Marks = { failed: [], further: [], note: "" };
+
+/** Toggles the criterion or reason with a number from 1. */
+export function toggled(marks: Marks, number: number): Marks {
+  const flip = <T>(list: T[], one: T | undefined) =>
+    one === undefined ? list : list.includes(one) ? list.filter((other) => other !== one) : [...list, one];
+  const at = number - 1 - CRITERIA.length;
+  return at < 0 ? { ...marks, failed: flip(marks.failed, CRITERIA[number - 1]) } : { ...marks, further: flip(marks.further, FURTHER[at]) };
+}
+
+/** Decision of the marks, or what is still missing. */
+export function decided(verdict: Review["decision"]["verdict"], marks: Marks): { decision: Review["decision"] } | { missing: string } {
+  const reasons = [...marks.failed.map((criterion) => ABOUT[criterion][1]), ...marks.further];
+  const hasNote = marks.note.trim() !== "";
+  if (verdict === "approve" && reasons.length > 0) return { missing: "Something is marked as wrong: reject it, send it back, or unmark that." };
+  if (verdict === "reject" && reasons.length === 0) return { missing: "Mark what is wrong first: keys 1 to 8." };
+  if (verdict === "reject" && marks.further.includes("other") && !hasNote) return { missing: "The reason “other” needs a note." };
+  if (verdict === "send_back" && !hasNote) return { missing: "Say in the note what should be changed." };
+  return { decision: verdict === "reject" ? { verdict, reasons } : { verdict } };
+}
+
+export function criteriaOf(marks: Marks): Record<Criterion, boolean> {
+  return Object.fromEntries(CRITERIA.map((criterion) => [criterion, !marks.failed.includes(criterion)])) as Record<Criterion, boolean>;
+}
+
+const ORDER: (Work | null)[] = ["second", "first", "adjudicate"];
+
+/** Rows of a kind and of what is missing; what completes a pair comes first. */
+export function filtered(rows: ReviewRow[], kind: string, missing: string): ReviewRow[] {
+  const is = (row: ReviewRow) => (!kind || row.kind === kind) && (missing === "mine" ? row.work !== null : !missing || row.work === missing || row.standing === missing);
+  const rank = (row: ReviewRow) => (row.work === null ? ORDER.length : ORDER.indexOf(row.work));
+  return rows.filter(is).sort((a, b) => rank(a) - rank(b));
+}
+
+export function standingWords(row: { standing: string; missing?: number }): string {
+  if (row.standing === "open") return row.missing === 1 ? "one review is missing" : "not reviewed";
+  return { sent_back: "sent back", adjudication: "the reviewers differ", uncertified: "approved, not solved by the expert yet" }[row.standing] ?? row.standing;
+}

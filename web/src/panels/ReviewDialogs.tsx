@@ -1,0 +1,173 @@
+// Contact sheet for triage, and the balance of what was approved.
+
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { ABOUT, CRITERIA, FURTHER, standingWords, type ReviewRow } from "../logic/review.ts";
+import { open } from "../state/connection.ts";
+import { address, json } from "../state/requests.ts";
+import * as reviews from "../state/reviews.ts";
+import * as store from "../state/store.ts";
+import { Dialog } from "./widgets.tsx";
+
+const REASONS = [...CRITERIA.map((criterion) => ABOUT[criterion][1]), ...FURTHER.slice(0, 2)];
+
+function review(key: string, onClose: () => void): void {
+  store.tab.value = "review";
+  open(key);
+  onClose();
+}
+
+/** Thumbnails of the filtered queue, near-duplicates beside each other; several are rejected at once. */
+export function SheetDialog({ onClose }: { onClose: () => void }) {
+  const chosen = useSignal<string[]>([]);
+  const reason = useSignal("duplicate");
+  useEffect(() => void reviews.loadQueue(), []);
+  const rows = [...reviews.listed.value].sort((a, b) => (a.group ?? 1e9) - (b.group ?? 1e9));
+  const flip = (key: string) => (chosen.value = chosen.value.includes(key) ? chosen.value.filter((one) => one !== key) : [...chosen.value, key]);
+  const reject = async () => {
+    const keys = chosen.value.filter((key) => rows.some((row) => row.key === key));
+    const count = await reviews.rejectAll(keys, reason.value);
+    chosen.value = [];
+    store.notify(`${count} rejected: ${reason.value.replace("_", " ")}`);
+  };
+  return (
+    <Dialog title={`Contact sheet: ${rows.length}`} wide onClose={onClose}>
+      <div class="row">
+        <span class="grow">{chosen.value.length} chosen</span>
+        <select aria-label="Reason" value={reason.value} onChange={(event) => (reason.value = event.currentTarget.value)}>
+          {REASONS.map((one) => (
+            <option key={one} value={one}>
+              {one.replace("_", " ")}
+            </option>
+          ))}
+        </select>
+        <button type="button" disabled={chosen.value.length === 0} onClick={() => void reject()}>
+          Reject the chosen
+        </button>
+      </div>
+      <ul class="sheet">
+        {rows.map((row) => (
+          <li key={row.key} class={row.group === null ? "" : "alike"}>
+            <Thumbnail row={row} />
+            <label class="check">
+              <input type="checkbox" checked={chosen.value.includes(row.key)} disabled={row.work === null} onChange={() => flip(row.key)} />
+              <span class="name">{row.id}</span>
+            </label>
+            {row.group !== null && <span class="mark warning">alike {row.group + 1}</span>}
+            <button type="button" class="quiet" title={standingWords(row)} onClick={() => review(row.key, onClose)}>
+              {row.instruction}
+            </button>
+          </li>
+        ))}
+      </ul>
+    </Dialog>
+  );
+}
+
+function Thumbnail({ row }: { row: ReviewRow }) {
+  if (!row.camera) return <span class="muted">no camera</span>;
+  const source = address(`/api/scenarios/${encodeURIComponent(row.key)}/images/${encodeURIComponent(row.camera)}`);
+  return <img src={source} alt="" width={160} height={90} loading="lazy" />;
+}
+
+interface Dashboard {
+  balance: { scenarios: number; axes: { axis: string; total_variation: number; values: { value: string; share: number; wanted: number; count: number }[] }[]; pairs: { axes: string[]; total_variation: number; rarest: string[] | null }[] };
+  helpful: { key: string; id: string; reason: string }[];
+  standings: Record<string, number>;
+}
+
+interface Agreement {
+  decision: { items: number; raw: number; kappa: number | null; ac1: number } | null;
+}
+
+const percent = (share: number) => `${Math.round(100 * share)} %`;
+
+/** Distribution of the approved scenarios against its targets, who helps most, agreement, and the suite. */
+export function BalanceDialog({ onClose }: { onClose: () => void }) {
+  const found = useSignal<Dashboard | null>(null);
+  const agreement = useSignal<Agreement["decision"]>(null);
+  const name = useSignal("reviewed");
+  const told = (error: Error) => store.notify(error.message, { isError: true });
+  useEffect(() => {
+    void json<Dashboard>("/api/balance").then((now) => (found.value = now), told);
+    void json<Agreement>("/api/agreement").then((now) => (agreement.value = now.decision), told);
+  }, []);
+  const build = () =>
+    json<{ folder: string; scenarios: number }>("/api/suites", { name: name.value }).then(
+      (made) => store.notify(`A suite of ${made.scenarios} is in ${made.folder}.`, { hint: "genmanip suite freeze makes it final" }),
+      told,
+    );
+  const now = found.value;
+  if (!now) return <Dialog title="Balance" wide onClose={onClose}>loading</Dialog>;
+  const words = agreement.value;
+  return (
+    <Dialog title={`Balance of ${now.balance.scenarios} approved`} wide onClose={onClose}>
+      <p>
+        {Object.entries(now.standings).map(([standing, count]) => `${count} ${standing.replace("_", " ")}`).join(", ")}
+        {words && `. Agreement over ${words.items} scenarios: ${percent(words.raw)}, κ ${words.kappa?.toFixed(2) ?? "undefined"}, AC1 ${words.ac1.toFixed(2)}`}
+      </p>
+      <div class="balance">
+        <table>
+          <thead>
+            <tr>
+              <th scope="col">axis</th>
+              <th scope="col" title="total variation distance from the target">
+                distance
+              </th>
+              <th scope="col">approved, and what is wanted</th>
+            </tr>
+          </thead>
+          <tbody>
+            {now.balance.axes.map((axis) => (
+              <tr key={axis.axis}>
+                <th scope="row">{axis.axis}</th>
+                <td>{axis.total_variation.toFixed(2)}</td>
+                <td>
+                  {axis.values.slice(0, 12).map((value) => (
+                    <span key={value.value} class="share" title={`${value.count}; wanted ${percent(value.wanted)}`}>
+                      <span class="name">{value.value.replaceAll("_", " ")}</span> {percent(value.share)}
+                      <meter min={0} max={1} value={value.share} aria-label={`${axis.axis} ${value.value}`} />
+                      <i style={{ left: `${100 * value.wanted}%` }} />
+                    </span>
+                  ))}
+                  {axis.values.length > 12 && `and ${axis.values.length - 12} more`}
+                </td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+        <div>
+          <h3>Helps most</h3>
+          <ol>
+            {now.helpful.slice(0, 8).map((one) => (
+              <li key={one.key}>
+                <button type="button" class="quiet" onClick={() => review(one.key, onClose)}>
+                  {one.id}
+                </button>
+                <span class="muted">{one.reason}</span>
+              </li>
+            ))}
+          </ol>
+          <h3>Pairs farthest off</h3>
+          <ol>
+            {now.balance.pairs.slice(0, 5).map((pair) => (
+              <li key={pair.axes.join()}>
+                {pair.axes.join(" × ")}: {pair.total_variation.toFixed(2)}
+                <span class="muted">{pair.rarest ? `missing ${pair.rarest.join(" with ")}` : ""}</span>
+              </li>
+            ))}
+          </ol>
+        </div>
+      </div>
+      <div class="actions end">
+        <label class="check">
+          Suite
+          <input value={name.value} maxLength={64} onInput={(event) => (name.value = event.currentTarget.value)} />
+        </label>
+        <button type="button" class="primary" onClick={() => void build()}>
+          Write the suite
+        </button>
+      </div>
+    </Dialog>
+  );
+}
