@@ -18,13 +18,19 @@ const FILTERS = [
   ["", "all"],
 ] as const;
 
+const AGAIN_MS = 10_000;
+
 export function ReviewTab() {
   const key = store.openKey.value;
   const revision = store.confirmed.value?.revision;
   const author = store.author.value;
   useEffect(() => void reviews.loadQueue(), [author]);
   useEffect(() => {
-    if (key) void reviews.load(key);
+    if (!key) return;
+    void reviews.load(key);
+    // Somebody else may say something meanwhile.
+    const timer = setInterval(() => void reviews.load(key, true), AGAIN_MS);
+    return () => clearInterval(timer);
   }, [key, revision, author]);
   const now = reviews.state.value;
   return (
@@ -84,7 +90,7 @@ function Queue() {
 
 function Expert() {
   const now = reviews.state.value!;
-  if (reviews.trying.value === now.key) return <span class="muted">the expert is trying it</span>;
+  if (reviews.trying.value.includes(now.key)) return <span class="muted">the expert is trying it</span>;
   if (now.trials) {
     return (
       <span class="muted">
@@ -93,7 +99,7 @@ function Expert() {
     );
   }
   return (
-    <button type="button" disabled={reviews.trying.value !== null} onClick={() => void reviews.certify(now.key)}>
+    <button type="button" onClick={() => void reviews.certify(now.key)}>
       Let the expert try
     </button>
   );

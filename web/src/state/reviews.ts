@@ -13,8 +13,8 @@ export const missing = signal("mine");
 export const listed = computed(() => filtered(rows.value, kind.value, missing.value));
 export const state = signal<ReviewState | null>(null);
 export const marks = signal<Marks>(UNMARKED);
-/** Scenario that the expert is trying. */
-export const trying = signal<string | null>(null);
+/** Scenarios that the expert tries. */
+export const trying = signal<string[]>([]);
 let since = 0;
 /** Scenario and reviewer of the marks. */
 let marked = "";
@@ -35,7 +35,7 @@ export async function loadQueue(): Promise<void> {
 }
 
 /** Reads the reviews of a scenario; another scenario or reviewer begins without marks. */
-export async function load(key: string): Promise<void> {
+export async function load(key: string, isQuiet = false): Promise<void> {
   const now = `${key} ${store.author.peek()}`;
   if (marked !== now) {
     marked = now;
@@ -45,7 +45,8 @@ export async function load(key: string): Promise<void> {
     });
     since = performance.now();
   }
-  const found = await told(json<ReviewState>(path(key) + who()));
+  const asked = json<ReviewState>(path(key) + who());
+  const found = await (isQuiet ? asked.catch(() => null) : told(asked));
   if (found && marked === now) state.value = found;
 }
 
@@ -97,15 +98,15 @@ async function say(now: ReviewState, decision: Review["decision"], with_: Marks,
   }
   store.status.value = `${now.id}: ${decision.verdict.replace("_", " ")}.`;
   await loadQueue();
-  if (decision.verdict === "approve" && !said.trials) void certify(now.key);
+  if (decision.verdict === "approve" && !said.trials && !trying.peek().includes(now.key)) void certify(now.key);
   return true;
 }
 
 /** Lets the expert try a scenario, as approval needs it. */
 export async function certify(key: string): Promise<void> {
-  trying.value = key;
+  trying.value = [...trying.peek(), key];
   const tried = await told(json<ReviewState>(`${path(key)}/certificate`, { at: new Date().toISOString(), reviewer: store.author.peek() }, 600_000));
-  if (trying.peek() === key) trying.value = null;
+  trying.value = trying.peek().filter((one) => one !== key);
   if (!tried) return;
   if (store.openKey.peek() === key) state.value = tried;
   await loadQueue();

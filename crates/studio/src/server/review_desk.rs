@@ -14,8 +14,8 @@ use crate::review::{ReviewDesk, ReviewError, Reviewable, read_item};
 #[derive(Debug, Default)]
 pub struct Reviews {
     desk: Mutex<Option<(ReviewDesk, BTreeMap<String, u64>)>>,
-    /// Held while the expert tries a scenario: one at a time.
-    pub expert: Mutex<()>,
+    /// Held while the expert tries a scenario: one at a time, and those who wait take no thread.
+    pub expert: tokio::sync::Mutex<()>,
 }
 
 impl Reviews {

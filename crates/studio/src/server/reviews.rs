@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, PoisonError};
+use std::sync::Arc;
 
 use axum::extract::{Path, Query, Request as HttpRequest, State};
 use axum::response::{IntoResponse, Response};
@@ -98,9 +98,9 @@ async fn certify(State(studio): Shared, Path(key): Path<String>, request: HttpRe
         Ok(timed) => timed,
         Err(refusal) => return refusal.into_response(),
     };
+    let _turn = studio.reviews.expert.lock().await;
     work(&studio, move |studio| {
         let reviewer = reviewer.as_deref().unwrap_or(&studio.author);
-        let _turn = studio.reviews.expert.lock().unwrap_or_else(PoisonError::into_inner);
         let (item, is_tried) =
             studio.at_desk(|desk| found(desk, &key).map(|item| (item.clone(), desk.trials(item).is_some())))?;
         // A page that asks again after a lost answer gets the trials that were made.
