@@ -62,19 +62,6 @@ pub(crate) fn rest_states(
     Ok(is_valid.then(|| sim.object_states()))
 }
 
-/// States of a scene's objects at rest without a robot; `None` if they do not settle, fall over, or penetrate each
-/// other.
-///
-/// # Errors
-/// Fails if the simulation fails.
-pub fn at_rest(
-    scene: &PosedScene,
-    world: &World,
-    settings: &LayoutSettings,
-) -> Result<Option<Vec<ObjectState>>, SimError> {
-    rest_states(&scene.objects().map(scene_object).collect::<Vec<_>>(), world, settings)
-}
-
 /// Simulates a settled layout without a robot; returns a rejection if something starts to roll or topple.
 pub(crate) fn check_stability(
     scene: &PosedScene,

@@ -33,7 +33,7 @@ mod settings;
 mod visibility;
 
 pub use add_distractors::add_distractors;
-pub use audit::{AuditError, Drift, LayoutAudit, Overlap, at_rest, audit, first_drift, overlaps, posed};
+pub use audit::{AuditError, Drift, LayoutAudit, Overlap, audit, first_drift, overlaps, posed};
 pub use distractors::is_harmless;
 pub use error::{LayoutError, Unfinished};
 pub use goal_pose::{GoalOrder, GoalPose, GoalSearch};

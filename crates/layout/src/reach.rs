@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Goal, Grasp, Pose, Seed, VerifiedGrasp, World};
-use genmanip_motion::{CollisionWorld, GeometryError, PickQuery, PickedObject, Planner};
+use genmanip_motion::{CollisionWorld, FeasibilitySettings, GeometryError, PickQuery, PickedObject, Planner};
 use genmanip_relations::PosedScene;
 
 use crate::articulation::{JointSettings, Sweeper, joint_changes};
@@ -110,8 +110,32 @@ impl ReachCheck<'_> {
     /// # Errors
     /// Fails if a collision piece of the object is not finite or has no volume.
     pub fn is_graspable(&self, index: usize, occupied: &CollisionWorld) -> Result<bool, GeometryError> {
-        let Self { scene, planner, known_grasps, seed, .. } = *self;
-        let Some(object) = scene.objects().nth(index) else { return Ok(false) };
+        let any_feasible = |candidates: Vec<Grasp>| !self.feasible(index, occupied, candidates, 1).is_empty();
+        Ok(any_feasible(self.known(index)?) || any_feasible(self.sampled(index)?))
+    }
+
+    /// Known grasps of an object that fit its pose, best first, in the object frame.
+    ///
+    /// # Errors
+    /// Fails if a collision piece of the object is not finite or has no volume.
+    pub fn known(&self, index: usize) -> Result<Vec<Grasp>, GeometryError> {
+        let known = self.known_grasps.get(index).copied().unwrap_or_default();
+        obstacles::verified_grasps(self.planner, self.scene, index, known)
+    }
+
+    /// Grasps of an object sampled from its geometry, best first, in the object frame.
+    ///
+    /// # Errors
+    /// Fails if a collision piece of the object is not finite or has no volume.
+    pub fn sampled(&self, index: usize) -> Result<Vec<Grasp>, GeometryError> {
+        obstacles::generated_grasps(self.planner, self.scene, index, self.seed.fork("reach"))
+    }
+
+    /// Up to `most` of an object's grasps that are feasible among obstacles from the home configuration, in order; as
+    /// they are or turned by half a turn. `occupied` holds the object itself, too.
+    pub fn feasible(&self, index: usize, occupied: &CollisionWorld, candidates: Vec<Grasp>, most: usize) -> Vec<Grasp> {
+        let Self { scene, planner, .. } = *self;
+        let Some(object) = scene.objects().nth(index) else { return Vec::new() };
         let pieces = object.model.pieces(&object.joint_positions);
         let query = PickQuery {
             planner,
@@ -119,12 +143,9 @@ impl ReachCheck<'_> {
             object: PickedObject { name: &object.id, world_from_object: object.pose, pieces: &pieces },
             goals: &[],
             arm: &planner.robot().home,
-            settings: &self.settings.grasp,
+            settings: &FeasibilitySettings { wanted: most, ..self.settings.grasp.clone() },
         };
-        let any_feasible = |candidates: Vec<Grasp>| query.grasps(candidates.into_iter()).next().is_some();
-        let known = known_grasps.get(index).copied().unwrap_or_default();
-        Ok(any_feasible(obstacles::verified_grasps(planner, scene, index, known)?)
-            || any_feasible(obstacles::generated_grasps(planner, scene, index, seed.fork("reach"))?))
+        query.grasps(candidates.into_iter()).map(|grasp| grasp.object_from_tcp).collect()
     }
 }
 

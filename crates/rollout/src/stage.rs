@@ -168,18 +168,8 @@ impl Stage {
             return Err(RolloutError::OtherWorld { scenario: scenario.id.clone(), field: field.into(), expected, got });
         }
         let models = scenario.objects.iter().map(|placed| assets.instance(placed)).collect::<Result<Vec<_>, _>>()?;
-        let objects: Vec<SceneObject> = scenario
-            .objects
-            .iter()
-            .zip(&models)
-            .map(|(placed, model)| SceneObject {
-                name: placed.id.clone(),
-                model: Arc::clone(model),
-                pose: placed.pose,
-                joint_positions: placed.joint_positions.clone(),
-                physics: placed.physics,
-            })
-            .collect();
+        let objects: Vec<SceneObject> =
+            scenario.objects.iter().zip(&models).map(|(placed, model)| SceneObject::placed(placed, model)).collect();
         // A robot without drives moves in planning and images alone.
         let scene = match robot.drives {
             Some(_) => Model::compile(&scenario.world, robot, &objects)?,

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{ObjectModel, PhysicsFactors, Pose};
+use genmanip_core::{ObjectModel, PhysicsFactors, PlacedObject, Pose};
 
 /// An object model with its initial pose.
 #[derive(Clone, Debug)]
@@ -17,4 +17,17 @@ pub struct SceneObject {
     pub joint_positions: Vec<f64>,
     /// Physics perturbation.
     pub physics: PhysicsFactors,
+}
+
+impl SceneObject {
+    /// An object of a scenario with its model.
+    pub fn placed(placed: &PlacedObject, model: &Arc<ObjectModel>) -> Self {
+        Self {
+            name: placed.id.clone(),
+            model: Arc::clone(model),
+            pose: placed.pose,
+            joint_positions: placed.joint_positions.clone(),
+            physics: placed.physics,
+        }
+    }
 }

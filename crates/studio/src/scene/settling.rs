@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::{ObjectModel, Pose, Scenario};
-use genmanip_sim::{Model, SceneObject, SettleSettings, Sim};
-use genmanip_workspace::WorkspaceError;
+use genmanip_sim::{Model, SceneObject, SettleSettings, Sim, SimError};
 
 /// Moves and turns below these are none, m and rad: objects that already rest keep their numbers.
 const NO_MOVE_M: f64 = 5e-5;
@@ -25,23 +24,12 @@ pub struct Settled {
 /// the time.
 ///
 /// # Errors
-/// When the simulator refuses the scene.
-pub fn settle(scenario: &Scenario, models: &[Arc<ObjectModel>]) -> Result<(Vec<Settled>, bool), WorkspaceError> {
-    let broken = |error| WorkspaceError::broken("the objects cannot be dropped", error);
-    let objects: Vec<SceneObject> = scenario
-        .objects
-        .iter()
-        .zip(models)
-        .map(|(placed, model)| SceneObject {
-            name: placed.id.clone(),
-            model: Arc::clone(model),
-            pose: placed.pose,
-            joint_positions: placed.joint_positions.clone(),
-            physics: placed.physics,
-        })
-        .collect();
-    let mut sim = Sim::new(Arc::new(Model::compile_without_robot(&scenario.world, &objects).map_err(broken)?));
-    let report = sim.settle(&SettleSettings::default()).map_err(broken)?;
+/// When the simulator refuses the scene, or the simulation becomes unstable.
+pub fn settle(scenario: &Scenario, models: &[Arc<ObjectModel>]) -> Result<(Vec<Settled>, bool), SimError> {
+    let objects: Vec<SceneObject> =
+        scenario.objects.iter().zip(models).map(|(placed, model)| SceneObject::placed(placed, model)).collect();
+    let mut sim = Sim::new(Arc::new(Model::compile_without_robot(&scenario.world, &objects)?));
+    let report = sim.settle(&SettleSettings::default())?;
     let moved = sim.object_states().into_iter().zip(&objects).enumerate().filter_map(|(object, (state, before))| {
         let is_same = state.pose.position.distance(before.pose.position) < NO_MOVE_M
             && state.pose.angle_to(&before.pose) < NO_TURN_RAD;

@@ -10,6 +10,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
 use genmanip_core::{Pose, Scenario};
+use genmanip_workspace::WorkspaceError;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
@@ -273,7 +274,8 @@ async fn drop_objects(State(studio): Shared, Path(key): Path<String>, request: H
             asked.push(index);
         }
         let models = studio.models(&scenario)?;
-        let (moved, settled) = settle(&scenario, &models).map_err(|error| Refusal::of_work(&error))?;
+        let broken = |error| Refusal::of_work(&WorkspaceError::broken("the objects cannot be dropped", error));
+        let (moved, settled) = settle(&scenario, &models).map_err(broken)?;
         let before = |index: usize| scenario.objects[index].pose.position;
         let mut placed: Vec<(usize, Pose, Vec<f64>)> = moved
             .into_iter()

@@ -41,7 +41,10 @@ impl Equipment {
     }
 
     /// The scene of a scenario; shapes of objects are kept from one call to the next.
-    pub(super) fn pose(&self, scenario: &Scenario) -> Result<PosedScene, AssetError> {
+    ///
+    /// # Errors
+    /// When an asset is missing or was changed.
+    pub fn scene(&self, scenario: &Scenario) -> Result<PosedScene, AssetError> {
         posed(scenario, self.assets, &mut self.shapes.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }

@@ -15,10 +15,8 @@ use super::problem::{Problem, ProblemCode, Stage, Verdict};
 use super::support::{Below, support};
 use super::wording;
 
-/// Number of neighbours that are tried as the cause of a blocked grasp, nearest first.
-const MAX_NEIGHBOURS: usize = 4;
-/// Largest gap in the plane of a neighbour that a gripper could hit, m; chosen: the width of a hand.
-const NEIGHBOUR_M: f64 = 0.15;
+/// Number of grasps in reach that are asked which neighbours they would hit.
+const MAX_BLOCKED: usize = 24;
 /// Number of random streams in which a grasp or a goal pose is searched before there is none.
 const TRIES: u64 = 3;
 
@@ -29,13 +27,13 @@ pub struct Inspection<'a> {
     pub(super) equipment: &'a Equipment,
     /// The scene, or the reason why it cannot be built.
     posed: Result<PosedScene, AssetError>,
-    found: BTreeMap<Stage, Vec<Problem>>,
+    pub(super) found: BTreeMap<Stage, Vec<Problem>>,
 }
 
 impl<'a> Inspection<'a> {
     /// Begins the inspection of a scenario.
     pub fn new(scenario: Arc<Scenario>, equipment: &'a Equipment) -> Self {
-        let posed = equipment.pose(&scenario);
+        let posed = equipment.scene(&scenario);
         Self { scenario, equipment, posed, found: BTreeMap::new() }
     }
 
@@ -242,39 +240,55 @@ impl<'a> Inspection<'a> {
         object: usize,
     ) -> Result<Option<Problem>, VerdictError> {
         let id = self.id(object);
-        let (name, count) = (self.name(&id), scene.objects().len());
-        let graspable = |away: &[usize]| -> Result<bool, String> {
-            let mut occupied = obstacles::around(scene, None);
-            away.iter().for_each(|&other| {
-                occupied.remove(&self.id(other));
-            });
-            for seed in self.seeds() {
-                let check = self.check(scene, known, seed);
-                if check.is_graspable(object, &occupied).map_err(|error| error.to_string())? {
-                    return Ok(true);
-                }
-            }
-            Ok(false)
-        };
+        let name = self.name(&id);
         let unreachable =
             |message: String| Ok(Some(Problem::new(Stage::Reach, ProblemCode::Unreachable, Some(id.clone()), message)));
-        match graspable(&[]) {
-            Ok(true) => return Ok(None),
-            Ok(false) => {}
-            Err(reason) => return unreachable(format!("{name} has no grasps: {reason}")),
+        let among_all = obstacles::around(scene, None);
+        let checks: Vec<ReachCheck> = self.seeds().map(|seed| self.check(scene, known, seed)).collect();
+        let mut candidates = Vec::new();
+        // Known grasps, which need no random stream, and then those of each stream.
+        let groups = checks.iter().take(1).map(|check| check.known(object));
+        for group in groups.chain(checks.iter().map(|check| check.sampled(object))) {
+            let group = match group {
+                Ok(group) => group,
+                Err(reason) => return unreachable(format!("{name} has no grasps: {reason}")),
+            };
+            if !checks[0].feasible(object, &among_all, group.clone(), 1).is_empty() {
+                return Ok(None);
+            }
+            candidates.extend(group);
         }
-        let others: Vec<usize> = (0..count).filter(|&other| other != object).collect();
-        if others.is_empty() || !graspable(&others).unwrap_or(false) {
+        let others: Vec<usize> = (0..scene.objects().len()).filter(|&other| other != object).collect();
+        let only = |kept: Option<usize>| {
+            let mut occupied = among_all.clone();
+            for &other in others.iter().filter(|&&other| Some(other) != kept) {
+                occupied.remove(&self.id(other));
+            }
+            occupied
+        };
+        let in_reach = checks[0].feasible(object, &only(None), candidates, MAX_BLOCKED);
+        if in_reach.is_empty() {
             return unreachable(format!("no grasp of {name} is in reach of the arm"));
         }
-        let gap = |other: usize| planar_gap(scene, object, other).unwrap_or(f64::INFINITY);
-        let mut near: Vec<(f64, usize)> = others.into_iter().map(|other| (gap(other), other)).collect();
-        near.sort_by(|one, other| one.0.total_cmp(&other.0));
-        let candidates = near.iter().filter(|(gap, _)| *gap <= NEIGHBOUR_M).take(MAX_NEIGHBOURS);
-        let single = candidates.clone().find(|(_, other)| graspable(&[*other]).unwrap_or(false));
-        let (gap_m, other) = single.copied().unwrap_or(near[0]);
-        let (other, gap_mm, limit_mm) = (self.id(other), gap_m * 1e3, self.equipment.settings.min_gap_m * 1e3);
-        let more = if single.is_some() { "" } else { " and others" };
+        // By grasp, the neighbours that it would hit.
+        let mut hits: Vec<Vec<usize>> = vec![Vec::new(); in_reach.len()];
+        for &other in &others {
+            let occupied = only(Some(other));
+            for (grasp, hits) in in_reach.iter().zip(&mut hits) {
+                if checks[0].feasible(object, &occupied, vec![grasp.clone()], 1).is_empty() {
+                    hits.push(other);
+                }
+            }
+        }
+        let fewest = hits.iter().map(Vec::len).filter(|&count| count > 0).min().unwrap_or(0);
+        // Grasps that would be free without the named neighbour, or nearly so.
+        let freed = |other: usize| hits.iter().filter(|hits| hits.len() == fewest && hits.contains(&other)).count();
+        let gap_m = |other: usize| planar_gap(scene, object, other).unwrap_or(f64::INFINITY);
+        let worse = |one: &usize, two: &usize| freed(*two).cmp(&freed(*one)).then(gap_m(*one).total_cmp(&gap_m(*two)));
+        let Some(other) = others.into_iter().min_by(worse) else { return Ok(None) };
+        let (gap_mm, limit_mm) = (gap_m(other) * 1e3, self.equipment.settings.min_gap_m * 1e3);
+        let more = if fewest == 1 { "" } else { " and others" };
+        let other = self.id(other);
         let message = format!("every grasp of {name} would hit {}{more}, {gap_mm:.0} mm beside it", self.name(&other));
         let problem = Problem::new(Stage::Reach, ProblemCode::GraspBlocked, Some(id.clone()), message);
         Ok(Some(problem.measured(gap_mm, limit_mm, "mm").with(other)))

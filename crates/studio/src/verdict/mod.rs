@@ -12,4 +12,4 @@ mod wording;
 pub use equipment::{Equipment, VerdictError};
 pub use inspection::Inspection;
 pub use problem::{Problem, ProblemCode, Repair, Stage, Verdict};
-pub use repair::{RepairedScenario, repair_all};
+pub use repair::{RepairedScenario, edge_between, repair_all};

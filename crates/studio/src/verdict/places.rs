@@ -55,13 +55,13 @@ impl Group {
 }
 
 impl Inspection<'_> {
-    /// Shifts of an object with what it carries to free places on its support, nearest first: clear of others, in the
+    /// Shifts of a group to free places on its support, nearest first: clear of others, in the
     /// workspace, without a false edge that was true or that should become true, and with a goal that is false.
-    pub(super) fn free_shifts(&self, object: usize, should_hold: Option<&genmanip_core::Atom>) -> Vec<DVec3> {
+    pub(super) fn free_shifts(&self, group: &Group, should_hold: Option<&genmanip_core::Atom>) -> Vec<DVec3> {
         let Some(scene) = self.scene() else { return Vec::new() };
         let (world, settings) = (&self.scenario.world, &self.equipment.settings);
+        let object = group.members[0];
         let Some(bounds) = scene.bounds(object) else { return Vec::new() };
-        let group = Group::of(scene, world, object);
         let id = &self.scenario.objects[object].id;
         let mut edges = self.scenario.task.scene_graph.edges.iter();
         let is_carried = edges.any(|edge| edge.subject == *id && edge.relation.is_support());
@@ -104,7 +104,7 @@ impl Inspection<'_> {
                         return false;
                     }
                     group.members.iter().for_each(|&member| moved.shift(member, by));
-                    let is_free = self.is_free(&moved, &group, carrier, gap_m) && {
+                    let is_free = self.is_free(&moved, group, carrier, gap_m) && {
                         let after = false_edges(self, &moved);
                         after.iter().all(|edge| before.contains(edge))
                             && should_hold.is_none_or(|edge| !after.contains(edge))

@@ -4,9 +4,10 @@ use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Atom, GraphEdge, Pose, Relation, Scenario};
-use genmanip_layout::at_rest;
-use genmanip_relations::{Label, label_pair, planar_gap};
+use genmanip_core::{Atom, GraphEdge, ObjectModel, Pose, Relation, Scenario};
+use genmanip_layout::{GoalOrder, GoalPoseSettings, GoalSearch, Move, moves};
+use genmanip_relations::{Label, PosedScene, label_pair, planar_gap};
+use genmanip_sim::SimError;
 
 use super::equipment::{Equipment, VerdictError};
 use super::inspection::Inspection;
@@ -15,6 +16,7 @@ use super::problem::{Problem, ProblemCode, Repair, Stage};
 use super::reword;
 use super::support::{Below, support};
 use crate::edit::{Operation, Placement};
+use crate::scene::settling::{Settled, settle};
 
 /// Number of repairs offered per problem.
 const MAX_REPAIRS: usize = 3;
@@ -22,8 +24,10 @@ const MAX_REPAIRS: usize = 3;
 const MAX_INSPECTED: usize = 14;
 /// Angle between tried headings, degrees.
 const TURN_DEG: i32 = 15;
-/// Displacement below which settling leaves an object where it is, m or rad.
-const UNMOVED: f64 = 1e-5;
+/// Gap in the plane of an object that may hide another one, m.
+const HIDING_M: f64 = 0.2;
+/// Gap in the plane of an object that may stand where the goal has another one, m.
+const ROOM_M: f64 = 0.3;
 /// Number of repairs in a row.
 const MAX_ROUNDS: usize = 12;
 
@@ -37,72 +41,72 @@ impl Inspection<'_> {
     }
 
     fn repairs_up_to(&mut self, problem: &Problem, most: usize) -> Result<Vec<Repair>, VerdictError> {
-        let candidates = self.candidates(problem)?;
-        let mut repairs: Vec<Repair> = Vec::new();
-        for candidate in candidates.into_iter().take(MAX_INSPECTED) {
-            if repairs.iter().all(|known| known.operation != candidate.operation)
-                && self.cures(problem, &candidate.operation)?
-            {
-                repairs.push(candidate);
-                if repairs.len() == most {
+        Ok(self.cures(problem, most)?.into_iter().map(|(repair, _)| repair).collect())
+    }
+
+    /// Up to `most` repairs of a problem with the repaired scenario, best first.
+    fn cures(&mut self, problem: &Problem, most: usize) -> Result<Vec<(Repair, Self)>, VerdictError> {
+        let mut cures: Vec<(Repair, Self)> = Vec::new();
+        for candidate in self.candidates(problem)?.into_iter().take(MAX_INSPECTED) {
+            if cures.iter().any(|(known, _)| known.operation == candidate.operation) {
+                continue;
+            }
+            if let Some(cured) = self.cured(problem, &candidate.operation)? {
+                cures.push((candidate, cured));
+                if cures.len() == most {
                     break;
                 }
             }
         }
-        Ok(repairs)
+        Ok(cures)
     }
 
-    /// The operation that lets physics settle the scene; `None` if the objects do not come to rest as they are.
+    /// The operation that lets physics settle the scene; `None` if nothing moves, an object falls over, or they do not
+    /// come to rest.
     ///
     /// # Errors
     /// [`VerdictError`].
     pub fn settled(&self) -> Result<Option<Operation>, VerdictError> {
         let Some(scene) = self.scene() else { return Ok(None) };
-        let states = match at_rest(scene, &self.scenario.world, &self.equipment.settings) {
-            Ok(Some(states)) => states,
-            Ok(None)
-            | Err(genmanip_sim::SimError::Unstable { .. } | genmanip_sim::SimError::ContactsDropped { .. }) => {
-                return Ok(None);
-            }
+        let models: Vec<Arc<ObjectModel>> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
+        let (moved, is_at_rest) = match settle(&self.scenario, &models) {
+            Ok(settled) => settled,
+            Err(SimError::Unstable { .. } | SimError::ContactsDropped { .. }) => return Ok(None),
             Err(error) => return Err(VerdictError::new(Stage::Stability, error)),
         };
-        let moved = scene.objects().zip(states).filter_map(|(object, state)| {
-            let joints = object.joint_positions.iter().zip(&state.joint_positions);
-            let joints_moved = joints.clone().any(|(from, to)| (from - to).abs() > UNMOVED);
-            let is_moved = object.pose.position.distance(state.pose.position) > UNMOVED
-                || object.pose.angle_to(&state.pose) > UNMOVED.sqrt()
-                || joints_moved;
-            is_moved.then(|| Placement {
-                id: object.id.clone(),
-                pose: state.pose,
-                joint_positions: joints_moved.then(|| state.joint_positions.clone()),
-            })
-        });
-        let objects: Vec<Placement> = moved.collect();
-        Ok((!objects.is_empty()).then_some(Operation::Place { objects }))
+        let placed = |object: usize| &self.scenario.objects[object];
+        let max_tilt_rad = self.equipment.settings.max_settle_tilt_rad;
+        let stands = moved.iter().all(|own| placed(own.object).pose.angle_to(&own.pose) <= max_tilt_rad);
+        let placement = |own: Settled| Placement {
+            id: placed(own.object).id.clone(),
+            pose: own.pose,
+            joint_positions: (!own.joint_positions.is_empty()).then_some(own.joint_positions),
+        };
+        let objects: Vec<Placement> = moved.into_iter().map(placement).collect();
+        Ok((is_at_rest && stands && !objects.is_empty()).then_some(Operation::Place { objects }))
     }
 
-    /// True if the operation removes the problem and adds no blocking one.
-    fn cures(&mut self, problem: &Problem, operation: &Operation) -> Result<bool, VerdictError> {
-        let Ok(change) = operation.apply(&self.scenario, self.equipment.assets) else { return Ok(false) };
+    /// The scenario after an operation; `None` if the problem stays or a blocking one is added.
+    fn cured(&mut self, problem: &Problem, operation: &Operation) -> Result<Option<Self>, VerdictError> {
+        let Ok(change) = operation.apply(&self.scenario, self.equipment.assets) else { return Ok(None) };
         let same_task = change.scenario.task == self.scenario.task;
         let mut after = Inspection::new(Arc::new(change.scenario), self.equipment);
+        if same_task && let Some(known) = self.found.get(&Stage::Wording) {
+            after.found.insert(Stage::Wording, known.clone());
+        }
         // The stage of the problem first: most candidates fail there.
         let others = Stage::ALL.into_iter().filter(|&stage| stage != problem.stage);
         for stage in std::iter::once(problem.stage).chain(others) {
-            if stage == Stage::Wording && same_task {
-                continue;
-            }
             let found = after.problems(stage)?;
             if found.iter().any(|found| found.is_same(problem)) {
-                return Ok(false);
+                return Ok(None);
             }
             let known = self.problems(stage)?;
             if found.iter().any(|found| found.blocking && !known.iter().any(|known| known.is_same(found))) {
-                return Ok(false);
+                return Ok(None);
             }
         }
-        Ok(true)
+        Ok(Some(after))
     }
 
     /// Operations that may remove a problem, best first.
@@ -126,14 +130,16 @@ impl Inspection<'_> {
                 }
                 let freed = [index, other].into_iter().flatten().map(|index| self.moved(index, None));
                 found.extend(alternated(freed.collect()));
-                found.extend(self.dropped()?);
+                with_last(&mut found, self.dropped()?);
             }
-            ProblemCode::Outside | ProblemCode::Unreachable | ProblemCode::Hidden => {
+            ProblemCode::Outside | ProblemCode::Unreachable => {
                 found.extend(index.into_iter().flat_map(|index| self.moved(index, None)));
             }
+            ProblemCode::Hidden => found.extend(index.into_iter().flat_map(|index| self.into_view(index))),
             ProblemCode::GoalHolds => {
                 let freed = [index, other].into_iter().flatten().map(|index| self.moved(index, None));
-                found.extend(alternated(freed.collect()));
+                let by_edges = index.into_iter().map(|index| self.by_edges(index));
+                found.extend(alternated(freed.chain(by_edges).collect()));
             }
             ProblemCode::EdgeFalse => {
                 let edges = self.scenario.task.scene_graph.edges.iter().map(GraphEdge::atom);
@@ -141,8 +147,9 @@ impl Inspection<'_> {
                     Some(edge.subject()) == problem.object.as_deref() && edge.ids().nth(1) == problem.other.as_deref()
                 });
                 let freed = [index, other].into_iter().flatten().map(|index| self.moved(index, edge.as_ref()));
-                found.extend(alternated(freed.collect()));
-                found.extend(edge.and_then(|edge| self.without_edge(&edge)));
+                let by_edges = index.into_iter().map(|index| self.by_edges(index));
+                found.extend(alternated(freed.chain(by_edges).collect()));
+                with_last(&mut found, edge.into_iter().flat_map(|edge| self.with_other_edge(&edge)));
             }
             ProblemCode::StateFalse => found.extend(problem.object.as_deref().and_then(|id| self.in_state(id))),
             ProblemCode::AmbiguousSentence | ProblemCode::SentenceMismatch => {
@@ -206,15 +213,106 @@ impl Inspection<'_> {
     /// The object at free places, nearest first and then ever further apart.
     fn moved(&self, index: usize, should_hold: Option<&Atom>) -> Vec<Repair> {
         let Some(scene) = self.scene() else { return Vec::new() };
-        let shifts = self.free_shifts(index, should_hold);
         let group = Group::of(scene, &self.scenario.world, index);
+        let shifts = self.free_shifts(&group, should_hold);
         let name = self.name(&self.scenario.objects[index].id);
-        let chosen = (0..).map(|number: usize| number * (number + 1) / 2).take_while(|&at| at < shifts.len());
-        let repair = |at: usize| Repair {
-            label: format!("move {name} to a free place, {}", in_words(shifts[at])),
-            operation: group.shifted(scene, shifts[at]),
+        // What the goal has carried stays in reach of the arm.
+        let is_carried = moves(&self.scenario.task.judged_goal(), scene)
+            .iter()
+            .flatten()
+            .any(|step| step.object == index && step.state().is_none());
+        let position = self.scenario.objects[index].pose.position;
+        let in_reach = |shift: &&DVec3| !is_carried || self.equipment.planner.reaches_from_above(position + **shift);
+        let repair = |shift: &DVec3| Repair {
+            label: format!("move {name} to a free place, {}", in_words(*shift)),
+            operation: group.shifted(scene, *shift),
         };
-        chosen.map(repair).collect()
+        let chosen = (0..MAX_INSPECTED).map(|number| number * (number + 1) / 2);
+        let places: Vec<&DVec3> =
+            shifts.iter().filter(in_reach).take(MAX_INSPECTED * (MAX_INSPECTED + 1) / 2).collect();
+        chosen.filter_map(|at| places.get(at)).map(|shift| repair(shift)).collect()
+    }
+
+    /// The object in view: moved, or what stands near it moved or removed.
+    fn into_view(&self, index: usize) -> Vec<Repair> {
+        let Some(scene) = self.scene() else { return Vec::new() };
+        let near = self.neighbours(scene, index, HIDING_M);
+        let mut lists = vec![self.moved(index, None), self.uncovered(index)];
+        lists.extend(near.iter().take(2).map(|&other| self.moved(other, None)));
+        let nodes = &self.scenario.task.scene_graph;
+        let ids = near.iter().map(|&other| &self.scenario.objects[other].id);
+        let distractor = ids.into_iter().find(|id| nodes.index_of(id).is_none());
+        let removed = distractor.map(|object| Repair {
+            label: format!("remove {}", self.name(object)),
+            operation: Operation::Remove { object: object.clone() },
+        });
+        let mut repairs = alternated(lists);
+        with_last(&mut repairs, removed);
+        repairs
+    }
+
+    /// The container that an object happens to be in moved away, and what was in it lowered onto the surface.
+    fn uncovered(&self, index: usize) -> Vec<Repair> {
+        let Some(scene) = self.scene() else { return Vec::new() };
+        let world = &self.scenario.world;
+        let mut edges = self.scenario.task.scene_graph.edges.iter();
+        let is_meant = edges.any(|edge| edge.relation.is_support() && scene.index_of(&edge.subject) == Some(index));
+        let Below::Object(container) = support(scene, world, index).below else { return Vec::new() };
+        let floor = support(scene, world, container);
+        if is_meant || matches!(floor.below, Below::Object(_) | Below::Nothing) {
+            return Vec::new();
+        }
+        let bottom = |index: usize| scene.bounds(index).map_or(0.0, |bounds| bounds.min.z);
+        let down = DVec3::Z * (bottom(container) - floor.gap_m - bottom(index));
+        let (alone, inside) = (Group { members: vec![container] }, Group::of(scene, world, index));
+        let Operation::Place { objects: lowered } = inside.shifted(scene, down) else { return Vec::new() };
+        let name = self.name(&self.scenario.objects[container].id);
+        let repair = |shift: DVec3| {
+            let mut operation = alone.shifted(scene, shift);
+            if let Operation::Place { objects } = &mut operation {
+                objects.extend(lowered.iter().cloned());
+            }
+            Repair { label: format!("move {name} away from it, {}", in_words(shift)), operation }
+        };
+        self.free_shifts(&alone, None).into_iter().step_by(8).take(MAX_INSPECTED).map(repair).collect()
+    }
+
+    /// The object where the edges that it is the subject of hold, as goal poses are searched.
+    fn by_edges(&self, index: usize) -> Vec<Repair> {
+        let Some(scene) = self.scene() else { return Vec::new() };
+        let (world, id) = (&self.scenario.world, &self.scenario.objects[index].id);
+        if Group::of(scene, world, index).members.len() > 1 {
+            return Vec::new();
+        }
+        let edges = self.scenario.task.scene_graph.edges.iter().filter(|edge| edge.subject == *id);
+        let step = Move { object: index, atoms: edges.map(GraphEdge::atom).collect() };
+        let upright: Vec<DQuat> = scene.objects().map(|object| object.pose.rotation).collect();
+        let search = GoalSearch {
+            scene,
+            upright: &upright,
+            workspace: &world.workspace,
+            relations: &world.relations,
+            settings: &GoalPoseSettings::default(),
+            order: GoalOrder::Margin,
+        };
+        let height_m = scene.bounds(index).map_or(0.0, |bounds| bounds.size().z);
+        let usable = |pose: &Pose| self.equipment.planner.reaches_from_above(pose.position + DVec3::Z * height_m);
+        let poses = search.goal_poses(&step, &[], &usable, self.scenario.seed.fork("studio"));
+        let repair = |pose: Pose| Repair {
+            label: format!("move {} to where its relations hold", self.name(id)),
+            operation: Operation::Place { objects: vec![Placement { id: id.clone(), pose, joint_positions: None }] },
+        };
+        poses.into_iter().map(|goal| repair(goal.world_from_object)).collect()
+    }
+
+    /// The others up to a distance in the plane, m, nearest first.
+    fn neighbours(&self, scene: &PosedScene, index: usize, within_m: f64) -> Vec<usize> {
+        let gap = |other: usize| planar_gap(scene, index, other).unwrap_or(f64::INFINITY);
+        let others = (0..scene.objects().len()).filter(|&other| other != index);
+        let mut near: Vec<(f64, usize)> =
+            others.map(|other| (gap(other), other)).filter(|(gap, _)| *gap < within_m).collect();
+        near.sort_by(|one, other| one.0.total_cmp(&other.0));
+        near.into_iter().map(|(_, other)| other).collect()
     }
 
     /// The object turned about the vertical, by small angles first.
@@ -258,12 +356,8 @@ impl Inspection<'_> {
     fn with_room(&self, index: Option<usize>, anchor: Option<usize>) -> Vec<Repair> {
         let Some(scene) = self.scene() else { return Vec::new() };
         let Some(anchor) = anchor else { return Vec::new() };
-        let gap = |other: usize| planar_gap(scene, anchor, other).unwrap_or(f64::INFINITY);
-        let others = (0..scene.objects().len()).filter(|&other| other != anchor && Some(other) != index);
-        let mut near: Vec<(f64, usize)> =
-            others.map(|other| (gap(other), other)).filter(|(gap, _)| *gap < 0.3).collect();
-        near.sort_by(|one, other| one.0.total_cmp(&other.0));
-        let mut freed: Vec<Vec<Repair>> = near.into_iter().map(|(_, other)| self.moved(other, None)).collect();
+        let near = self.neighbours(scene, anchor, ROOM_M).into_iter().filter(|&other| Some(other) != index);
+        let mut freed: Vec<Vec<Repair>> = near.map(|other| self.moved(other, None)).collect();
         freed.push(self.moved(anchor, None));
         // The nearest places hardly make room.
         freed.iter_mut().for_each(|repairs| drop(repairs.drain(..repairs.len().min(4))));
@@ -279,10 +373,23 @@ impl Inspection<'_> {
         Some(Repair { label, operation })
     }
 
-    fn without_edge(&self, edge: &Atom) -> Option<Repair> {
-        let edges = self.scenario.task.scene_graph.edges.iter().filter(|known| known.atom() != *edge);
-        let label = format!("strike `{edge}` from the scene graph");
-        Some(Repair { label, operation: Operation::Edges { edges: edges.cloned().collect(), description: None } })
+    /// The scene graph with a true edge instead of a false one, or without it.
+    fn with_other_edge(&self, edge: &Atom) -> Vec<Repair> {
+        let (graph, relations) = (&self.scenario.task.scene_graph, &self.scenario.world.relations);
+        let pair = || {
+            let [index, other] = [edge.subject(), edge.ids().nth(1)?].map(|id| self.scenario.index_of(id));
+            edge_between(self.scene()?, index?, other?, relations)
+        };
+        let instead = pair().filter(|instead| !graph.edges.contains(instead));
+        let with = |label: String, instead: Option<&GraphEdge>| {
+            let edges =
+                graph.edges.iter().filter_map(|known| if known.atom() == *edge { instead } else { Some(known) });
+            Repair { label, operation: Operation::Edges { edges: edges.cloned().collect(), description: None } }
+        };
+        let changed = instead.map(|instead| {
+            with(format!("put `{}` instead of `{edge}` into the scene graph", instead.atom()), Some(&instead))
+        });
+        changed.into_iter().chain([with(format!("strike `{edge}` from the scene graph"), None)]).collect()
     }
 
     /// A true edge for an object without one.
@@ -297,24 +404,33 @@ impl Inspection<'_> {
         let others = (0..graph.nodes.len()).filter(|&other| other != index);
         let gap = |other: &usize| planar_gap(scene, index, *other).unwrap_or(f64::INFINITY);
         let other = others.min_by(|one, two| gap(one).total_cmp(&gap(two)))?;
-        let label = label_pair(scene, index, other, &self.scenario.world.relations)?.a_to_b?;
-        let (subject, relation, reference) = match label {
-            Label::In => (index, Relation::In, other),
-            Label::OutOf => (other, Relation::In, index),
-            Label::On => (index, Relation::On, other),
-            Label::Beneath => (other, Relation::On, index),
-            Label::Left => (index, Relation::Left, other),
-            Label::Right => (index, Relation::Right, other),
-            Label::Front => (index, Relation::Front, other),
-            Label::Back => (index, Relation::Back, other),
-            Label::Near => (index, Relation::Near, other),
-        };
-        let name = |index: usize| self.scenario.objects[index].id.clone();
-        let edge = GraphEdge { subject: name(subject), relation, reference: name(reference), second_reference: None };
+        let edge = edge_between(scene, index, other, &self.scenario.world.relations)?;
         let label = format!("add `{}` to the scene graph", edge.atom());
         let edges = graph.edges.iter().cloned().chain([edge]).collect();
         Some(Repair { label, operation: Operation::Edges { edges, description: None } })
     }
+}
+
+/// An edge that holds between two objects; `None` if they are too far apart.
+pub fn edge_between(
+    scene: &PosedScene,
+    index: usize,
+    other: usize,
+    settings: &genmanip_core::RelationSettings,
+) -> Option<GraphEdge> {
+    let (subject, relation, reference) = match label_pair(scene, index, other, settings)?.a_to_b? {
+        Label::In => (index, Relation::In, other),
+        Label::OutOf => (other, Relation::In, index),
+        Label::On => (index, Relation::On, other),
+        Label::Beneath => (other, Relation::On, index),
+        Label::Left => (index, Relation::Left, other),
+        Label::Right => (index, Relation::Right, other),
+        Label::Front => (index, Relation::Front, other),
+        Label::Back => (index, Relation::Back, other),
+        Label::Near => (index, Relation::Near, other),
+    };
+    let id = |index: usize| Some(scene.objects().nth(index)?.id.clone());
+    Some(GraphEdge { subject: id(subject)?, relation, reference: id(reference)?, second_reference: None })
 }
 
 /// Repairs of a whole scenario, one after another, and what is left.
@@ -333,22 +449,32 @@ pub struct RepairedScenario {
 /// # Errors
 /// [`VerdictError`].
 pub fn repair_all(scenario: Arc<Scenario>, equipment: &Equipment) -> Result<RepairedScenario, VerdictError> {
-    let mut repaired = RepairedScenario { scenario, repairs: Vec::new(), left: Vec::new() };
-    'rounds: for _ in 0..MAX_ROUNDS {
-        let mut inspection = Inspection::new(Arc::clone(&repaired.scenario), equipment);
-        let verdict = inspection.verdict(0)?;
-        repaired.left = verdict.blocking().cloned().collect();
-        for problem in &repaired.left {
-            let Some(repair) = inspection.repairs_up_to(problem, 1)?.into_iter().next() else { continue };
-            if let Ok(change) = repair.operation.apply(&repaired.scenario, equipment.assets) {
-                repaired.scenario = Arc::new(change.scenario);
-                repaired.repairs.push(repair);
-                continue 'rounds;
+    let mut inspection = Inspection::new(scenario, equipment);
+    let mut repairs = Vec::new();
+    loop {
+        let left: Vec<Problem> = inspection.verdict(0)?.blocking().cloned().collect();
+        let mut cure = None;
+        for problem in left.iter().filter(|_| repairs.len() < MAX_ROUNDS) {
+            cure = inspection.cures(problem, 1)?.pop();
+            if cure.is_some() {
+                break;
             }
         }
-        break;
+        match cure {
+            Some((repair, cured)) => {
+                repairs.push(repair);
+                inspection = cured;
+            }
+            None => return Ok(RepairedScenario { scenario: inspection.scenario, repairs, left }),
+        }
     }
-    Ok(repaired)
+}
+
+/// Adds candidates that are inspected last, but are inspected.
+fn with_last(candidates: &mut Vec<Repair>, last: impl IntoIterator<Item = Repair>) {
+    let last: Vec<Repair> = last.into_iter().collect();
+    candidates.truncate(MAX_INSPECTED.saturating_sub(last.len()));
+    candidates.extend(last);
 }
 
 /// Several lists in turn: the first of each, then the second of each.

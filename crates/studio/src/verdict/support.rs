@@ -42,7 +42,13 @@ pub(super) fn support(scene: &PosedScene, world: &World, object: usize) -> Suppo
     });
     let others = (0..scene.objects().len()).filter(|&other| other != object).filter_map(|other| {
         let contact = contact_below(scene, object, other, &world.relations)?;
-        let is_below = contact.gap_m > -MAX_SUNK_M && contact.rise_m > 0.0;
+        // What stands in a container is lower than the middle of its walls; the container would have to rise much
+        // further to clear it.
+        let is_under = || {
+            let over = contact_below(scene, other, object, &world.relations);
+            over.is_none_or(|over| over.gap_m < contact.gap_m)
+        };
+        let is_below = contact.gap_m > -MAX_SUNK_M && (contact.rise_m > 0.0 || is_under());
         is_below.then_some(Support { below: Below::Object(other), gap_m: contact.gap_m, is_inside: true })
     });
     let nearest = surfaces.chain(others).min_by(|one, other| one.gap_m.total_cmp(&other.gap_m));
