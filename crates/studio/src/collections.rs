@@ -7,12 +7,13 @@ use std::sync::atomic::AtomicBool;
 use genmanip_assets::Catalogue;
 use genmanip_assets::worlds::default_world;
 use genmanip_benchmark::suites;
-use genmanip_core::{Scenario, Seed, Task, json, limits};
+use genmanip_core::{Scenario, Seed, Task, limits};
 use genmanip_layout::LayoutSettings;
 use genmanip_pipeline::folder::RunFolder;
 use genmanip_pipeline::layouts::{LayoutOutput, lay_out};
-use genmanip_workspace::scenarios::read_scenario;
+use genmanip_workspace::scenarios::{parse_scenario, read_scenario};
 use genmanip_workspace::{Progress, WorkspaceError, documents, task_files, workers};
+use serde::Deserialize;
 
 use crate::edit::{EditLog, EditedScenario};
 
@@ -145,8 +146,10 @@ impl Collection {
             let source = if path.is_dir() { name.clone() } else { "files".to_owned() };
             if task_files::is_list(&file) {
                 tasks.extend(task_files::read_tasks(&[file])?);
-            } else if is_scenario(&file)? {
-                self.add_file(&file, &source, copies_of(&file).as_deref())?;
+            } else if self.paths.contains(&file) {
+                continue;
+            } else if let Some(scenario) = scenario_in(&file)? {
+                self.add_within_limit(&file, &source, copies_of(&file).as_deref(), &scenario)?;
             } else {
                 tasks.push(task_files::read_task(&file)?);
             }
@@ -184,8 +187,12 @@ impl Collection {
             // A suite of reviewed scenarios holds copies of them.
             if file.is_dir() && depth > 0 && !file.join("suite.json").is_file() {
                 self.add_edited(&file, depth - 1);
-            } else if file.extension().is_some_and(|ending| ending == "json") && is_scenario(&file).unwrap_or(false) {
-                self.add_or_leave_out(&file, "studio", None);
+            } else if file.extension().is_some_and(|ending| ending == "json") && !self.paths.contains(&file) {
+                let added = scenario_in(&file).and_then(|scenario| match scenario {
+                    Some(scenario) => self.add_within_limit(&file, "studio", None, &scenario),
+                    None => Ok(()),
+                });
+                self.note_left_out(&file, added);
             }
         }
     }
@@ -217,18 +224,34 @@ impl Collection {
     }
 
     fn add_file(&mut self, path: &Path, source: &str, copies: Option<&Path>) -> Result<(), WorkspaceError> {
+        if self.paths.contains(path) {
+            return Ok(());
+        }
+        self.add_within_limit(path, source, copies, &read_scenario(path)?)
+    }
+
+    fn add_within_limit(
+        &mut self,
+        path: &Path,
+        source: &str,
+        copies: Option<&Path>,
+        scenario: &Scenario,
+    ) -> Result<(), WorkspaceError> {
         if self.listed.len() >= MAX_SCENARIOS {
             return Err(WorkspaceError::input(format!("more than {MAX_SCENARIOS} scenarios"))
                 .with_hint("name fewer of them, such as some files of the folder"));
         }
-        if !self.paths.contains(path) {
-            self.add(path, source, copies, &read_scenario(path)?);
-        }
+        self.add(path, source, copies, scenario);
         Ok(())
     }
 
     fn add_or_leave_out(&mut self, path: &Path, source: &str, copies: Option<&Path>) {
-        if let Err(error) = self.add_file(path, source, copies) {
+        let added = self.add_file(path, source, copies);
+        self.note_left_out(path, added);
+    }
+
+    fn note_left_out(&mut self, path: &Path, added: Result<(), WorkspaceError>) {
+        if let Err(error) = added {
             self.left_out.push(format!("{} is left out: {error}", path.display()));
         }
     }
@@ -257,10 +280,17 @@ fn copies_of(file: &Path) -> Option<PathBuf> {
     EditedScenario::read_only_reason(file).and_then(|_| Some(PathBuf::from(name(3)?)))
 }
 
-fn is_scenario(path: &Path) -> Result<bool, WorkspaceError> {
-    let text = documents::read_text(path, limits::SCENARIO)?;
-    let schema = json::parse(&text).ok().and_then(|value| value["schema"].as_str().map(str::to_owned));
-    Ok(schema.is_some_and(|schema| schema.starts_with("genmanip.scenario/")))
+/// Scenario of a file; `None` if it holds something else.
+fn scenario_in(path: &Path) -> Result<Option<Scenario>, WorkspaceError> {
+    /// What tells a document's type; its other keys are passed over.
+    #[derive(Deserialize)]
+    struct Head {
+        schema: String,
+    }
+    let bytes = documents::read_bytes(path, limits::SCENARIO)?;
+    let head = serde_json::from_slice::<Head>(&bytes).ok();
+    let is_scenario = head.is_some_and(|head| head.schema.starts_with("genmanip.scenario/"));
+    is_scenario.then(|| parse_scenario(path, &bytes)).transpose()
 }
 
 /// Names of a folder's entries; none if it cannot be listed.
