@@ -7,15 +7,19 @@ use std::sync::Arc;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, Document, Pose, Scenario, Seed};
 use genmanip_layout::audit;
+use genmanip_rollout::{Environment, RolloutSettings};
 use genmanip_studio::edit::{ChosenAsset, Command, EditError, EditLog, EditedScenario, Operation, Placement, Stamp};
-use genmanip_studio::verdict::{Equipment, Inspection, ProblemCode, Stage};
+use genmanip_studio::scene::exported;
+use genmanip_studio::scene::images::Painters;
+use genmanip_studio::verdict::{Equipment, Inspection, Problem, ProblemCode, Stage};
 use genmanip_tasks::references;
 use genmanip_workspace::Progress;
+use genmanip_workspace::task_checks::check_task;
 use rand::{Rng, RngExt};
 
 use super::measured::Measured;
 use crate::LabError;
-use crate::clock::cpu_clock;
+use crate::clock::{cpu_clock, process_clock};
 use crate::quantile::Spread;
 
 /// Operations on one scenario.
@@ -37,7 +41,8 @@ pub(super) fn measure(
     progress: &dyn Progress,
     measured: &mut Measured,
 ) -> Result<(), LabError> {
-    let (mut quick_ms, mut all_ms) = (Vec::new(), Vec::new());
+    let (mut quick_ms, mut all_ms, mut preview_ms) = (Vec::new(), Vec::new(), Vec::new());
+    let painters = Painters::default();
     let mut stage_ms = Stage::ALL.map(|stage| (stage.name(), 0.0));
     progress.begin("editing", operations);
     for (number, scenario) in (0..operations.div_ceil(PER_SCENARIO)).zip(scenarios.iter().cycle()) {
@@ -77,6 +82,7 @@ pub(super) fn measure(
                 }
             }
             all_ms.push(before);
+            preview_ms.extend(preview(&painters, &format!("{number}"), document.scenario(), equipment)?);
             mismatches(&mut inspection, document.scenario(), equipment, measured)?;
             progress.advance();
         }
@@ -89,7 +95,22 @@ pub(super) fn measure(
     let quick_ms = Spread::of(quick_ms);
     (measured.verdict_ms_p50, measured.verdict_ms_p95) = (quick_ms.median, quick_ms.p95);
     measured.all_checks_ms_p95 = Spread::of(all_ms).p95;
+    measured.preview_ms_p95 = (!preview_ms.is_empty()).then(|| Spread::of(preview_ms).p95);
     Ok(())
+}
+
+/// CPU time of the image of the first camera, all threads, ms; `None` for a scene without cameras.
+fn preview(
+    painters: &Painters,
+    key: &str,
+    scenario: &Scenario,
+    equipment: &Equipment,
+) -> Result<Option<f64>, LabError> {
+    let Some(camera) = scenario.world.cameras.first() else { return Ok(None) };
+    let mut clock = process_clock();
+    let models = exported::models(scenario, equipment.assets)?;
+    painters.draw(key, scenario, &models, equipment.planner.robot(), &camera.name)?;
+    Ok(Some(clock() * 1e3))
 }
 
 /// Bytes in memory, on the disk and after reading the log again; then kills while the last line is written.
@@ -128,7 +149,7 @@ fn check_files(
 /// Compares a verdict with the audit of layouts and with the independent reader.
 fn mismatches(
     inspection: &mut Inspection,
-    scenario: &Scenario,
+    scenario: &Arc<Scenario>,
     equipment: &Equipment,
     measured: &mut Measured,
 ) -> Result<(), LabError> {
@@ -148,10 +169,13 @@ fn mismatches(
     let mismatch = references::check(&scenario.task).err();
     let is_misread = mismatch.is_some_and(|mismatch| !references::is_beyond_the_reader(&scenario.task, &mismatch));
     let sentence = [ProblemCode::AmbiguousSentence, ProblemCode::SentenceMismatch].into_iter();
-    let said = verdict.problems.iter().filter(|problem| problem.blocking && problem.stage == Stage::Wording);
-    let is_said = said.map(|problem| problem.code).any(|code| sentence.clone().any(|wanted| wanted == code));
+    let said: Vec<&Problem> =
+        verdict.problems.iter().filter(|problem| problem.blocking && problem.stage == Stage::Wording).collect();
+    let is_said = said.iter().any(|problem| sentence.clone().any(|wanted| wanted == problem.code));
+    let is_rejected = check_task(Path::new("task"), scenario.task.clone()).is_rejected();
     let false_ones = count(ProblemCode::EdgeFalse, Stage::Relations) + count(ProblemCode::StateFalse, Stage::Relations);
     let settings = &equipment.settings;
+    let reached = is_reached(scenario, equipment)?;
     for (what, ours, theirs) in [
         ("edges and states", false_ones > 0, !audited.failed.is_empty()),
         ("number of false edges and states", false_ones == audited.failed.len(), true),
@@ -160,6 +184,12 @@ fn mismatches(
         ("visibility", has(ProblemCode::Hidden, Stage::Visibility), audited.hidden.is_some()),
         ("stability", has(ProblemCode::Unstable, Stage::Stability), audited.drift_m > settings.max_drift_m),
         ("sentence", is_said || !is_misread, true),
+        ("task check", !said.is_empty(), is_rejected || is_misread),
+        (
+            "goal as an episode judges it",
+            has(ProblemCode::GoalHolds, Stage::Relations),
+            reached.unwrap_or(audited.goal_holds),
+        ),
     ] {
         if ours != theirs {
             measured.verdict_mismatches += 1;
@@ -171,6 +201,18 @@ fn mismatches(
         }
     }
     Ok(())
+}
+
+/// True if an episode's judge finds the goal reached at its start; `None` for a scene that has no episodes.
+fn is_reached(scenario: &Arc<Scenario>, equipment: &Equipment) -> Result<Option<bool>, LabError> {
+    let Ok(stage) = genmanip_rollout::Stage::open(Arc::clone(scenario), equipment.assets, equipment.planner.robot())
+    else {
+        return Ok(None);
+    };
+    let mut environment = Environment::new(RolloutSettings::default());
+    environment.reset(&stage, scenario.seed);
+    let verdict = environment.verdict().map_err(|error| LabError::broken("an episode cannot be judged", error))?;
+    Ok(Some(verdict.success))
 }
 
 /// A random operation that may fit the scenario.

@@ -1,17 +1,20 @@
-//! Faults planted in sound scenarios.
+//! Faults planted in sound scenarios, each one confirmed by the checks of layouts.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::glam::DVec3;
-use genmanip_core::{Atom, ObjectCard, Pose, Scenario, Seed, named_enum};
-use genmanip_layout::{GoalOrder, GoalSearch, ReachCheck, moves, obstacles, posed};
-use genmanip_relations::{PosedScene, ShapeCache, judge_atom};
+use genmanip_core::glam::{DVec2, DVec3};
+use genmanip_core::{Atom, GraphEdge, ObjectCard, Pose, Scenario, Seed, named_enum};
+use genmanip_layout::{GoalOrder, GoalSearch, Move, hidden, moves, overlaps, posed};
+use genmanip_relations::{PosedScene, Rest, ShapeCache, judge_atom, judge_goal, outlines_apart};
 use genmanip_studio::edit::{ChosenAsset, Operation, Placement};
-use genmanip_studio::verdict::{Equipment, ProblemCode};
+use genmanip_studio::verdict::{Equipment, ProblemCode, edge_between};
 use genmanip_tasks::wording;
-use rand::RngExt;
+use rand::seq::SliceRandom;
+use rand::{Rng, RngExt};
+
+use super::blocked;
 
 named_enum! {
     /// Kind of a planted fault.
@@ -42,10 +45,16 @@ pub struct Planted {
     pub scenario: Arc<Scenario>,
     /// Ids of the objects of which one has to be named.
     pub objects: Vec<String>,
+    /// Id of the neighbour that has to be named too.
+    pub neighbour: Option<String>,
 }
 
-/// Uid of a tall container that hides small objects, and the thickness of its floor, m.
-const HIDING: [&str; 3] = ["bin-2", "pen-holder-7", "jar-9"];
+/// Gap that a moved object keeps from all others, m.
+const APART_M: f64 = 0.02;
+/// Gap between two objects of the same category, m.
+const TWIN_GAP_M: [f64; 2] = [0.05, 0.12];
+/// Random places that are tried.
+const DRAWS: usize = 300;
 
 impl Fault {
     /// Codes of problems that tell the fault.
@@ -65,214 +74,291 @@ impl Fault {
     /// The scenario with the fault; `None` if it has no place in this scene.
     pub fn plant(self, scenario: &Arc<Scenario>, equipment: &Equipment, seed: Seed) -> Option<Planted> {
         let scene = posed(scenario, equipment.assets, &mut ShapeCache::default()).ok()?;
+        // Where the goal has alternatives, a fault of one of them leaves the others.
+        let step = match moves(&scenario.task.judged_goal(), &scene).as_slice() {
+            [only] => only.iter().find(|step| step.state().is_none()).cloned(),
+            _ => None,
+        };
+        let site = Site { scenario, scene, equipment, step };
         let rng = &mut seed.rng();
-        let step = moves(&scenario.task.goal, &scene).into_iter().flatten().find(|step| step.state().is_none());
-        let target = step.as_ref().map(|step| step.object);
-        let id = |index: usize| scenario.objects[index].id.clone();
-        let place = |index: usize, position: DVec3| Operation::Place {
-            objects: vec![Placement {
-                id: id(index),
-                pose: Pose { position, ..scenario.objects[index].pose },
-                joint_positions: None,
-            }],
-        };
-        let done = |operations: &[Operation], objects: Vec<String>| {
-            let mut changed = scenario.as_ref().clone();
-            for operation in operations {
-                changed = operation.apply(&changed, equipment.assets).ok()?.scenario;
-            }
-            Some(Planted { scenario: Arc::new(changed), objects })
-        };
-        let count = scenario.objects.len();
         match self {
-            Self::Floating => {
-                let free: Vec<usize> = (0..count).filter(|&index| is_alone(scenario, index)).collect();
-                let index = *free.get(rng.random_range(0..free.len().max(1)))?;
-                let lift = DVec3::Z * rng.random_range(0.004..0.05);
-                done(&[place(index, scenario.objects[index].pose.position + lift)], vec![id(index)])
-            }
-            Self::Overlap => {
-                let index = (0..count).find(|&index| is_alone(scenario, index))?;
-                let other = (0..count).find(|&other| other != index && is_alone(scenario, other))?;
-                let [one, two] = [scene.bounds(index)?, scene.bounds(other)?];
-                let reach = 0.3 * (one.size().y.min(one.size().x) + two.size().y.min(two.size().x));
-                let offset = (two.center() - one.center()).truncate() + reach * genmanip_core::glam::DVec2::Y;
-                let position = scenario.objects[index].pose.position + offset.extend(0.0);
-                done(&[place(index, position)], vec![id(index)])
-            }
-            Self::Unreachable => {
-                let index = target.filter(|&index| is_alone(scenario, index))?;
-                let area = scenario.world.table()?.area(0.05);
-                let y = if rng.random::<bool>() { area.y[0] } else { area.y[1] };
-                let position = DVec3::new(area.x[1], y, scenario.objects[index].pose.position.z);
-                (!equipment.planner.reaches_from_above(position))
-                    .then(|| done(&[place(index, position)], vec![id(index)]))?
-            }
-            Self::Hidden => {
-                let index = target.filter(|&index| is_alone(scenario, index))?;
-                let size = scene.bounds(index)?.size();
-                let uid = HIDING.into_iter().find(|uid| {
-                    let room = Catalogue::full().card(uid).and_then(|card| card.annotations.room);
-                    room.is_some_and(|room| {
-                        room.depth_m > 1.3 * size.z && room.inside_m[0].min(room.inside_m[1]) > size.x.hypot(size.y)
-                    })
-                })?;
-                let model = Catalogue::full().build(uid).ok()?;
-                let floor =
-                    model.cavities(&[]).iter().map(|piece| piece.support(DVec3::NEG_Z).z).fold(f64::INFINITY, f64::min);
-                let at = scenario.objects[index].pose.position;
-                let container = Operation::Add {
-                    asset: ChosenAsset::Uid(uid.into()),
-                    id: None,
-                    pose: Pose::from_position(DVec3 { z: 0.0, ..at }),
-                    distractor: true,
-                };
-                done(&[container, place(index, at + DVec3::Z * floor)], vec![id(index)])
-            }
-            Self::GoalHolds => {
-                let step = step?;
-                let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
-                let alternatives = moves(&scenario.task.goal, &scene);
-                // One move alone fulfils the goal.
-                alternatives.iter().find(|alternative| alternative.len() == 1)?;
-                let search = GoalSearch {
-                    scene: &scene,
-                    upright: &upright,
-                    workspace: &scenario.world.workspace,
-                    relations: &scenario.world.relations,
-                    settings: &equipment.settings.goal_pose,
-                    order: GoalOrder::Margin,
-                };
-                let goal = search.goal_poses(&step, &[], &|_| true, seed).into_iter().next()?;
-                done(&[place(step.object, goal.world_from_object.position)], vec![id(step.object)])
-            }
-            Self::EdgeFalse => {
-                let edges = scenario.task.scene_graph.edges.iter().map(genmanip_core::GraphEdge::atom);
-                let edge = edges.into_iter().find(|edge| {
-                    let subject = scenario.index_of(edge.subject());
-                    matches!(edge, Atom::Relation { relation, .. } if !relation.is_support())
-                        && subject.is_some_and(|index| is_alone(scenario, index))
-                })?;
-                let index = scenario.index_of(edge.subject())?;
-                let area = scenario.world.workspace;
-                (0..50).find_map(|_| {
-                    let x = rng.random_range(area.x[0] + 0.08..area.x[1] - 0.08);
-                    let y = rng.random_range(area.y[0] + 0.08..area.y[1] - 0.08);
-                    let position = DVec3::new(x, y, scenario.objects[index].pose.position.z);
-                    let mut moved: PosedScene = scene.clone();
-                    moved.shift(index, position - scenario.objects[index].pose.position);
-                    let is_false = !judge_atom(&moved, &edge, &scenario.world.relations).holds;
-                    let is_free = (0..count)
-                        .all(|other| other == index || genmanip_relations::outlines_apart(&moved, index, other, 0.03));
-                    (is_false && is_free).then(|| done(&[place(index, position)], vec![id(index)]))?
-                })
-            }
-            Self::Ambiguous => {
-                let index = target?;
-                let (mut said, node) = (scenario.task.clone(), scenario.task.scene_graph.index_of(&id(index))?);
-                let card = Arc::clone(&said.objects[node]);
-                let alike = |other: &&ObjectCard| {
-                    other.category == card.category
-                        && other.uid != card.uid
-                        && other.can_grasp
-                        && scenario.index_of(&other.uid).is_none()
-                };
-                let other = Catalogue::full().cards().iter().find(alike)?;
-                let name = card.category.replace('_', " ");
-                said.objects[node] = Arc::new(ObjectCard { name, ..(*card).clone() });
-                let text = wording::step(&said, &id(index), 0);
-                let at = free_place(scenario, &scene)?;
-                let add = Operation::Add {
-                    asset: ChosenAsset::Uid(other.uid.clone()),
-                    id: None,
-                    pose: Pose::from_position(at),
-                    distractor: false,
-                };
-                done(&[add, Operation::Instruction { text }], vec![id(index), other.uid.clone()])
-            }
-            Self::GraspBlocked => {
-                let index = target.filter(|&index| is_alone(scenario, index))?;
-                let blocked = blocking_neighbours(scenario, &scene, index, equipment)?;
-                done(&[blocked], vec![id(index)])
-            }
+            Self::Floating => site.floating(rng),
+            Self::Overlap => site.overlap(rng),
+            Self::Unreachable => site.unreachable(rng),
+            Self::Hidden => site.hidden(),
+            Self::GoalHolds => site.goal_holds(seed),
+            Self::EdgeFalse => site.edge_false(rng),
+            Self::Ambiguous => site.ambiguous(rng),
+            Self::GraspBlocked => blocked::plant(&site, rng),
         }
     }
 }
 
-/// True if no support edge names the object, so that it stands on the table alone.
-fn is_alone(scenario: &Scenario, index: usize) -> bool {
-    let id = &scenario.objects[index].id;
-    let supports = |edge: &&genmanip_core::GraphEdge| edge.relation.is_support();
-    !scenario.task.scene_graph.edges.iter().filter(supports).any(|edge| edge.subject == *id || edge.reference == *id)
+/// A scenario in which a fault is planted.
+pub(super) struct Site<'a> {
+    pub scenario: &'a Scenario,
+    pub scene: PosedScene,
+    pub equipment: &'a Equipment,
+    /// First object that the goal has carried; `None` for a goal with alternatives.
+    pub step: Option<Move>,
 }
 
-/// A place on the table far from all objects.
-fn free_place(scenario: &Scenario, scene: &PosedScene) -> Option<DVec3> {
-    let area = scenario.world.workspace;
-    let places = (1..20).flat_map(|x| (1..20).map(move |y| (f64::from(x) / 20.0, f64::from(y) / 20.0)));
-    let places = places.map(|(x, y)| {
-        DVec3::new(area.x[0] + x * (area.x[1] - area.x[0]), area.y[0] + y * (area.y[1] - area.y[0]), 0.0)
-    });
-    let gap = |place: &DVec3| {
-        let bounds = (0..scenario.objects.len()).filter_map(|index| scene.bounds(index));
-        bounds
-            .map(|bounds| (bounds.center() - *place).truncate().length() - 0.5 * bounds.size().truncate().length())
-            .fold(f64::INFINITY, f64::min)
-    };
-    places.max_by(|one, other| gap(one).total_cmp(&gap(other))).filter(|place| gap(place) > 0.08)
-}
+impl Site<'_> {
+    fn floating(&self, rng: &mut impl Rng) -> Option<Planted> {
+        let free: Vec<usize> = (0..self.count()).filter(|&index| self.is_alone(index)).collect();
+        let index = *free.get(rng.random_range(0..free.len().max(1)))?;
+        let lift = DVec3::Z * rng.random_range(0.004..0.05);
+        self.planted(&[self.shifted(index, lift)], vec![self.id(index)])
+    }
 
-/// Another object put so close to the one of the goal that no grasp of it is left.
-fn blocking_neighbours(
-    scenario: &Scenario,
-    scene: &PosedScene,
-    index: usize,
-    equipment: &Equipment,
-) -> Option<Operation> {
-    let robot = equipment.planner.robot();
-    let known: Vec<_> =
-        scene.objects().map(|object| equipment.grasps.of(robot, &object.model).unwrap_or_default()).collect();
-    let bounds = scene.bounds(index)?;
-    for other in (0..scenario.objects.len()).filter(|&other| other != index && is_alone(scenario, other)) {
-        let theirs = scene.bounds(other)?;
-        if theirs.size().z < 0.8 * bounds.size().z {
-            continue;
-        }
-        for direction in 0..8 {
-            let angle = TAU * f64::from(direction) / 8.0;
-            let toward = genmanip_core::glam::DVec2::from_angle(angle);
-            let mut moved = scene.clone();
-            let middle = bounds.center().truncate() - theirs.center().truncate();
-            // The smallest distance along this direction at which they are apart.
-            let Some(shift) = (0..80).find_map(|step| {
-                let shift = (middle + toward * (0.005 * f64::from(step))).extend(0.0);
-                moved.shift(other, shift);
-                let is_apart = genmanip_relations::outlines_apart(&moved, index, other, 0.002);
-                moved.shift(other, -shift);
-                is_apart.then_some(shift)
-            }) else {
-                continue;
-            };
-            moved.shift(other, shift);
-            let clear = (0..scenario.objects.len()).all(|third| {
-                third == other || third == index || genmanip_relations::outlines_apart(&moved, other, third, 0.01)
+    /// Two objects beside each other, one moved towards the other until the simulator finds that they overlap.
+    fn overlap(&self, rng: &mut impl Rng) -> Option<Planted> {
+        let mut pairs: Vec<(usize, usize)> = (0..self.count())
+            .flat_map(|one| (0..self.count()).map(move |other| (one, other)))
+            .filter(|&(one, other)| one != other && self.is_alone(one) && self.is_alone(other))
+            .collect();
+        pairs.shuffle(rng);
+        // Without a false edge if possible: most edges end where their objects overlap.
+        [true, false].into_iter().find_map(|keeps_edges| {
+            pairs.iter().take(6).find_map(|&(index, other)| self.overlapping(index, other, keeps_edges, rng))
+        })
+    }
+
+    fn overlapping(&self, index: usize, other: usize, keeps_edges: bool, rng: &mut impl Rng) -> Option<Planted> {
+        let [one, two] = [self.scene.bounds(index)?, self.scene.bounds(other)?];
+        let reach = 0.3 * (one.size().truncate().min_element() + two.size().truncate().min_element());
+        let turn = rng.random_range(0.0..TAU);
+        (0..8).find_map(|direction| {
+            let away = DVec2::from_angle(turn + TAU * f64::from(direction) / 8.0);
+            let by = ((two.center() - one.center()).truncate() + reach * away).extend(0.0);
+            let moved = self.moved(index, by);
+            let is_clear = (0..self.count())
+                .all(|third| third == index || third == other || outlines_apart(&moved, index, third, APART_M));
+            if !is_clear || self.is_reached(&moved) || (keeps_edges && !self.keeps_edges(&moved)) {
+                return None;
+            }
+            let found = overlaps(&moved, &self.scenario.world, &self.equipment.settings).ok()?;
+            let ids = [self.id(index), self.id(other)];
+            let is_real = found.iter().any(|overlap| {
+                let two = [&self.scenario.objects[overlap.object].id, &overlap.other];
+                ids.iter().all(|id| two.contains(&id))
             });
-            let check = |scene| ReachCheck {
-                scene,
-                world: &scenario.world,
-                planner: &equipment.planner,
-                settings: &equipment.settings,
-                known_grasps: &known,
-                seed: Seed::new(1),
-            };
-            if clear && check(&moved).is_graspable(index, &obstacles::around(&moved, None)).is_ok_and(|yes| !yes) {
-                let object = &scenario.objects[other];
-                let pose = Pose { position: object.pose.position + shift, ..object.pose };
-                return Some(Operation::Place {
-                    objects: vec![Placement { id: object.id.clone(), pose, joint_positions: None }],
-                });
-            }
-        }
+            is_real.then(|| self.planted(&[self.shifted(index, by)], ids.into()))?
+        })
     }
-    None
+
+    fn unreachable(&self, rng: &mut impl Rng) -> Option<Planted> {
+        let index = self.target().filter(|&index| self.is_alone(index))?;
+        let area = self.scenario.world.table()?.area(0.05);
+        let mut sides = area.y;
+        sides.shuffle(rng);
+        sides.into_iter().find_map(|y| {
+            let from = self.scenario.objects[index].pose.position;
+            let position = DVec3::new(area.x[1], y, from.z);
+            let is_far = !self.equipment.planner.reaches_from_above(position);
+            (is_far && self.is_clear(&self.moved(index, position - from), index, APART_M))
+                .then(|| self.planted(&[self.shifted(index, position - from)], vec![self.id(index)]))?
+        })
+    }
+
+    /// The object inside the smallest container that hides it from all cameras.
+    fn hidden(&self) -> Option<Planted> {
+        let index = self.target().filter(|&index| self.is_alone(index))?;
+        let size = self.scene.bounds(index)?.size();
+        let at = self.scenario.objects[index].pose.position;
+        let mut containers: Vec<&ObjectCard> = Catalogue::full()
+            .cards()
+            .iter()
+            .filter(|card| {
+                card.annotations.room.is_some_and(|room| {
+                    room.depth_m > 1.3 * size.z && room.inside_m[0].min(room.inside_m[1]) > size.x.hypot(size.y)
+                })
+            })
+            .filter(|card| !card.is_articulated && genmanip_layout::is_harmless(card, &self.scenario.task))
+            .collect();
+        containers.sort_by(|one, other| one.size_m.x.total_cmp(&other.size_m.x));
+        containers.into_iter().take(8).find_map(|card| {
+            let model = Catalogue::full().build(&card.uid).ok()?;
+            let floor_m =
+                model.cavities(&[]).iter().map(|piece| piece.support(DVec3::NEG_Z).z).fold(f64::INFINITY, f64::min);
+            let container = Operation::Add {
+                asset: ChosenAsset::Uid(card.uid.clone()),
+                id: None,
+                pose: Pose::from_position(DVec3 { z: 0.0, ..at }),
+                distractor: true,
+            };
+            let operations = [container, self.shifted(index, DVec3::Z * floor_m)];
+            let planted = self.planted(&operations, vec![self.id(index)])?;
+            let scene = self.equipment.scene(&planted.scenario).ok()?;
+            let container = scene.objects().len() - 1;
+            let clear = (0..self.count()).all(|other| other == index || outlines_apart(&scene, container, other, 0.01));
+            let Equipment { planner, settings, .. } = self.equipment;
+            let seen = hidden(&scene, &self.scenario.world, index + 1, index + 1, planner.robot(), settings).ok()?;
+            (clear && self.keeps_the_rest(&scene) && seen.iter().any(|seen| seen.object == index)).then_some(planted)
+        })
+    }
+
+    /// One move alone that fulfils the goal, done; if possible without a false edge.
+    fn goal_holds(&self, seed: Seed) -> Option<Planted> {
+        let step = self.step.as_ref()?;
+        let upright: Vec<_> = self.scene.objects().map(|object| object.pose.rotation).collect();
+        let goal = moves(&self.scenario.task.judged_goal(), &self.scene);
+        if goal.iter().any(|steps| steps.len() > 1) {
+            return None;
+        }
+        let search = GoalSearch {
+            scene: &self.scene,
+            upright: &upright,
+            workspace: &self.scenario.world.workspace,
+            relations: &self.scenario.world.relations,
+            settings: &genmanip_layout::GoalPoseSettings::default(),
+            order: GoalOrder::Margin,
+        };
+        let goals = search.goal_poses(step, &[], &|_| true, seed);
+        let placed = |goal: &genmanip_layout::GoalPose| {
+            let mut moved = self.scene.clone();
+            moved.set_pose(step.object, goal.world_from_object, &self.scenario.objects[step.object].joint_positions);
+            moved
+        };
+        let goal = goals.iter().find(|goal| self.keeps_edges(&placed(goal))).or(goals.first())?;
+        let objects = vec![Placement { id: self.id(step.object), pose: goal.world_from_object, joint_positions: None }];
+        self.is_reached(&placed(goal))
+            .then(|| self.planted(&[Operation::Place { objects }], vec![self.id(step.object)]))?
+    }
+
+    fn edge_false(&self, rng: &mut impl Rng) -> Option<Planted> {
+        let mut edges: Vec<Atom> = self.scenario.task.scene_graph.edges.iter().map(GraphEdge::atom).collect();
+        edges.shuffle(rng);
+        edges.into_iter().find_map(|edge| {
+            let index = self.scenario.index_of(edge.subject()).filter(|&index| self.is_alone(index))?;
+            let area = self.scenario.world.workspace;
+            (0..DRAWS).find_map(|_| {
+                let x = rng.random_range(area.x[0] + 0.08..area.x[1] - 0.08);
+                let y = rng.random_range(area.y[0] + 0.08..area.y[1] - 0.08);
+                let from = self.scenario.objects[index].pose.position;
+                let by = DVec3::new(x, y, from.z) - from;
+                let moved = self.moved(index, by);
+                let relations = &self.scenario.world.relations;
+                let only_it = !judge_atom(&moved, &edge, relations).holds
+                    && self.false_edges(&moved).iter().all(|known| *known == edge)
+                    && !self.is_reached(&moved);
+                (only_it && self.is_clear(&moved, index, 0.03))
+                    .then(|| self.planted(&[self.shifted(index, by)], vec![self.id(index)]))?
+            })
+        })
+    }
+
+    /// A second object of the target's category beside others, and an instruction that names the category.
+    fn ambiguous(&self, rng: &mut impl Rng) -> Option<Planted> {
+        let index = self.target()?;
+        let [alternative] = self.scenario.task.goal.alternatives.as_slice() else { return None };
+        if alternative.iter().any(|atom| atom.subject() != self.id(index)) {
+            return None;
+        }
+        let (mut said, node) = (self.scenario.task.clone(), self.scenario.task.scene_graph.index_of(&self.id(index))?);
+        let card = Arc::clone(&said.objects[node]);
+        let alike = |other: &&ObjectCard| {
+            other.category == card.category
+                && other.uid != card.uid
+                && other.can_grasp
+                && self.scenario.index_of(&other.uid).is_none()
+        };
+        let other = Catalogue::full().cards().iter().find(alike)?;
+        let name = card.category.replace('_', " ");
+        said.objects[node] = Arc::new(ObjectCard { name, ..(*card).clone() });
+        let text = wording::step(&said, &self.id(index), 0);
+        let area = self.scenario.world.workspace;
+        (0..DRAWS).find_map(|_| {
+            let x = rng.random_range(area.x[0] + 0.05..area.x[1] - 0.05);
+            let y = rng.random_range(area.y[0] + 0.05..area.y[1] - 0.05);
+            let add = Operation::Add {
+                asset: ChosenAsset::Uid(other.uid.clone()),
+                id: Some(other.uid.clone()),
+                pose: Pose::from_position(DVec3::new(x, y, 0.0)),
+                distractor: false,
+            };
+            let added = add.apply(self.scenario, self.equipment.assets).ok()?.scenario;
+            let scene = self.equipment.scene(&added).ok()?;
+            let twin = added.index_of(&other.uid)?;
+            let nodes = added.task.scene_graph.nodes.len();
+            let gaps = (0..added.objects.len()).filter(|&one| one != twin);
+            let gaps: Vec<(f64, usize)> =
+                gaps.filter_map(|one| Some((genmanip_relations::planar_gap(&scene, twin, one)?, one))).collect();
+            let nearest = gaps.iter().filter(|(_, one)| *one < nodes).min_by(|one, two| one.0.total_cmp(&two.0))?;
+            let is_free = gaps.iter().all(|(gap_m, _)| *gap_m >= TWIN_GAP_M[0]) && nearest.0 <= TWIN_GAP_M[1];
+            if !is_free || self.is_reached(&scene) {
+                return None;
+            }
+            let edge = edge_between(&scene, twin, nearest.1, &self.scenario.world.relations)?;
+            let edges = added.task.scene_graph.edges.iter().cloned().chain([edge]).collect();
+            let operations =
+                [add, Operation::Edges { edges, description: None }, Operation::Instruction { text: text.clone() }];
+            self.planted(&operations, vec![self.id(index), other.uid.clone()])
+        })
+    }
+
+    pub fn count(&self) -> usize {
+        self.scenario.objects.len()
+    }
+
+    pub fn id(&self, index: usize) -> String {
+        self.scenario.objects[index].id.clone()
+    }
+
+    pub fn target(&self) -> Option<usize> {
+        self.step.as_ref().map(|step| step.object)
+    }
+
+    /// The scenario after some operations.
+    pub fn planted(&self, operations: &[Operation], objects: Vec<String>) -> Option<Planted> {
+        let mut changed = self.scenario.clone();
+        for operation in operations {
+            changed = operation.apply(&changed, self.equipment.assets).ok()?.scenario;
+        }
+        Some(Planted { scenario: Arc::new(changed), objects, neighbour: None })
+    }
+
+    /// The operation that shifts an object.
+    pub fn shifted(&self, index: usize, by: DVec3) -> Operation {
+        let pose = self.scenario.objects[index].pose;
+        let pose = Pose { position: pose.position + by, ..pose };
+        Operation::Place { objects: vec![Placement { id: self.id(index), pose, joint_positions: None }] }
+    }
+
+    /// The scene with a shifted object.
+    pub fn moved(&self, index: usize, by: DVec3) -> PosedScene {
+        let mut moved = self.scene.clone();
+        moved.shift(index, by);
+        moved
+    }
+
+    /// True if no support edge names the object, so that it stands on the table alone.
+    pub fn is_alone(&self, index: usize) -> bool {
+        let id = &self.scenario.objects[index].id;
+        let mut supports = self.scenario.task.scene_graph.edges.iter().filter(|edge| edge.relation.is_support());
+        !supports.any(|edge| edge.subject == *id || edge.reference == *id)
+    }
+
+    pub fn is_clear(&self, moved: &PosedScene, index: usize, gap_m: f64) -> bool {
+        (0..self.count()).all(|other| other == index || outlines_apart(moved, index, other, gap_m))
+    }
+
+    /// True if no edge is false and the goal is not reached.
+    pub fn keeps_the_rest(&self, moved: &PosedScene) -> bool {
+        self.keeps_edges(moved) && !self.is_reached(moved)
+    }
+
+    fn keeps_edges(&self, moved: &PosedScene) -> bool {
+        self.false_edges(moved).is_empty()
+    }
+
+    fn false_edges(&self, moved: &PosedScene) -> Vec<Atom> {
+        let edges = self.scenario.task.scene_graph.edges.iter().map(GraphEdge::atom);
+        edges.filter(|edge| !judge_atom(moved, edge, &self.scenario.world.relations).holds).collect()
+    }
+
+    fn is_reached(&self, moved: &PosedScene) -> bool {
+        let goal = self.scenario.task.judged_goal();
+        judge_goal(moved, &goal, &Rest::default(), &self.scenario.world.relations).success
+    }
 }

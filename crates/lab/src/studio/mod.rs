@@ -1,20 +1,24 @@
 //! The studio: random edits of two authors on fresh layouts, verdicts against the audit, planted faults and repairs.
 
+mod blocked;
 mod edits;
 mod faults;
 mod measured;
+mod repairs;
 
 use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{Scenario, Seed, TaskKind, World};
 use genmanip_layout::{LayoutSettings, lay_out};
+use genmanip_rollout::collect::PipelineSettings;
+use genmanip_rollout::expert::Expert;
+use genmanip_rollout::{Stage, run_episode};
 use genmanip_studio::verdict::{Equipment, Inspection, Problem};
 use genmanip_tasks::designer::{DesignSettings, Series};
 use genmanip_workspace::Progress;
 
 use crate::LabError;
-use faults::{Fault, Planted};
 pub use measured::Measured;
 
 /// Amounts of a measurement.
@@ -58,11 +62,11 @@ pub fn measure(
     }
     progress.end();
     edits::measure(&scenarios, arguments.operations, &equipment, seed.fork("edits"), progress, &mut measured)?;
-    planted(&scenarios, arguments.faults, &equipment, seed.fork("faults"), progress, &mut measured)?;
+    repairs::measure(&scenarios, arguments.faults, &equipment, seed.fork("faults"), progress, &mut measured)?;
     Ok(measured)
 }
 
-/// Laid out tasks of all kinds.
+/// Tasks of all kinds, laid out, that the expert solves.
 fn fresh(
     count: usize,
     world: &World,
@@ -85,8 +89,11 @@ fn fresh(
         let (planner, grasps) = (&equipment.planner, GraspLibrary::builtin());
         match lay_out(&task, catalogue, world, planner, grasps, layout_seed, &LayoutSettings::default()) {
             Ok(scenario) => {
-                scenarios.push(Arc::new(scenario));
-                progress.advance();
+                let scenario = Arc::new(scenario);
+                if is_solved(&scenario, equipment, layout_seed.fork("expert"))? {
+                    scenarios.push(scenario);
+                    progress.advance();
+                }
             }
             Err(error) if error.is_defect() => return Err(LabError::broken("laying out stopped", error)),
             Err(_) => {}
@@ -96,6 +103,19 @@ fn fresh(
     Ok(scenarios)
 }
 
+/// True if the expert solves a scenario; one episode.
+fn is_solved(scenario: &Arc<Scenario>, equipment: &Equipment, seed: Seed) -> Result<bool, LabError> {
+    let broken =
+        |error: &dyn std::fmt::Display| LabError::broken(format!("cannot run {}", scenario.id), error.to_string());
+    let planner = &equipment.planner;
+    let stage = Stage::open(Arc::clone(scenario), equipment.assets, planner.robot()).map_err(|error| broken(&error))?;
+    let settings = PipelineSettings::in_world(scenario.world.clone());
+    let expert = Expert::new(&stage, planner, equipment.grasps, settings.expert);
+    let mut expert = expert.map_err(|error| broken(&error))?;
+    let episode = run_episode(&stage, &mut expert, &scenario.id, seed, &settings.rollout);
+    Ok(episode.map_err(|error| broken(&error))?.result.success)
+}
+
 /// The blocking problems of a scenario.
 fn blocking(scenario: &Arc<Scenario>, equipment: &Equipment) -> Result<Vec<Problem>, LabError> {
     let verdict = Inspection::new(Arc::clone(scenario), equipment).verdict(0);
@@ -103,75 +123,11 @@ fn blocking(scenario: &Arc<Scenario>, equipment: &Equipment) -> Result<Vec<Probl
     Ok(verdict.blocking().cloned().collect())
 }
 
-/// Plants faults of all kinds in turn, looks for each, and repairs it.
-fn planted(
-    scenarios: &[Arc<Scenario>],
-    count: usize,
-    equipment: &Equipment,
-    seed: Seed,
-    progress: &dyn Progress,
-    measured: &mut Measured,
-) -> Result<(), LabError> {
-    measured.by_fault = Fault::ALL.map(|fault| (fault.name(), [0; 3])).to_vec();
-    progress.begin("planting faults", count);
-    let mut tries = (0..).map(|number: u64| seed.fork_index(number));
-    for number in 0..count {
-        let kind = number % Fault::ALL.len();
-        let fault = Fault::ALL[kind];
-        // Not every scene has room for every fault.
-        let room = tries.by_ref().take(4 * scenarios.len()).enumerate();
-        let plant = |(skip, seed): (usize, Seed)| {
-            fault.plant(&scenarios[(number / Fault::ALL.len() + skip) % scenarios.len()], equipment, seed)
-        };
-        let Some(Planted { scenario, objects }) = room.into_iter().find_map(plant) else {
-            measured.notes.push(format!("no scene for a fault `{}`", fault.name()));
-            continue;
-        };
-        let mut inspection = Inspection::new(Arc::clone(&scenario), equipment);
-        let broken = |error| LabError::broken(format!("cannot judge {}", scenario.id), error);
-        let problems = inspection.verdict(0).map_err(broken)?.problems;
-        let names_it = |id: &Option<String>| id.as_ref().is_some_and(|id| objects.contains(id));
-        let right = |problem: &&Problem| {
-            fault.codes().contains(&problem.code) && (names_it(&problem.object) || names_it(&problem.other))
-        };
-        let tally = &mut measured.by_fault[kind].1;
-        tally[0] += 1;
-        measured.planted += 1;
-        let hits: Vec<&Problem> = problems.iter().filter(right).collect();
-        if hits.is_empty() {
-            let found: Vec<&str> = problems.iter().map(|problem| problem.code.name()).collect();
-            measured.notes.push(format!("missed {} of {objects:?} in {}: {found:?}", fault.name(), scenario.id));
-        } else {
-            tally[1] += 1;
-            measured.found += 1;
-        }
-        let mut is_repaired = false;
-        for problem in hits {
-            for repair in inspection.repairs(problem).map_err(broken)? {
-                let Ok(change) = repair.operation.apply(&scenario, equipment.assets) else { continue };
-                is_repaired |= blocking(&Arc::new(change.scenario), equipment)?.is_empty();
-            }
-            if is_repaired {
-                break;
-            }
-        }
-        if is_repaired {
-            measured.by_fault[kind].1[2] += 1;
-            measured.repaired += 1;
-        } else {
-            measured.notes.push(format!("not repaired: {} in {}", fault.name(), scenario.id));
-        }
-        progress.advance();
-    }
-    progress.end();
-    Ok(())
-}
-
 /// Text summary.
 pub fn describe(measured: &Measured) -> String {
     let mut text = format!(
         "operations    {} ({} applied, {} conflicts)\nverdict       {:.1} ms median, {:.1} ms p95; all stages {:.1} ms p95\n\
-         lost          {}\nequal bytes   {}\nmismatches    {}\nfaults        {} planted, {} found, {} repaired\n\
+         lost          {}\nequal bytes   {}\nmismatches    {}\nfaults        {} planted, {} found, {} repaired; the expert solves {} of {}\n\
          false alarms  {} of {}\n",
         measured.operations,
         measured.applied,
@@ -185,6 +141,8 @@ pub fn describe(measured: &Measured) -> String {
         measured.planted,
         measured.found,
         measured.repaired,
+        measured.repaired_solved,
+        measured.repaired_tried,
         measured.false_alarms,
         measured.sound,
     );
