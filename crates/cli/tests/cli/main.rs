@@ -27,6 +27,7 @@ mod robots;
 mod runs;
 mod serving;
 mod sharding;
+mod studio_killed;
 mod suites;
 mod verified;
 
