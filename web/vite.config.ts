@@ -1,19 +1,56 @@
+import { readFileSync } from "node:fs";
+import path from "node:path";
 import { defineConfig, type Plugin } from "vite";
 
-/** Leaves out what the page never uses of three.js: headsets, and comments and indentation of shaders. */
+/** Shaders of the page's materials: Phong, basic, lines, and the shadow map. */
+const SHADERS = ["meshphong", "meshbasic", "depth", "vsm"];
+/** Parts that three.js puts before every shader, and that of the outlines. */
+const ALWAYS = ["tonemapping_pars_fragment", "colorspace_pars_fragment", "colorspace_fragment"];
+
+/**
+ * Leaves out what the page never uses of three.js: headsets, reflections of the surroundings, shaders of other
+ * materials, and comments and indentation of shaders.
+ */
 function lighterThree(): Plugin {
+  let used: Set<string> | null = null;
   return {
     name: "lighter-three",
     load(id) {
+      if (id.endsWith("/extras/PMREMGenerator.js")) return NO_REFLECTIONS;
       return id.endsWith("/webxr/WebXRManager.js") ? NO_HEADSETS : null;
     },
     transform(code, id) {
       if (!id.endsWith(".glsl.js")) return null;
+      const name = path.basename(id, ".glsl.js");
+      used ??= usedParts(path.dirname(path.dirname(id)));
+      const isUsed = id.includes("/ShaderLib/") ? SHADERS.includes(name) : used.has(name);
+      if (!isUsed) return { code: code.replace(/`[\s\S]*?`/g, "``"), map: null };
       const text = code.replace(/\/\*[\s\S]*?\*\//g, "").replace(/\/\/.*$/gm, "").replace(/^\s+/gm, "");
       return { code: text, map: null };
     },
   };
 }
+
+/** Names of the parts that the used shaders include. */
+function usedParts(folder: string): Set<string> {
+  const parts = new Set<string>();
+  const include = (text: string) => {
+    for (const [, name] of text.matchAll(/#include <(\w+)>/g)) add(name!);
+  };
+  const add = (name: string) => {
+    if (parts.has(name)) return;
+    parts.add(name);
+    include(readFileSync(path.join(folder, "ShaderChunk", `${name}.glsl.js`), "utf8"));
+  };
+  for (const name of SHADERS) include(readFileSync(path.join(folder, "ShaderLib", `${name}.glsl.js`), "utf8"));
+  ALWAYS.forEach(add);
+  return parts;
+}
+
+const NO_REFLECTIONS = `
+export class PMREMGenerator {
+  dispose() {}
+}`;
 
 const NO_HEADSETS = `
 import { EventDispatcher } from "three/src/core/EventDispatcher.js";
