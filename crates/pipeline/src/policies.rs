@@ -5,6 +5,7 @@
 
 mod arguments;
 mod label;
+mod watched;
 
 use std::fmt;
 use std::path::PathBuf;
@@ -450,6 +451,14 @@ impl PolicyFactory {
     #[must_use]
     pub fn never_finishing(mut self) -> Self {
         self.prepared = self.prepared.never_finishing();
+        self
+    }
+
+    /// The same policy, watched: `before_turn` gets the time of the episode, s, before each turn, and its label stays. When
+    /// it returns false, the episode ends there and counts as not run.
+    #[must_use]
+    pub fn watched(mut self, before_turn: impl Fn(f64) -> bool + Send + Sync + 'static) -> Self {
+        self.prepared.make = watched::watched(self.prepared.make, Arc::new(before_turn));
         self
     }
 

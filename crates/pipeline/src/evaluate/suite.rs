@@ -143,6 +143,19 @@ impl Suite {
             }
             scenarios.push(Arc::new(scenario));
         }
+        let name = match paths {
+            [only] if only.is_dir() => name_of_folder(only),
+            [only] => documents::stem(only),
+            _ => format!("{} scenarios", scenarios.len()),
+        };
+        Self::of_loaded(name, scenarios)
+    }
+
+    /// Scenarios in memory, each with its own id, with default settings; each episode has the stream of its layout.
+    ///
+    /// # Errors
+    /// When there is none, or they have different robots.
+    pub fn of_loaded(name: String, mut scenarios: Vec<Arc<Scenario>>) -> Result<Self, WorkspaceError> {
         scenarios.sort_by(|a, b| a.id.cmp(&b.id));
         let Some(world) = scenarios.first().map(|scenario| scenario.world.clone()) else {
             return Err(WorkspaceError::input("there is no scenario to evaluate on").with_hint("name scenario files"));
@@ -157,11 +170,6 @@ impl Suite {
             scenario: Arc::clone(scenario),
             seed: scenario.seed,
             horizon_s: None,
-        };
-        let name = match paths {
-            [only] if only.is_dir() => name_of_folder(only),
-            [only] => documents::stem(only),
-            _ => format!("{} scenarios", scenarios.len()),
         };
         Ok(Self {
             name,
