@@ -43,7 +43,7 @@ use sketch::Sketch;
 
 pub use gate::as_answer;
 pub use report::{DesignReport, Occurrence, measure};
-pub use sentence::{SENTENCE, SentenceError, task_from_sentence};
+pub use sentence::{SENTENCE, SentenceError, SentencePhrase, phrases_of_sentence, task_from_sentence};
 pub use series::{Missing, Series};
 
 /// Source of tasks that were designed by these rules.

@@ -118,6 +118,35 @@ pub fn task_from_sentence(
     Err(SentenceError::NoScene { draws: settings.max_draws, rejections })
 }
 
+/// A noun phrase of a sentence.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SentencePhrase<'c> {
+    /// Its words.
+    pub phrase: String,
+    /// Objects that it may mean, those named by the noun itself first; several where it is ambiguous.
+    pub meant: Vec<&'c ObjectCard>,
+    /// Objects that share a word with it, if it means none.
+    pub alike: Vec<&'c ObjectCard>,
+}
+
+/// Noun phrases of a sentence, to ask which objects are meant before [`task_from_sentence`] decides by its seed.
+///
+/// # Errors
+/// [`SentenceError::Unreadable`].
+pub fn phrases_of_sentence<'c>(
+    sentence: &str,
+    cards: &'c [ObjectCard],
+) -> Result<Vec<SentencePhrase<'c>>, SentenceError> {
+    let unreadable = || SentenceError::Unreadable { sentence: sentence.to_owned() };
+    let parsed = read_sentence(sentence, cards).ok_or_else(unreadable)?;
+    let phrase = |noun: Noun<'c>| {
+        let is_best = |card: &&ObjectCard| noun.best.iter().any(|best| best.uid == card.uid);
+        let (best, others): (Vec<&ObjectCard>, Vec<&ObjectCard>) = noun.meant.iter().partition(|card| is_best(card));
+        SentencePhrase { phrase: noun.phrase, meant: [best, others].concat(), alike: noun.alike }
+    };
+    Ok(parsed.nouns.into_iter().map(phrase).collect())
+}
+
 /// Every phrase names an object, and one that can have its part.
 fn check_nouns(sentence: &Sentence) -> Result<(), SentenceError> {
     for noun in &sentence.nouns {

@@ -3,7 +3,7 @@
 use genmanip_assets::Catalogue;
 use genmanip_core::{Atom, Seed, Task};
 
-use super::{DesignSettings, task_from_sentence};
+use super::{DesignSettings, phrases_of_sentence, task_from_sentence};
 use crate::references;
 
 fn compose(sentence: &str, seed: u64) -> Result<Task, String> {
@@ -75,4 +75,18 @@ fn seeds_make_different_scenes() {
     let [one, again, other] = [1, 1, 2].map(|seed| compose(sentence, seed).unwrap());
     assert_eq!(one, again);
     assert_ne!(one.scene_graph, other.scene_graph);
+}
+
+#[test]
+fn ambiguous_phrases_list_what_they_may_mean() {
+    let cards = Catalogue::builtin().cards();
+    let phrases = phrases_of_sentence("put the red mug to the left of the bowl", cards).unwrap();
+    let [mug, bowl] = &phrases[..] else { panic!("{phrases:?}") };
+    assert_eq!((mug.phrase.as_str(), bowl.phrase.as_str()), ("red mug", "bowl"));
+    assert!(mug.meant.iter().all(|card| card.name.contains("Mug")), "{:?}", mug.meant);
+    assert!(bowl.meant.len() > 1 && bowl.alike.is_empty());
+    assert!(bowl.meant[0].name.to_lowercase().contains("bowl"), "{}", bowl.meant[0].name);
+    let unknown = phrases_of_sentence("put the purple dragon on the plate", cards).unwrap();
+    assert!(unknown[0].meant.is_empty(), "{unknown:?}");
+    assert!(phrases_of_sentence("how do you do", cards).is_err());
 }
