@@ -294,7 +294,7 @@ fn scenario_in(path: &Path) -> Result<Option<Scenario>, WorkspaceError> {
 }
 
 /// Names of a folder's entries; none if it cannot be listed.
-fn sorted_names(folder: &Path) -> Vec<String> {
+pub(crate) fn sorted_names(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).into_iter().flatten();
     let mut names: Vec<String> =
         entries.filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned())).collect();

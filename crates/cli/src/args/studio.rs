@@ -26,6 +26,10 @@ pub struct StudioArguments {
     /// Listen to other machines too; each must open the printed address, which holds a secret token
     #[arg(long)]
     pub allow_others: bool,
+    /// A policy that the page may run beside the built-in ones, with its arguments; may be given several times. Who
+    /// reaches the page can then run it
+    #[arg(long = "policy", value_name = "NAME[:KEY=VALUE,…]")]
+    pub policies: Vec<String>,
     /// Name under which changes are logged, unless the page is given another one [default: that of git, or the user's]
     #[arg(long, value_name = "NAME")]
     pub author: Option<String>,

@@ -4,6 +4,7 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::process::{Command, Stdio};
 
 use genmanip_studio::collections::Collection;
+use genmanip_studio::run::OfferedPolicies;
 use genmanip_studio::server::{self, StudioSettings, Token};
 
 use super::plural;
@@ -12,7 +13,8 @@ use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed, environment};
 
 pub fn run(arguments: &StudioArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let StudioArguments { paths, out, port, no_open, allow_others, author } = arguments;
+    let StudioArguments { paths, out, port, no_open, allow_others, policies, author } = arguments;
+    let policies = OfferedPolicies::new(policies)?;
     let collection = Collection::open(paths, out, printer)?;
     collection.left_out.iter().for_each(|message| printer.say(message));
     let scenarios = collection.iter().count();
@@ -27,6 +29,7 @@ pub fn run(arguments: &StudioArguments, printer: &Printer) -> Result<ExitStatus,
         out: out.clone(),
         author: author.clone().or_else(git_author).or_else(user).unwrap_or_else(|| "somebody".into()),
         token: token.clone(),
+        policies,
     };
     let server = server::start(collection, settings)
         .map_err(|error| Failed::because("the studio cannot be opened", &error).hint("choose another --port"))?;

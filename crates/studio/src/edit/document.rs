@@ -200,6 +200,12 @@ impl EditedScenario {
         Ok(Arc::new(scenario))
     }
 
+    /// SHA-256 of the scenario's document at each revision, from 0 on.
+    pub fn hashes(&self) -> Vec<String> {
+        let first = sha256(self.first.to_json().as_bytes());
+        std::iter::once(first).chain(self.history.lines().map(|line| line.sha256.clone())).collect()
+    }
+
     /// Difference between two revisions.
     ///
     /// # Errors

@@ -1,9 +1,8 @@
 //! Operations over HTTP; those of the page's tabs are the same.
 
 use std::sync::Arc;
-use std::time::Duration;
 
-use axum::body::{Body, to_bytes};
+use axum::body::Body;
 use axum::extract::{Path, Query, Request as HttpRequest, State};
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, HeaderName};
 use axum::response::{IntoResponse, Response};
@@ -16,18 +15,14 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use super::answer::{Refusal, not_found};
-use super::room::Request;
+use super::making;
+use super::requests::{body, work};
+use super::room::{Request, Revision};
 use super::studio::Studio;
 use crate::edit::{Command, Placement, Stamp};
 use crate::scene::settling::settle;
 use crate::verdict::{Inspection, ProblemCode, Stage};
 
-/// Largest body of a request, bytes: many times the largest command.
-pub const MAX_BODY: usize = 1 << 20;
-/// Most that is read of a body: closed before its end, the connection would be reset and the answer lost.
-const MAX_READ: usize = 4 * MAX_BODY;
-/// Time-out for receiving a body.
-const RECEIVE: Duration = Duration::from_secs(30);
 /// Objects of a search without a limit.
 const FOUND: usize = 40;
 /// Moves of objects that were not to be dropped, below which they stay, metres.
@@ -37,7 +32,7 @@ const NUDGE_M: f64 = 0.002;
 pub fn routes() -> Router<Arc<Studio>> {
     Router::new()
         .route("/api/session", get(session))
-        .route("/api/scenarios", get(list))
+        .route("/api/scenarios", get(list).post(making::create))
         .route("/api/scenarios/{key}", get(scene))
         .route("/api/scenarios/{key}/commands", post(command))
         .route("/api/scenarios/{key}/undo", post(undo))
@@ -68,16 +63,22 @@ async fn list(State(studio): Shared) -> Response {
     work(&studio, |studio| Ok(Json(studio.list()).into_response())).await
 }
 
-/// Author on whose behalf something is read.
+/// Author on whose behalf something is read, and the revision; the newest if absent.
 #[derive(Deserialize)]
 struct Reader {
     author: Option<String>,
+    revision: Option<u64>,
 }
 
 async fn scene(State(studio): Shared, Path(key): Path<String>, Query(reader): Query<Reader>) -> Response {
     work(&studio, move |studio| {
         let author = reader.author.as_deref().unwrap_or(&studio.author);
-        Ok(Json(studio.scene(&*studio.room(&key)?, author)?).into_response())
+        let room = studio.room(&key)?;
+        if let Some(number) = reader.revision {
+            let scenario = room.read(|document| document.at_revision(number))?;
+            return Ok(Json(studio.scene_at(&room, &Revision { number, scenario })?).into_response());
+        }
+        Ok(Json(studio.scene(&room, author)?).into_response())
     })
     .await
 }
@@ -390,34 +391,4 @@ async fn mesh(State(studio): Shared, Path(file): Path<String>) -> Response {
 
 async fn unknown() -> Response {
     not_found("no such operation; docs/guides/studio.md lists them")
-}
-
-/// Receives a JSON body.
-pub async fn body<T: DeserializeOwned>(request: HttpRequest) -> Result<T, Refusal> {
-    let received = tokio::time::timeout(RECEIVE, to_bytes(request.into_body(), MAX_READ)).await;
-    let too_large =
-        || Refusal::unsuited(format!("the request was not received, or is larger than {MAX_BODY} bytes"), "");
-    let bytes = received.map_err(|_| too_large())?.map_err(|_| too_large())?;
-    if bytes.len() > MAX_BODY {
-        return Err(too_large());
-    }
-    serde_json::from_slice(&bytes)
-        .map_err(|error| Refusal::unsuited(format!("the request cannot be read: {error}"), ""))
-}
-
-/// Runs a computation on its own thread when one is free; a panic costs one answer, not the server.
-pub async fn work(
-    studio: &Arc<Studio>,
-    compute: impl FnOnce(&Studio) -> Result<Response, Refusal> + Send + 'static,
-) -> Response {
-    let Ok(_turn) = studio.permits.acquire().await else { return not_found("the server is shutting down") };
-    let own = Arc::clone(studio);
-    match tokio::task::spawn_blocking(move || compute(&own)).await {
-        Ok(answer) => answer.unwrap_or_else(IntoResponse::into_response),
-        Err(_) => Refusal::Stopped {
-            message: "the computation panicked; please report this bug".into(),
-            hint: "the scenario's log has every acknowledged edit".into(),
-        }
-        .into_response(),
-    }
 }

@@ -4,10 +4,14 @@ mod access;
 mod answer;
 mod api;
 mod catalogue;
+mod jobs;
+mod making;
 mod page;
+mod requests;
 mod review_desk;
 mod reviews;
 mod room;
+mod runs;
 mod socket;
 mod studio;
 
@@ -27,6 +31,7 @@ use serde_json::json;
 pub use access::Token;
 
 use crate::collections::Collection;
+use crate::run::OfferedPolicies;
 use studio::Studio;
 
 /// Settings of the server.
@@ -40,6 +45,8 @@ pub struct StudioSettings {
     pub author: String,
     /// Secret that every request must hold; none on loopback.
     pub token: Option<Token>,
+    /// Policies that the page may run.
+    pub policies: OfferedPolicies,
 }
 
 /// Starts the server on its own threads; it stops when the result is dropped.
@@ -47,8 +54,8 @@ pub struct StudioSettings {
 /// # Errors
 /// When the address is unavailable.
 pub fn start(collection: Collection, settings: StudioSettings) -> Result<Server, ServeError> {
-    let StudioSettings { address, out, author, token } = settings;
-    let studio = Arc::new(Studio::new(collection, out, author, token));
+    let StudioSettings { address, out, author, token, policies } = settings;
+    let studio = Arc::new(Studio::new(collection, out, author, token, policies));
     Server::of(address, |address| router(studio, address.ip().is_loopback()))
 }
 
@@ -56,6 +63,8 @@ fn router(studio: Arc<Studio>, listens_on_loopback: bool) -> Router {
     let guarded = Arc::clone(&studio);
     api::routes()
         .merge(reviews::routes())
+        .merge(making::routes())
+        .merge(runs::routes())
         .route("/api/socket", axum::routing::get(socket::connect))
         .fallback(page::file)
         .layer(middleware::from_fn(move |request: Request, next: Next| {

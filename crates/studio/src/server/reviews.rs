@@ -2,8 +2,8 @@
 //! approved.
 
 use std::collections::BTreeSet;
-use std::sync::atomic::AtomicBool;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use axum::extract::{Path, Query, Request as HttpRequest, State};
 use axum::response::{IntoResponse, Response};
@@ -15,7 +15,8 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::answer::Refusal;
-use super::api::{body, work};
+
+use super::requests::{body, work};
 use super::review_desk::refused;
 use super::studio::Studio;
 use crate::review::{self, ReviewDesk, ReviewError, Reviewable};

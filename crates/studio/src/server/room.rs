@@ -82,6 +82,8 @@ pub enum Event {
     Presence(Vec<String>),
     /// Editing has stopped.
     Stopped(String),
+    /// An episode is run, or was.
+    Run(Arc<Value>),
 }
 
 /// True for each author of a tab who may undo, and redo.

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use tokio::sync::{broadcast, mpsc, watch};
 
 use super::answer::Refusal;
-use super::api::MAX_BODY;
+use super::requests::MAX_BODY;
 use super::room::{Event, Request, Revision, Room};
 use super::studio::{Changed, Studio};
 use crate::edit::{Command, Operation, Placement, Stamp};
@@ -226,7 +226,8 @@ impl Tab {
                 let verdict = room.verdict();
                 let stopped = room.stopped().map(|message| json!({ "type": "stopped", "message": message }));
                 let found = verdict.iter().map(|found| found.message(false));
-                [scene, presence].into_iter().chain(stopped).chain(found).collect()
+                let run = self.studio.runs.message(&room.key);
+                [scene, presence].into_iter().chain(stopped).chain(run).chain(found).collect()
             }
             Err(refusal) => vec![refused("", &refusal)],
         }
@@ -272,7 +273,7 @@ impl Tab {
                 "type": "applied", "client_operation_id": client_operation_id, "author": author,
                 "state": steps.complete(&state, &self.author),
             }),
-            Event::Verdict(message) => Value::clone(&message),
+            Event::Verdict(message) | Event::Run(message) => Value::clone(&message),
             Event::Presence(authors) => json!({ "type": "presence", "authors": authors }),
             Event::Stopped(message) => json!({ "type": "stopped", "message": message }),
         }

@@ -7,17 +7,20 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use genmanip_assets::Catalogue;
 use genmanip_core::{ObjectModel, Scenario, World};
 use genmanip_workspace::WorkspaceError;
+use genmanip_workspace::scenarios::read_scenario;
 use serde_json::{Value, json};
 use tokio::sync::Semaphore;
 
 use super::access::Token;
 use super::answer::Refusal;
 use super::catalogue::CatalogueSearch;
+use super::jobs::Runs;
 use super::review_desk::Reviews;
 use super::room::{Request, Revision, Room, StageVerdict, Steps};
 use crate::collections::{Collection, Listed, Summary};
 use crate::edit::{EditLog, EditedScenario};
 use crate::review::{ReviewDesk, read_desk};
+use crate::run::OfferedPolicies;
 use crate::scene::exported::models;
 use crate::scene::images::{CameraImage, Painters};
 use crate::scene::scene_message::{SceneAssets, SceneMessage};
@@ -37,9 +40,13 @@ pub struct Studio {
     pub permits: Semaphore,
     /// Reviews of the scenarios.
     pub reviews: Reviews,
+    /// Episodes that are run.
+    pub runs: Runs,
     out: PathBuf,
     collection: Mutex<Collection>,
     rooms: Mutex<BTreeMap<String, Arc<Room>>>,
+    /// Held while a scenario is made.
+    creating: Mutex<()>,
     painters: Painters,
     /// By the robot of a world.
     equipment: Mutex<BTreeMap<String, Arc<Equipment>>>,
@@ -57,7 +64,13 @@ pub struct Changed {
 
 impl Studio {
     /// A studio of a collection, whose copies go to `out`.
-    pub fn new(collection: Collection, out: PathBuf, author: String, token: Option<Token>) -> Self {
+    pub fn new(
+        collection: Collection,
+        out: PathBuf,
+        author: String,
+        token: Option<Token>,
+        policies: OfferedPolicies,
+    ) -> Self {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         Self {
             author,
@@ -66,9 +79,11 @@ impl Studio {
             scenes: SceneAssets::default(),
             permits: Semaphore::new(cores + 1), // one more than cores: an image never waits for long stages alone
             reviews: Reviews::default(),
+            runs: Runs::new(out.join("runs"), policies),
             out,
             collection: Mutex::new(collection),
             rooms: Mutex::default(),
+            creating: Mutex::default(),
             painters: Painters::default(),
             equipment: Mutex::default(),
         }
@@ -161,28 +176,45 @@ impl Studio {
         self.room(&copy)
     }
 
+    /// Adds a scenario that `make` writes into the studio's folder, and returns its key; one at a time.
+    ///
+    /// # Errors
+    /// Those of `make`, and when its file cannot be read.
+    pub fn create(&self, make: impl FnOnce(&Path) -> Result<PathBuf, WorkspaceError>) -> Result<String, Refusal> {
+        let _alone = self.creating.lock().unwrap_or_else(PoisonError::into_inner);
+        let file = make(&self.out).map_err(|error| Refusal::of_work(&error))?;
+        let scenario = read_scenario(&file).map_err(|error| Refusal::of_work(&error))?;
+        Ok(self.lock_collection().add(&file, "studio", None, &scenario))
+    }
+
     /// Scene of a scenario as an author sees it.
     ///
     /// # Errors
     /// When an object or a mesh is broken.
     pub fn scene(&self, room: &Room, author: &str) -> Result<Value, Refusal> {
-        let now = room.revision();
+        let mut message = self.scene_at(room, &room.revision())?;
+        (message.state.can_undo, message.state.can_redo) = room.steps(author);
+        serde_json::to_value(&message).map_err(|error| Refusal::unsuited(error.to_string(), ""))
+    }
+
+    /// Scene of a revision of a scenario, or of an episode's, to look at.
+    ///
+    /// # Errors
+    /// As [`Studio::scene`].
+    pub fn scene_at(&self, room: &Room, now: &Revision) -> Result<SceneMessage, Refusal> {
         let (surfaces, robot) = self.scenes.fixed(&now.scenario.world).map_err(|error| Refusal::of_work(&error))?;
-        let mut state = self.state(&room.key, &now)?;
-        (state.can_undo, state.can_redo) = room.steps(author);
-        let message = SceneMessage {
+        Ok(SceneMessage {
             key: room.key.clone(),
             id: now.scenario.id.clone(),
             read_only: room.copies.is_some(),
             source: room.source.clone(),
             parent: room.parent.clone(),
             revision: now.number,
-            state,
+            state: self.state(&room.key, now)?,
             surfaces,
             workspace: now.scenario.world.workspace,
             robot,
-        };
-        serde_json::to_value(&message).map_err(|error| Refusal::unsuited(error.to_string(), ""))
+        })
     }
 
     fn state(&self, key: &str, now: &Revision) -> Result<crate::scene::scene_message::SceneState, Refusal> {

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use genmanip_core::{Document, Scenario};
 use genmanip_serve::Server;
 use genmanip_studio::collections::Collection;
+use genmanip_studio::run::OfferedPolicies;
 use genmanip_studio::server::{StudioSettings, Token, start};
 use genmanip_workspace::NoProgress;
 use serde_json::{Value, json};
@@ -99,7 +100,8 @@ pub fn serve(folder: &Path, paths: &[PathBuf], token: Option<Token>) -> Server {
     let out = folder.join("out");
     let collection = Collection::open(paths, &out, &NoProgress).unwrap();
     let address = ([127, 0, 0, 1], 0).into();
-    start(collection, StudioSettings { address, out, author: "owner".into(), token }).unwrap()
+    let policies = OfferedPolicies::new(&["do_nothing:seconds=1".into()]).unwrap();
+    start(collection, StudioSettings { address, out, author: "owner".into(), token, policies }).unwrap()
 }
 
 /// Copies a scenario of the shipped suite into a folder; returns its key and file.

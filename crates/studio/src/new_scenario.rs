@@ -1,0 +1,131 @@
+//! A new scenario from one sentence: the words are resolved, a task is composed as by `task new --text`, and laid out.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use genmanip_assets::Catalogue;
+use genmanip_assets::worlds::default_world;
+use genmanip_core::{ObjectCard, Seed};
+use genmanip_layout::LayoutSettings;
+use genmanip_pipeline::layouts::{LayoutOutput, lay_out};
+use genmanip_tasks::designer::{SentenceError, phrases_of_sentence};
+use genmanip_workspace::designed_tasks::compose_into;
+use genmanip_workspace::{NoProgress, WorkspaceError, task_files};
+use serde::Serialize;
+
+/// Most objects that are listed for a phrase.
+const MAX_CANDIDATES: usize = 24;
+/// Longest sentence, bytes.
+const MAX_SENTENCE: usize = 400;
+/// Folder of the tasks below that of the scenarios.
+const TASKS: &str = "tasks";
+/// Scenarios of the same words that are tried for a free name.
+const MAX_SEEDS: u64 = 1000;
+/// Scenes that are tried where some cannot be laid out; chosen: each takes seconds.
+const MAX_REFUSED: usize = 3;
+
+/// Objects that a noun phrase may mean.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PhraseChoice {
+    /// The words.
+    pub phrase: String,
+    /// True if the phrase names these; false if none fits and these share a word with it.
+    pub is_known: bool,
+    /// The objects, the likeliest first.
+    pub candidates: Vec<Candidate>,
+}
+
+/// An object of the catalogue that is meant, perhaps.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Candidate {
+    /// Uid in the catalogue.
+    pub uid: String,
+    /// Display name.
+    pub name: String,
+}
+
+/// The noun phrases of a sentence with the objects that each may mean.
+///
+/// # Errors
+/// When the sentence is not understood.
+pub fn choices(sentence: &str) -> Result<Vec<PhraseChoice>, WorkspaceError> {
+    let phrases = phrases_of_sentence(check(sentence)?, cards()).map_err(not_understood)?;
+    let candidate = |card: &&ObjectCard| Candidate { uid: card.uid.clone(), name: card.name.clone() };
+    let choice = phrases.iter().map(|own| {
+        let is_known = !own.meant.is_empty();
+        let candidates = if is_known { &own.meant } else { &own.alike };
+        let candidates = candidates.iter().take(MAX_CANDIDATES).map(candidate).collect();
+        PhraseChoice { phrase: own.phrase.clone(), is_known, candidates }
+    });
+    Ok(choice.collect())
+}
+
+/// Composes a task for a sentence and lays it out into a folder; returns the file of the scenario.
+///
+/// `chosen` names the uid of the object that a phrase means; others are drawn among those that fit.
+///
+/// # Errors
+/// When the sentence is not understood, no scene suits it, or a file cannot be written.
+pub fn create(sentence: &str, chosen: &BTreeMap<String, String>, folder: &Path) -> Result<PathBuf, WorkspaceError> {
+    let sentence = check(sentence)?;
+    let phrases = phrases_of_sentence(sentence, cards()).map_err(not_understood)?;
+    let is_chosen = |card: &ObjectCard| chosen.values().any(|uid| *uid == card.uid);
+    let is_out = |card: &ObjectCard| {
+        let mut asked = phrases.iter().filter(|own| chosen.contains_key(&own.phrase));
+        !is_chosen(card) && asked.any(|own| own.meant.iter().any(|meant| meant.uid == card.uid))
+    };
+    let allowed: Vec<ObjectCard> = cards().iter().filter(|card| !is_out(card)).cloned().collect();
+    let taken = || WorkspaceError::input(format!("{} has too many scenarios of this sentence", folder.display()));
+    let mut refused = Vec::new();
+    for seed in 0..MAX_SEEDS {
+        let rows = compose_into(&folder.join(TASKS), sentence, 1, &allowed, Seed::new(seed), &NoProgress);
+        let file = match rows {
+            Ok(rows) => rows.into_iter().next().and_then(|row| row.file),
+            // The same words with other objects were asked for before.
+            Err(WorkspaceError::Input { .. }) => continue,
+            Err(error) => return Err(error),
+        };
+        let Some(file) = file else { continue };
+        let task = task_files::read_task(Path::new(&file))?;
+        let scenario = folder.join(format!("{}-000.json", task.id));
+        if scenario.exists() {
+            continue;
+        }
+        let output = LayoutOutput { folder: folder.to_owned(), explain: false };
+        let (settings, never) = (LayoutSettings::default(), AtomicBool::new(false));
+        let world = default_world();
+        let rows =
+            lay_out(&[task], 1, &world, &settings, Seed::new(seed), &output, 1, &NoProgress, &never, &mut |_| {})?;
+        let Some(row) = rows.into_iter().next().filter(|row| row.scenario.is_none()) else { return Ok(scenario) };
+        refused.push(row.refused.unwrap_or_default());
+        if refused.len() == MAX_REFUSED {
+            break;
+        }
+    }
+    if let Some(why) = refused.pop() {
+        return Err(WorkspaceError::input(format!("the scene cannot be laid out: {why}"))
+            .with_hint("name other objects, or say it otherwise"));
+    }
+    Err(taken().with_hint("edit one of them, or name another --out"))
+}
+
+/// Objects that a sentence may name: those of the designer.
+fn cards() -> &'static [ObjectCard] {
+    Catalogue::builtin().cards()
+}
+
+fn check(sentence: &str) -> Result<&str, WorkspaceError> {
+    let sentence = sentence.trim();
+    let is_fit = (1..=MAX_SENTENCE).contains(&sentence.len()) && !sentence.chars().any(char::is_control);
+    is_fit.then_some(sentence).ok_or_else(|| {
+        WorkspaceError::input(format!("expected a sentence of at most {MAX_SENTENCE} bytes"))
+            .with_hint("such as: put the red mug to the left of the bowl")
+    })
+}
+
+fn not_understood(error: SentenceError) -> WorkspaceError {
+    WorkspaceError::broken("there is no task for the sentence", error).with_hint(
+        "say what to move and where, or what to open, close or turn: put the red mug to the left of the bowl",
+    )
+}

@@ -1,0 +1,93 @@
+//! An episode as states: poses of all links over time.
+
+use std::sync::Arc;
+
+use genmanip_core::{Episode, ObjectModel, Pose, RobotModel};
+
+use crate::scene::scene_message::SceneMessage;
+
+/// Most states per second of a track, Hz.
+const RATE_HZ: f64 = 30.0;
+/// Most states of a track; a longer episode has fewer of them per second.
+pub const MAX_FRAMES: usize = 9000;
+/// Numbers of a pose: position (m), then the unit quaternion, w first.
+const POSE: usize = 7;
+
+/// A link whose pose is part of each state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Body {
+    /// Link of the robot by index.
+    Robot(usize),
+    /// Link of an object, by both indices.
+    Object(usize, usize),
+}
+
+/// Poses of links over time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Track {
+    /// Number of states.
+    pub frames: usize,
+    /// Numbers of a state: time (s), opening of the gripper (m), and a pose for each link.
+    pub width: usize,
+    /// All numbers, row by row.
+    pub values: Vec<f32>,
+}
+
+impl Track {
+    /// The numbers as little-endian bytes.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        self.values.iter().flat_map(|value| value.to_le_bytes()).collect()
+    }
+}
+
+/// Links of a scene in the order of its message: those of the robot, then those of the objects; links without a mesh
+/// are left out there.
+fn bodies(scene: &SceneMessage, robot: &RobotModel, models: &[Arc<ObjectModel>]) -> Vec<Body> {
+    let of_robot = scene.robot.links.iter().filter_map(|shown| {
+        let link = robot.links.iter().position(|link| link.name == shown.name)?;
+        Some(Body::Robot(link))
+    });
+    let objects = scene.state.objects.iter().zip(models).enumerate();
+    let of_objects = objects.flat_map(|(index, (object, model))| {
+        object.links.iter().filter_map(move |shown| {
+            let link = model.links.iter().position(|link| link.name == shown.name)?;
+            Some(Body::Object(index, link))
+        })
+    });
+    of_robot.chain(of_objects).collect()
+}
+
+/// States of an episode, at most [`RATE_HZ`] per second, the last one included; links in the order of `scene`, which is
+/// that of the episode's scenario.
+pub fn track(episode: &Episode, scene: &SceneMessage, robot: &RobotModel, models: &[Arc<ObjectModel>]) -> Track {
+    let bodies = bodies(scene, robot, models);
+    let width = 2 + POSE * bodies.len();
+    let count = episode.frames.len();
+    let by_rate = (episode.result.control_rate_hz / RATE_HZ).round().max(1.0) as usize;
+    let stride = by_rate.max(count.div_ceil(MAX_FRAMES));
+    let chosen =
+        (0..count).step_by(stride).chain((count > 0 && !(count - 1).is_multiple_of(stride)).then(|| count - 1));
+    let mut values = Vec::new();
+    let mut frames = 0;
+    for frame in chosen.filter_map(|index| episode.frames.get(index)) {
+        frames += 1;
+        values.extend([frame.time_s as f32, frame.gripper_width as f32]);
+        let of_robot = robot.link_poses(&frame.joint_position, frame.gripper_width);
+        let of_objects: Vec<Vec<Pose>> = frame
+            .objects
+            .iter()
+            .zip(models)
+            .map(|(state, model)| {
+                model.link_poses(&state.joint_positions).into_iter().map(|link| state.pose * link).collect()
+            })
+            .collect();
+        for body in &bodies {
+            let pose = match *body {
+                Body::Robot(link) => of_robot.get(link),
+                Body::Object(object, link) => of_objects.get(object).and_then(|links| links.get(link)),
+            };
+            values.extend(pose.copied().unwrap_or_default().to_row().map(|value| value as f32));
+        }
+    }
+    Track { frames, width, values }
+}
