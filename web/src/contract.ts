@@ -1,5 +1,7 @@
 // Messages between the page and the server of `genmanip studio`.
 
+import type { Run } from "./episodes.ts";
+
 /** Lengths in metres, quaternions as (w, x, y, z), as in scenario files. */
 export interface Pose {
   position_m: [number, number, number];
@@ -82,6 +84,15 @@ export interface Intrinsics {
   cy: number;
 }
 
+/** Brown's coefficients of a lens. */
+export interface Distortion {
+  k1: number;
+  k2: number;
+  p1: number;
+  p2: number;
+  k3: number;
+}
+
 export interface Camera {
   name: string;
   mount: "world" | "hand";
@@ -89,7 +100,7 @@ export interface Camera {
   world_from_camera: Pose;
   mount_from_camera?: Pose;
   intrinsics: Intrinsics;
-  distortion?: unknown;
+  distortion?: Distortion | null;
   sensor?: unknown;
 }
 
@@ -194,6 +205,35 @@ export interface CatalogueEntry {
   thumbnail: string;
 }
 
+/** Cameras and sensors that can be bought. */
+export interface KnownCameras {
+  presets: { name: string; about: string; intrinsics: Intrinsics }[];
+  sensors: { name: string; about: string; sensor: unknown }[];
+}
+
+/** Objects that a phrase of a sentence may mean; if none is known, those that share a word with it. */
+export interface PhraseChoice {
+  phrase: string;
+  is_known: boolean;
+  candidates: { uid: string; name: string }[];
+}
+
+/** What two revisions differ in. */
+export interface Difference {
+  moved: { id: string; distance_m: number }[];
+  turned: { id: string; angle_rad: number }[];
+  articulated: string[];
+  added: string[];
+  removed: string[];
+  instruction?: [string, string];
+  goal?: [Atom[][], Atom[][]];
+  kind?: [string, string];
+  edges_added: GraphEdge[];
+  edges_removed: GraphEdge[];
+  description?: [string, string];
+  cameras: string[];
+}
+
 export interface HistoryLine {
   revision: number;
   op?: string;
@@ -212,6 +252,7 @@ export type ServerMessage =
   | { type: "refused"; client_operation_id: string; error: Refusal }
   | { type: "verdict"; revision: number; stage: Stage; problems: Problem[]; done: boolean; preview?: boolean; error?: string }
   | { type: "presence"; authors: string[] }
+  | { type: "run"; run: Run }
   | { type: "stopped"; message: string };
 
 export const KINDS = ["pick_and_place", "spatial", "appearance", "common_sense", "long_horizon", "articulated"] as const;

@@ -381,6 +381,254 @@ test("cameras: look through, numbers, image with visible shares", async () => {
   await page.context().close();
 });
 
+withMock("a camera is added, dragged, set by numbers, moved by keys and removed", async () => {
+  const page = await openPage();
+  await page.click("#tab-cameras");
+  const names = () => page.locator("ul[aria-label=Cameras] .name").allTextContents();
+  const before = await names();
+  await page.keyboard.press("t");
+  await page.click("button:has-text('Add camera')");
+  await until("the camera is added", async () => (await names()).length === before.length + 1);
+  await until("it is selected", async () => (await page.textContent(".details h3")) === "camera");
+  const start = await revision(page);
+  const set = async (name, value) => {
+    await page.fill(`[data-field=camera-${name}]`, value);
+    await page.press(`[data-field=camera-${name}]`, "Enter");
+  };
+  // Beside the objects, in front of the eye.
+  for (const [name, value] of [["x", "0.55"], ["y", "0.3"], ["z", "0.3"], ["fov", "60"], ["width", "320"]]) await set(name, value);
+  await untilRevision(page, start + 5);
+  assert.equal(await field(page, "camera-fov"), "60.0");
+  await page.selectOption("#camera-preset", "d435");
+  await until("the preset is there", async () => (await field(page, "camera-width")) === "1280");
+  await page.selectOption("#camera-sensor", "d435");
+  await page.click("summary:has-text('Lens')");
+  await set("k1", "-0.1");
+  await untilRevision(page, start + 8);
+  await page.keyboard.press("Escape");
+  await page.evaluate(() => document.activeElement.blur());
+  const x = Number(await field(page, "camera-x"));
+  await page.keyboard.press("Shift+ArrowUp");
+  await page.keyboard.press("[");
+  await untilRevision(page, start + 10);
+  assert.ok(Math.abs(Number(await field(page, "camera-x")) - x) < 0.0011);
+  // The flat square of the handles moves it on the level.
+  const box = await page.locator(".host canvas").boundingBox();
+  const [y, z] = [Number(await field(page, "camera-y")), Number(await field(page, "camera-z"))];
+  const at = await page.evaluate((point) => window.studio.project(point), [x, y, z]);
+  await shot(page, "camera");
+  // From above, the middle of the square is right of and above the camera.
+  const grab = await page.evaluate((point) => window.studio.project(point), [x + 0.07, y + 0.07, z]);
+  await page.mouse.move(box.x + grab.x, box.y + grab.y);
+  await page.mouse.down();
+  for (let step = 1; step <= 5; step++) await page.mouse.move(box.x + grab.x + step * 6, box.y + grab.y + step * 4);
+  await page.mouse.up();
+  await untilRevision(page, start + 11);
+  assert.ok(at && Math.abs(Number(await field(page, "camera-y")) - y) > 0.005, "the drag moved the camera");
+  assert.ok(Math.abs(Number(await field(page, "camera-z")) - z) < 1e-6);
+  const file = await page.request.get(new URL(await page.getAttribute("a:has-text('world file')", "href"), page.url()).href);
+  assert.ok((await file.json()).cameras.some((camera) => camera.name === "camera" && camera.sensor && camera.distortion.k1 === -0.1));
+  await page.click(".details button:has-text('Remove')");
+  await until("the camera is removed", async () => (await names()).length === before.length);
+  assert.deepEqual(page.failures, []);
+  await page.context().close();
+});
+
+withMock("a locked object stays, and a hidden one is not drawn", async () => {
+  const page = await openPage();
+  await selectFirst(page);
+  const [start, z] = [await revision(page), await field(page, "z")];
+  const picture = async () => (await page.locator(".host canvas").screenshot()).toString("base64");
+  await page.keyboard.press("Shift+L");
+  await page.waitForSelector(".bottom:has-text('is locked')");
+  assert.equal(await page.locator("[data-field=z]:enabled").count(), 0);
+  for (const key of ["PageUp", "Delete", "["]) await page.keyboard.press(key);
+  await page.waitForTimeout(200);
+  assert.deepEqual([await revision(page), await field(page, "z")], [start, z]);
+  await page.keyboard.press("Escape");
+  await page.waitForTimeout(500);
+  const before = await picture();
+  await selectFirst(page);
+  await page.keyboard.press("Shift+H");
+  await page.keyboard.press("Escape");
+  await page.waitForTimeout(500);
+  assert.notEqual(await picture(), before, "the hidden object is still drawn");
+  assert.ok(/locked.*hidden/.test(await page.textContent("ul[aria-label=Objects] li:first-child")));
+  await selectFirst(page);
+  await page.keyboard.press("Shift+H");
+  await page.keyboard.press("Shift+L");
+  await page.keyboard.press("PageUp");
+  await untilRevision(page, start + 1);
+  assert.deepEqual(page.failures, []);
+  await page.context().close();
+});
+
+withMock("an earlier revision shows as ghosts and as a list", async () => {
+  const page = await openPage();
+  await selectFirst(page);
+  for (let step = 0; step < 6; step++) await page.keyboard.press("PageUp");
+  await page.keyboard.press("i");
+  await page.fill("dialog textarea", "Put it elsewhere.");
+  await page.keyboard.press("Control+Enter");
+  await untilRevision(page, 7);
+  await page.keyboard.press("Escape");
+  await page.keyboard.press("Shift+G");
+  await page.waitForSelector("ul[aria-label=Differences] li:has-text('moved by 6.0 cm')");
+  assert.ok(/instruction was/.test(await page.textContent("ul[aria-label=Differences]")));
+  await page.waitForTimeout(500);
+  await shot(page, "difference");
+  const picture = async () => (await page.locator(".host canvas").screenshot()).toString("base64");
+  const ghosts = await picture();
+  await page.selectOption("#compare", "6");
+  await page.waitForFunction(() => !/moved by/.test(document.querySelector("ul[aria-label=Differences]").textContent));
+  await page.waitForTimeout(500);
+  assert.notEqual(await picture(), ghosts, "no ghost was drawn");
+  await page.keyboard.press("Escape");
+  await page.evaluate(() => document.activeElement.blur());
+  await page.keyboard.press("Shift+G");
+  await page.waitForSelector("ul[aria-label=Differences]", { state: "detached" });
+  assert.deepEqual(page.failures, []);
+  await page.context().close();
+});
+
+withMock("a sentence becomes a scenario after its words are asked back", async () => {
+  const page = await openPage();
+  await page.keyboard.press("Shift+I");
+  const say = async (text) => {
+    await page.fill("#sentence", text);
+    await page.keyboard.press("Enter");
+  };
+  await say("hello");
+  await page.waitForSelector("dialog [role=alert]:has-text('not understood')");
+  await say("Put the purple dragon beside the bowl");
+  await page.waitForSelector("dialog:has-text('No object is called')");
+  await page.locator("dialog .field button").first().click();
+  assert.ok(!/dragon/.test(await page.inputValue("#sentence")));
+  await say("Put the banana beside the bowl");
+  await page.waitForSelector("dialog select");
+  await shot(page, "new");
+  const select = page.locator("dialog select").last();
+  const uid = await select.locator("option").nth(1).getAttribute("value");
+  await select.selectOption(uid);
+  await page.click("dialog button:has-text('Create')");
+  await page.waitForSelector("dialog[open]", { state: "detached" });
+  await until("it is open", async () => /new-/.test(page.url()));
+  assert.equal(await page.textContent(".task .instruction"), "Put the banana beside the bowl");
+  assert.ok(Object.values(server.studio.created.choices).includes(uid));
+  assert.deepEqual(page.failures.filter((failure) => !/422/.test(failure)), []);
+  await page.context().close();
+});
+
+test("the expert is run, and what it did is played back in the 3-D view", async () => {
+  const page = await openPage();
+  await page.click("#tab-runs");
+  await page.selectOption("#policy", "expert");
+  await page.click(".run button:has-text('Run')");
+  await page.waitForSelector(".timeline", { timeout: 120_000 });
+  await page.waitForSelector("ul[aria-label=Episodes] [aria-pressed=true]:has-text('expert')");
+  assert.ok((await page.locator(".moments .held").count()) > 0, "nothing was held");
+  const picture = async () => (await page.locator(".host canvas").screenshot()).toString("base64");
+  await page.waitForTimeout(500);
+  const start = await picture();
+  await page.keyboard.press("p");
+  await until("it plays", async () => Number(await page.inputValue(".timeline input")) > 1);
+  await page.keyboard.press("p");
+  await page.locator(".moments button:has(.held)").first().click();
+  await page.waitForTimeout(500);
+  assert.notEqual(await picture(), start, "the robot stands still");
+  assert.ok((await colours(page, ".host canvas")) > 200, "the 3-D view is uniform");
+  await shot(page, "expert");
+  assert.deepEqual(await seriousFindings(page), []);
+  await page.keyboard.press("Escape");
+  await page.waitForSelector(".timeline", { state: "detached" });
+  assert.deepEqual(page.failures, []);
+  await page.context().close();
+});
+
+withMock("a policy is run, and its episode is played back by mouse and by keys", async () => {
+  const page = await openPage();
+  await page.keyboard.press("p");
+  await page.waitForSelector("#tab-runs[aria-selected=true]");
+  await page.selectOption("#policy", "random");
+  await page.keyboard.press("Escape");
+  await page.evaluate(() => document.activeElement.blur());
+  await page.keyboard.press("Shift+P");
+  await page.waitForSelector(".run:has-text('so far')");
+  await page.waitForSelector(".timeline");
+  assert.ok(/random: slipped/.test(await page.textContent(".timeline")));
+  await page.waitForSelector("ul[aria-label=Episodes] .mark.blocking");
+  const time = () => page.inputValue(".timeline input").then(Number);
+  const picture = async () => (await page.locator(".host canvas").screenshot()).toString("base64");
+  await page.waitForTimeout(400);
+  const before = await picture();
+  // Key by key to the failure: the contact, the grip, the slip.
+  for (const at of [0.5, 0.8, 2]) {
+    await page.keyboard.press("s");
+    await until(`the time is ${at} s`, async () => Math.abs((await time()) - at) < 1e-3);
+  }
+  assert.ok(/loses the/.test(await page.textContent(".happening")));
+  await page.waitForTimeout(400);
+  assert.notEqual(await picture(), before, "the view shows another state");
+  await shot(page, "episode");
+  await page.keyboard.press("Shift+ArrowRight");
+  await until("one state on", async () => (await time()) > 2.01 && (await time()) < 2.05);
+  await page.keyboard.press("Shift+S");
+  await page.keyboard.press("p");
+  await until("it plays", async () => (await time()) > 2.3);
+  await page.keyboard.press("p");
+  const paused = await time();
+  await page.waitForTimeout(200);
+  assert.equal(await time(), paused);
+  // Nothing is edited meanwhile.
+  const start = await revision(page);
+  await page.click("#tab-objects");
+  await selectFirst(page);
+  for (const key of ["PageUp", "d", "Delete", "Control+z"]) await page.keyboard.press(key);
+  assert.equal(await page.locator("[data-field=x]:enabled").count(), 0);
+  await page.waitForTimeout(200);
+  assert.equal(await revision(page), start);
+  await page.click("#tab-runs");
+  await page.click(".moments button:has-text('failed here')");
+  assert.ok(Math.abs((await time()) - 2) < 1e-3);
+  await page.keyboard.press("Escape");
+  await page.waitForSelector(".timeline", { state: "detached" });
+  await page.click("#tab-objects");
+  if ((await page.locator(".objects [aria-pressed=true]").count()) === 0) await selectFirst(page);
+  await page.keyboard.press("PageUp");
+  await until("edits go on", async () => (await revision(page)) > start);
+  assert.deepEqual(page.failures, []);
+  await page.context().close();
+});
+
+withMock("a run is cancelled, and kept episodes are opened from the list", async () => {
+  server.studio.runStep = 300;
+  const page = await openPage();
+  await page.click("#tab-runs");
+  await page.click(".run button:has-text('Run')");
+  await page.click(".run button:has-text('Cancel')");
+  await page.waitForSelector(".bottom:has-text('cancelled')");
+  assert.equal(await page.locator("ul[aria-label=Episodes] li").count(), 0);
+  server.studio.runStep = 20;
+  await page.selectOption("#policy", "agent");
+  await page.click("#tab-objects");
+  await page.keyboard.press("Shift+P");
+  await page.waitForSelector(".timeline");
+  await page.click(".timeline button:has-text('Leave')");
+  await page.reload();
+  await ready(page);
+  await page.click("#tab-runs");
+  await page.click("ul[aria-label=Episodes] button:has-text('agent')");
+  await page.waitForSelector(".timeline");
+  const address = await page.getAttribute("a:has-text('Transcript')", "href");
+  assert.equal((await page.request.get(new URL(address, page.url()).href)).status(), 200);
+  // Another scenario closes the episode.
+  await page.keyboard.press("j");
+  await page.waitForSelector(".timeline", { state: "detached" });
+  await until("its list is empty", async () => (await page.locator("ul[aria-label=Episodes] li").count()) === 0);
+  assert.deepEqual(page.failures, []);
+  await page.context().close();
+});
+
 test("history lists what was done, and revisions get names", async () => {
   const page = await openPage();
   await selectFirst(page);
@@ -442,12 +690,12 @@ test("no serious finding of axe, in light and dark, with every tab and dialogue"
     await look("page");
     await selectFirst(page);
     await look("selected object");
-    for (const tab of ["cameras", "history", "review", "objects"]) {
+    for (const tab of ["cameras", "history", "runs", "review", "objects"]) {
       await page.click(`#tab-${tab}`);
       await page.waitForTimeout(150);
       await look(tab);
     }
-    for (const [key, name] of [["?", "keys"], ["i", "instruction"], ["o", "goal"], ["u", "graph"], ["a", "catalogue"], ["Control+s", "snapshot"], ["Shift+c", "sheet"], ["z", "balance"]]) {
+    for (const [key, name] of [["?", "keys"], ["i", "instruction"], ["o", "goal"], ["u", "graph"], ["a", "catalogue"], ["Shift+I", "new"], ["Control+s", "snapshot"], ["Shift+c", "sheet"], ["z", "balance"]]) {
       // A key in the moment in which the last dialogue hands the focus back is not heard.
       await until(`the dialogue ${name} is open`, async () => {
         await page.keyboard.press(key);

@@ -9,6 +9,8 @@ import { fileURLToPath } from "node:url";
 import { WebSocketServer } from "ws";
 import { standIn } from "./glb.mjs";
 import { MockReviews } from "./mock-reviews.mjs";
+import { at, CAMERAS, difference, phrasesOf } from "./mock_making.mjs";
+import { answerRuns, POLICIES } from "./mock_runs.mjs";
 
 const HERE = path.dirname(fileURLToPath(import.meta.url));
 const DIST = path.join(HERE, "../dist");
@@ -156,6 +158,10 @@ class Studio {
       return bytes ? send(200, bytes, { "cache-control": "max-age=31536000, immutable", "content-type": "model/gltf-binary" }) : send(404, { error: "no such mesh" });
     }
     if (area !== "api") return this.file(url.pathname, send);
+    if (what === "cameras") return send(200, CAMERAS);
+    if (what === "sentences") return phrasesOf(this, body.text, send);
+    if (what === "scenarios" && rest.length === 0 && request.method === "POST") return this.create(body, send);
+    if (what === "policies") return send(200, POLICIES);
     if (what === "session") return send(200, { version: "mock", author: "ada", needs_token: false });
     if (what === "catalogue") return rest[1] === "thumbnail" ? this.thumbnail(rest[0], send) : send(200, this.search(url.searchParams));
     if (what === "scenarios" && rest.length === 0) return send(200, [...this.documents.values()].map((document) => document.row()));
@@ -165,7 +171,14 @@ class Studio {
     if (!document) return send(404, { error: { message: "there is no such scenario", hint: "the list of scenarios names all" } });
     switch (rest[1]) {
       case undefined:
-        return send(200, document.scene());
+        return send(200, document.scene(url.searchParams.has("revision") ? at(document, Number(url.searchParams.get("revision"))).objects : undefined));
+      case "world":
+        return send(200, document.scenario.world);
+      case "difference":
+        return send(200, difference(document, Number(url.searchParams.get("from"))));
+      case "run":
+      case "episodes":
+        return answerRuns(this, document, rest.slice(1), request.method, body, send);
       case "history":
         return send(200, document.log.map(({ scenario: _, ...line }) => line));
       case "snapshots":
@@ -200,6 +213,16 @@ class Studio {
     if (status !== 200) return;
     this.tell(target.key, { type: "applied", client_operation_id: body.client_operation_id, author: body.author, state: target.state() });
     this.tellVerdict(target);
+  }
+
+  create({ text, choices }, send) {
+    const scenario = structuredClone(this.documents.values().next().value.scenario);
+    const key = `new-${this.documents.size}`;
+    scenario.id = key;
+    scenario.task.instruction = text;
+    this.documents.set(key, new MockDocument(this, scenario, 0, key));
+    this.created = { text, choices };
+    send(200, { key });
   }
 
   copyOf(document) {
@@ -328,7 +351,7 @@ class MockDocument {
     };
   }
 
-  scene() {
+  scene(objects) {
     const { world, id } = this.scenario;
     const link = (name, size, at, colour) => ({ name, mesh: this.studio.mesh("box", size, colour), world_from_link: { position_m: at, orientation_wxyz: [1, 0, 0, 0] } });
     const grey = [0.55, 0.56, 0.58];
@@ -339,7 +362,7 @@ class MockDocument {
       source: this.parent ? "copies" : "suite genmanip-200-rc",
       parent: this.parent,
       revision: this.revision,
-      state: this.state(),
+      state: this.state(objects),
       surfaces: world.surfaces.map((surface) => ({ id: surface.id, name: surface.name, center_m: surface.top_center_m, size_m: surface.size_m, yaw_rad: surface.yaw_rad })),
       workspace: world.workspace,
       robot: { name: "panda", links: [link("base", [0.16, 0.16, 0.33], [0, 0, 0], grey), link("arm", [0.12, 0.12, 0.35], [0, 0, 0.33], [0.85, 0.85, 0.84]), link("hand", [0.42, 0.1, 0.1], [0.2, 0, 0.62], grey)] },

@@ -4,7 +4,7 @@ export interface Binding {
   action: string;
   /** As `describe` writes keys: `Shift+ArrowUp`. Several are alternatives. */
   keys: string[];
-  group: "Scenario" | "Object" | "Edit" | "View" | "Verdict" | "Review";
+  group: "Scenario" | "Object" | "Edit" | "View" | "Verdict" | "Episode" | "Review";
   words: string;
 }
 
@@ -16,10 +16,12 @@ export const BINDINGS: Binding[] = [
   { group: "Scenario", action: "instruction", keys: ["i"], words: "edit the instruction" },
   { group: "Scenario", action: "goal", keys: ["o"], words: "edit the goal" },
   { group: "Scenario", action: "edges", keys: ["u"], words: "edit the scene graph" },
+  { group: "Scenario", action: "new", keys: ["Shift+i"], words: "new scenario from a sentence" },
+  { group: "Scenario", action: "difference", keys: ["Shift+g"], words: "what differs from an earlier revision" },
   { group: "Scenario", action: "snapshot", keys: ["Ctrl+s"], words: "name this revision" },
   { group: "Object", action: "object.next", keys: ["n"], words: "select the next object" },
   { group: "Object", action: "object.previous", keys: ["Shift+n"], words: "select the previous object" },
-  { group: "Object", action: "escape", keys: ["Escape"], words: "cancel a drag, leave a camera, deselect" },
+  { group: "Object", action: "escape", keys: ["Escape"], words: "cancel a drag, leave a camera or an episode, deselect" },
   { group: "Object", action: "numbers", keys: ["Enter"], words: "type position and rotation" },
   { group: "Object", action: "move.left", keys: ["ArrowLeft"], words: "move 1 cm to the left of the view" },
   { group: "Object", action: "move.right", keys: ["ArrowRight"], words: "move 1 cm to the right" },
@@ -30,6 +32,8 @@ export const BINDINGS: Binding[] = [
   { group: "Object", action: "turn.left", keys: ["["], words: "turn 15° to the left" },
   { group: "Object", action: "turn.right", keys: ["]"], words: "turn 15° to the right" },
   { group: "Object", action: "drop", keys: ["e"], words: "drop with physics" },
+  { group: "Object", action: "lock", keys: ["Shift+l"], words: "lock or unlock" },
+  { group: "Object", action: "hide", keys: ["Shift+h"], words: "hide or show" },
   { group: "Edit", action: "undo", keys: ["Ctrl+z"], words: "undo your last change" },
   { group: "Edit", action: "redo", keys: ["Ctrl+Shift+z", "Ctrl+y"], words: "redo" },
   { group: "Edit", action: "add", keys: ["a"], words: "add an object" },
@@ -54,6 +58,10 @@ export const BINDINGS: Binding[] = [
   { group: "Verdict", action: "problem.next", keys: ["v"], words: "next problem" },
   { group: "Verdict", action: "repair", keys: ["m"], words: "first repair of this problem" },
   { group: "Verdict", action: "repair.all", keys: ["Shift+m"], words: "repair all I can" },
+  { group: "Episode", action: "run", keys: ["Shift+p"], words: "run the chosen policy" },
+  { group: "Episode", action: "play", keys: ["p"], words: "play or pause; without an episode, list them" },
+  { group: "Episode", action: "moment.next", keys: ["s"], words: "next moment" },
+  { group: "Episode", action: "moment.previous", keys: ["Shift+s"], words: "previous moment" },
   { group: "Review", action: "review.next", keys: ["q"], words: "next scenario to review" },
   { group: "Review", action: "review.mark", keys: ["1", "2", "3", "4", "5", "6", "7", "8"], words: "mark what is wrong" },
   { group: "Review", action: "review.approve", keys: ["Shift+a"], words: "approve" },

@@ -1,6 +1,6 @@
 // Operations: fields they touch, their effect before the server has answered, and their words.
 
-import { RELATIONS, type Atom, type GraphEdge, type Operation, type ScenarioState } from "../contract.ts";
+import { RELATIONS, type Atom, type Camera, type GraphEdge, type Operation, type Pose, type ScenarioState } from "../contract.ts";
 import { compose, inverse, movedBounds, toEuler } from "./pose.ts";
 
 /** Fields that an operation changes; two that share none can be applied in either order. */
@@ -73,7 +73,7 @@ export function predict(state: ScenarioState, operation: Operation): ScenarioSta
       const { camera } = operation.args;
       const old = state.cameras.find((one) => one.name === camera.name);
       if (!old && camera.mount !== "world") return state;
-      const world = camera.mount === "world" && camera.mount_from_camera ? camera.mount_from_camera : old!.world_from_camera;
+      const world = camera.mount === "world" && camera.mount_from_camera ? camera.mount_from_camera : carriedPose(old!, camera.mount_from_camera);
       const now = { ...camera, world_from_camera: world };
       const cameras = old ? state.cameras.map((one) => (one.name === camera.name ? now : one)) : [...state.cameras, now];
       return { ...state, cameras };
@@ -86,6 +86,26 @@ export function predict(state: ScenarioState, operation: Operation): ScenarioSta
     case "swap":
       return state;
   }
+}
+
+/** Pose in the world of a camera that gets another one on its mount. */
+function carriedPose(old: Camera, mount_from_camera: Pose | undefined): Pose {
+  if (!old.mount_from_camera || !mount_from_camera) return old.world_from_camera;
+  return compose(old.world_from_camera, compose(inverse(old.mount_from_camera), mount_from_camera));
+}
+
+/** Operation that gives a camera another pose in the world; null while its pose on the mount is unknown. */
+export function cameraMoved(camera: Camera, world_from_camera: Pose): Operation | null {
+  const { world_from_camera: before, ...own } = camera;
+  if (!own.mount_from_camera) return null;
+  const mount_from_camera = compose(own.mount_from_camera, compose(inverse(before), world_from_camera));
+  return { op: "camera", args: { camera: { ...own, mount_from_camera } } };
+}
+
+/** Ids of the objects that an operation changes. */
+export function objectsOf(operation: Operation): string[] {
+  if (operation.op === "place") return operation.args.objects.map((placement) => placement.id);
+  return operation.op === "state" || operation.op === "remove" || operation.op === "swap" ? [operation.args.object] : [];
 }
 
 /** Instances at the ends of an edge, the subject first. */

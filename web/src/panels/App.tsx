@@ -13,7 +13,9 @@ import { CatalogueDialog } from "./CatalogueDialog.tsx";
 import { AuthorDialog, HelpDialog, InstructionDialog, SnapshotDialog } from "./dialogs.tsx";
 import { EdgesDialog, GoalDialog } from "./GoalDialogs.tsx";
 import { HistoryTab } from "./HistoryTab.tsx";
+import { NewDialog } from "./NewDialog.tsx";
 import { ObjectsTab } from "./ObjectsTab.tsx";
+import { RunsTab } from "./RunsTab.tsx";
 import { BalanceDialog, SheetDialog } from "./ReviewDialogs.tsx";
 import { ReviewTab } from "./ReviewTab.tsx";
 import { ScenarioList } from "./ScenarioList.tsx";
@@ -141,6 +143,7 @@ const TABS = [
   ["objects", "Objects"],
   ["cameras", "Cameras"],
   ["history", "History"],
+  ["runs", "Runs"],
   ["review", "Review"],
 ] as const;
 
@@ -178,6 +181,7 @@ function Tabs() {
         {current === "objects" && <ObjectsTab />}
         {current === "cameras" && <CamerasTab />}
         {current === "history" && <HistoryTab />}
+        {current === "runs" && <RunsTab />}
         {current === "review" && <ReviewTab />}
       </div>
     </section>
@@ -239,6 +243,8 @@ function OpenDialog() {
       return <CatalogueDialog purpose={name as "add" | "swap"} onClose={close} />;
     case "instruction":
       return <InstructionDialog onClose={close} />;
+    case "new":
+      return <NewDialog onClose={close} />;
     case "goal":
       return <GoalDialog onClose={close} />;
     case "edges":

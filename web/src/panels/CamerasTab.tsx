@@ -1,24 +1,38 @@
-// Cameras as a list and as numbers.
+// Cameras as a list and as numbers: pose, projection, lens and sensor.
 
-import type { Camera } from "../contract.ts";
+import { signal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import type { Camera, Distortion, Intrinsics, KnownCameras, Pose } from "../contract.ts";
 import { fromEuler, toEuler, type Vector } from "../logic/pose.ts";
-import { apply } from "../state/edits.ts";
+import { apply, placeCamera } from "../state/edits.ts";
+import { knownCameras, world } from "../state/requests.ts";
+import { eyePose } from "../state/shortcuts.ts";
 import * as store from "../state/store.ts";
 import { keyLabel } from "../logic/keys.ts";
 import { NumberField } from "./widgets.tsx";
 
 const DEGREES = 180 / Math.PI;
+/** Projection of a new camera where the server names no preset. */
+const PLAIN: Intrinsics = { width: 640, height: 360, fx: 480, fy: 480, cx: 319.5, cy: 179.5 };
+/** Pose of a new camera while there is no 3-D view: from above the table. */
+const ABOVE: Pose = { position_m: [0.5, 0, 1.2], orientation_wxyz: [0, 1, 0, 0] };
+
+const known = signal<KnownCameras>({ presets: [], sensors: [] });
 
 export function CamerasTab() {
   const state = store.current.value;
   const camera = store.camera.value;
+  const isOnline = store.isOnline.value;
+  useEffect(() => {
+    if (isOnline && known.peek().presets.length === 0) void knownCameras().then((all) => (known.value = all), () => undefined);
+  }, [isOnline]);
   if (!state) return null;
   return (
     <>
       <ul class="objects" aria-label="Cameras">
         {state.cameras.map((one) => (
           <li key={one.name}>
-            <button type="button" aria-pressed={one.name === camera?.name} onClick={() => (store.selectedCamera.value = one.name)}>
+            <button type="button" aria-pressed={one.name === camera?.name} onClick={() => store.selectCamera(one.name)}>
               <span class="name">{one.name}</span>
               <span class="muted kind">{one.mount === "hand" ? "on hand" : "fixed"}</span>
               <span class="muted id">
@@ -28,10 +42,34 @@ export function CamerasTab() {
           </li>
         ))}
       </ul>
+      <div class="actions">
+        <button type="button" disabled={!store.isEditable.value} title="A new camera that sees what the 3-D view shows" onClick={() => add(state.cameras)}>
+          Add camera
+        </button>
+        <a class="button" href={world(store.openKey.value ?? "")} download title="For genmanip layout and collect: --world FILE">
+          Save as world file
+        </a>
+      </div>
       {camera ? <Numbers key={camera.name} camera={camera} /> : <p class="muted hint">The world has no camera.</p>}
     </>
   );
 }
+
+function add(cameras: Camera[]): void {
+  let name = "camera";
+  for (let number = 2; cameras.some((one) => one.name === name); number++) name = `camera${number}`;
+  const preset = known.peek().presets.find((one) => one.name === "d435") ?? known.peek().presets[0];
+  const camera = { name, mount: "world" as const, mount_from_camera: eyePose() ?? ABOVE, intrinsics: preset ? resized(preset.intrinsics, PLAIN.width, PLAIN.height) : PLAIN };
+  if (apply({ op: "camera", args: { camera } })) store.selectCamera(name);
+}
+
+/** The same view in other pixels; pixel centres are at whole numbers. */
+export function resized({ width, height, fx, fy, cx, cy }: Intrinsics, toWidth: number, toHeight: number): Intrinsics {
+  const [x, y] = [toWidth / width, toHeight / height];
+  return { width: toWidth, height: toHeight, fx: fx * x, fy: fy * y, cx: (cx + 0.5) * x - 0.5, cy: (cy + 0.5) * y - 0.5 };
+}
+
+const LENS = ["k1", "k2", "p1", "p2", "k3"] as const;
 
 function Numbers({ camera }: { camera: Camera }) {
   const pose = camera.mount_from_camera ?? camera.world_from_camera;
@@ -59,28 +97,84 @@ function Numbers({ camera }: { camera: Camera }) {
     const fx = intrinsics.width / 2 / Math.tan(degrees / 2 / DEGREES);
     send({ intrinsics: { ...intrinsics, fx, fy: (intrinsics.fy * fx) / intrinsics.fx } });
   };
+  const setSize = (width: number, height: number) => {
+    if (width >= 16 && height >= 16) send({ intrinsics: resized(intrinsics, Math.round(width), Math.round(height)) });
+  };
+  const lens: Distortion = camera.distortion ?? { k1: 0, k2: 0, p1: 0, p2: 0, k3: 0 };
+  const setLens = (name: keyof Distortion, value: number) => {
+    const distortion = { ...lens, [name]: value };
+    send({ distortion: LENS.some((one) => distortion[one] !== 0) ? distortion : undefined });
+  };
+  const { presets, sensors } = known.value;
+  const text = camera.sensor ? JSON.stringify(camera.sensor) : "";
+  const sensor = camera.sensor ? (sensors.find((one) => JSON.stringify(one.sensor) === text)?.name ?? "own") : "";
+  const number = (name: string, label: string, value: number, digits: number, unit: "m" | "deg" | "", step: number, onCommit: (value: number) => void) => (
+    <NumberField key={name} name={`camera-${name}`} label={label} value={value} digits={digits} unit={unit} step={step} onCommit={onCommit} />
+  );
   return (
     <div class="details">
       <h3>{camera.name}</h3>
       <p class="muted">{camera.mount === "hand" ? "Pose in the frame of the hand" : "Pose in the world"}; optical axes: x right, y down, z ahead.</p>
       <fieldset class="numbers" disabled={!canEdit}>
         <legend class="hidden">Pose of the camera</legend>
-        {["x", "y", "z"].map((name, axis) => (
-          <NumberField key={name} name={`camera-${name}`} label={name} value={pose.position_m[axis]!} digits={3} unit="m" step={0.05} onCommit={(value) => setPosition(axis, value)} />
-        ))}
-        {["roll", "pitch", "yaw"].map((name, axis) => (
-          <NumberField key={name} name={`camera-${name}`} label={name} value={euler[axis]! * DEGREES} digits={1} unit="deg" step={5} onCommit={(value) => setAngle(axis, value)} />
-        ))}
-        <NumberField name="fov" label="field of view" value={fieldOfView} digits={1} unit="deg" step={2} onCommit={setFieldOfView} />
+        {["x", "y", "z"].map((name, axis) => number(name, name, pose.position_m[axis]!, 3, "m", 0.05, (value) => setPosition(axis, value)))}
+        {["roll", "pitch", "yaw"].map((name, axis) => number(name, name, euler[axis]! * DEGREES, 1, "deg", 5, (value) => setAngle(axis, value)))}
       </fieldset>
-      <p class="muted">
-        fx {intrinsics.fx.toFixed(1)}, fy {intrinsics.fy.toFixed(1)}, cx {intrinsics.cx}, cy {intrinsics.cy} px
-      </p>
+      <fieldset class="numbers" disabled={!canEdit}>
+        <legend class="hidden">Projection</legend>
+        {number("fov", "fov", fieldOfView, 1, "deg", 2, setFieldOfView)}
+        {number("width", "width", intrinsics.width, 0, "", 16, (value) => setSize(value, intrinsics.height))}
+        {number("height", "height", intrinsics.height, 0, "", 16, (value) => setSize(intrinsics.width, value))}
+        {(["fx", "fy", "cx", "cy"] as const).map((name) => number(name, name, intrinsics[name], 1, "", 5, (value) => send({ intrinsics: { ...intrinsics, [name]: value } })))}
+      </fieldset>
+      <fieldset class="choices" disabled={!canEdit}>
+        <legend class="hidden">Device</legend>
+        <label>
+          <span>Projection of</span>
+          <select
+            id="camera-preset"
+            value=""
+            onChange={(event) => {
+              const preset = presets.find((one) => one.name === event.currentTarget.value);
+              if (preset) send({ intrinsics: preset.intrinsics });
+            }}
+          >
+            <option value="">own numbers</option>
+            {presets.map((one) => (
+              <option key={one.name} value={one.name}>
+                {one.about}
+              </option>
+            ))}
+          </select>
+        </label>
+        <label>
+          <span>Sensor</span>
+          <select id="camera-sensor" value={sensor} onChange={(event) => send({ sensor: sensors.find((one) => one.name === event.currentTarget.value)?.sensor })}>
+            <option value="">ideal</option>
+            {sensor === "own" && <option value="own">own numbers</option>}
+            {sensors.map((one) => (
+              <option key={one.name} value={one.name}>
+                {one.about}
+              </option>
+            ))}
+          </select>
+        </label>
+      </fieldset>
+      <details>
+        <summary>Lens</summary>
+        <fieldset class="numbers" disabled={!canEdit}>
+          <legend class="hidden">Distortion</legend>
+          {LENS.map((name) => number(name, name, lens[name], 4, "", 0.01, (value) => setLens(name, value)))}
+        </fieldset>
+      </details>
       <div class="actions">
         <button type="button" aria-pressed={store.lookThrough.value === camera.name} onClick={() => (store.lookThrough.value = store.lookThrough.value === camera.name ? null : camera.name)}>
           Look through ({keyLabel("camera.look")})
         </button>
-        <button type="button" disabled={!store.isEditable.value} onClick={() => apply({ op: "remove_camera", args: { name: camera.name } })}>
+        <button type="button" disabled={!canEdit} title="The camera sees what the 3-D view shows" onClick={() => placeCamera(camera, eyePose() ?? camera.world_from_camera)}>
+          To this view
+        </button>
+        <button type="button" disabled={!canEdit} onClick={() => apply({ op: "remove_camera", args: { name: camera.name } })}>
           Remove
         </button>
       </div>

@@ -8,6 +8,7 @@ import { redo, revert, undo } from "../state/edits.ts";
 import { history } from "../state/requests.ts";
 import { run } from "../state/shortcuts.ts";
 import * as store from "../state/store.ts";
+import { DifferenceList } from "./DifferenceList.tsx";
 import { withKeys } from "./widgets.tsx";
 
 /** Changes when a snapshot was made. */
@@ -47,6 +48,7 @@ export function HistoryTab() {
           Name this revision
         </button>
       </div>
+      <DifferenceList lines={lines.value ?? []} />
       <ol class="history" aria-label="History, newest first">
         {[...waiting].reverse().map((entry) => (
           <li key={entry.id} class="waiting">

@@ -30,6 +30,8 @@ export function ObjectsTab() {
               >
                 <span class={`role ${object.role}`} aria-hidden="true" />
                 <span class="name">{object.name}</span>
+                {store.locked.value.has(object.id) && <span class="mark">locked</span>}
+                {store.hidden.value.has(object.id) && <span class="mark">hidden</span>}
                 {blocks !== undefined && <span class={blocks ? "mark blocking" : "mark warning"}>{blocks ? "problem" : "warning"}</span>}
                 <span class="muted kind">{object.role}</span>
                 <span class="muted id" title={object.id}>
@@ -46,7 +48,7 @@ export function ObjectsTab() {
 }
 
 function Details({ object }: { object: SceneObject }) {
-  const canEdit = store.isEditable.value;
+  const canEdit = store.isEditable.value && !store.locked.value.has(object.id);
   const euler = toEuler(object.pose.orientation_wxyz);
   const [low, high] = object.bounds_m;
   const setPosition = (axis: number, value: number) => {
@@ -59,8 +61,13 @@ function Details({ object }: { object: SceneObject }) {
     angles[axis] = degrees / DEGREES;
     place(object, { ...object.pose, orientation_wxyz: fromEuler(angles) });
   };
-  const button = (action: string, words: string) => (
-    <button type="button" disabled={!canEdit} title={withKeys(words, action)} onClick={() => run(action)}>
+  const button = (action: string, words: string, isPossible = canEdit) => (
+    <button type="button" disabled={!isPossible} title={withKeys(words, action)} onClick={() => run(action)}>
+      {words}
+    </button>
+  );
+  const view = (action: string, words: string, isPressed: boolean) => (
+    <button type="button" aria-pressed={isPressed} title={withKeys(words, action)} onClick={() => run(action)}>
       {words}
     </button>
   );
@@ -87,10 +94,12 @@ function Details({ object }: { object: SceneObject }) {
       <Joints object={object} canEdit={canEdit} />
       <div class="actions">
         {button("drop", "Drop")}
-        {button("duplicate", "Duplicate")}
+        {button("duplicate", "Duplicate", store.isEditable.value)}
         {button("swap", "Swap")}
-        {button("frame", "Look at it")}
+        {button("frame", "Look at it", true)}
         {button("remove", "Remove")}
+        {view("lock", "Lock", store.locked.value.has(object.id))}
+        {view("hide", "Hide", store.hidden.value.has(object.id))}
       </div>
     </div>
   );

@@ -4,7 +4,8 @@ import { computed, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { open } from "../state/connection.ts";
 import { setListed } from "../state/shortcuts.ts";
-import { openKey, scenarios } from "../state/store.ts";
+import { dialog, openKey, scenarios } from "../state/store.ts";
+import { Icon, withKeys } from "./widgets.tsx";
 
 const text = signal("");
 const kind = signal("");
@@ -55,6 +56,9 @@ export function ScenarioList() {
           </select>
         </label>
         <p class="muted count">
+          <button type="button" class="quiet" title={withKeys("New scenario from one sentence", "new")} onClick={() => (dialog.value = "new")}>
+            <Icon name="plus" /> New
+          </button>
           {scenarios.value === null ? "loading" : rows.length === scenarios.value.length ? `${rows.length} scenarios` : `${rows.length} of ${scenarios.value.length}`}
         </p>
       </div>

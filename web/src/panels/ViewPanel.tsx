@@ -6,6 +6,8 @@ import type { View } from "../scene/view.ts";
 import { keyLabel } from "../logic/keys.ts";
 import { run, setView } from "../state/shortcuts.ts";
 import * as store from "../state/store.ts";
+import { posed } from "../state/playback.ts";
+import { Timeline } from "./Timeline.tsx";
 import { withKeys } from "./widgets.tsx";
 
 const failure = signal<string | null>(null);
@@ -81,6 +83,7 @@ export function ViewPanel() {
           </button>
         </div>
       )}
+      <Timeline />
       <svg class="legend" ref={legend} viewBox="-50 -50 100 100" aria-hidden="true">
         {["far", "robot's left", "up"].map((words, axis) => (
           <g key={words} class={`axis axis-${axis}`}>
@@ -108,7 +111,7 @@ function painted(): Promise<void> {
 /** Names beside the selected object, the one under the mouse, and those with problems. */
 function Labels() {
   const state = store.current.value;
-  const ids = new Set([store.selectedId.value, store.hoveredId.value, ...store.troubled.value.keys()]);
+  const ids = new Set([store.selectedId.value, store.hoveredId.value, ...(store.isReplaying.value ? [] : store.troubled.value.keys())]);
   return (
     <>
       {state?.objects
@@ -123,10 +126,10 @@ function Labels() {
 }
 
 function placeLabels(view: View, host: HTMLElement | null): void {
-  const state = store.current.peek();
-  if (!host || !state) return;
+  const objects = posed.peek()?.objects ?? store.current.peek()?.objects;
+  if (!host || !objects) return;
   for (const label of host.children as HTMLCollectionOf<HTMLElement>) {
-    const object = state.objects.find((one) => one.id === label.dataset["id"]);
+    const object = objects.find((one) => one.id === label.dataset["id"]);
     const [low, high] = object?.bounds_m ?? [[0, 0, 0], [0, 0, 0]];
     const at = object && !store.isDragging.peek() ? view.project([(low[0]! + high[0]!) / 2, (low[1]! + high[1]!) / 2, high[2]! + 0.015]) : null;
     label.style.display = at ? "block" : "none";

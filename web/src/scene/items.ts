@@ -1,6 +1,6 @@
 // Objects and robot links in the 3-D view, kept in step with the state.
 
-import { Group, Mesh, Vector2, type ShaderMaterial } from "three";
+import { Group, Mesh, MeshBasicMaterial, Vector2, type Material, type ShaderMaterial } from "three";
 import type { Link, Pose, SceneObject } from "../contract.ts";
 import { compose, inverse } from "../logic/pose.ts";
 import { outlineMaterial, setPose } from "./fixtures.ts";
@@ -21,6 +21,8 @@ export class Item {
     private readonly cache: MeshCache,
     private readonly resolution: Vector2,
     private readonly changed: () => void,
+    /** Material in place of the meshes' own. */
+    private readonly material?: Material,
   ) {}
 
   /** Pose of the item and of its links; meshes are loaded when they are new. */
@@ -75,8 +77,8 @@ export class Item {
     }
     content.traverse((object) => {
       object.userData["item"] = this.id;
-      object.castShadow = true;
-      object.receiveShadow = true;
+      object.castShadow = object.receiveShadow = !this.material;
+      if (this.material && object instanceof Mesh) object.material = this.material;
     });
     into.userData["loaded"] = true;
     into.add(content);
@@ -115,6 +117,11 @@ export class Item {
   }
 }
 
+/** Material of what is no longer there. */
+export function ghostly(): Material {
+  return new MeshBasicMaterial({ color: 0x4fa3d8, transparent: true, opacity: 0.45, depthWrite: false });
+}
+
 /** All items of a kind, by id. */
 export class Items {
   readonly group = new Group();
@@ -124,6 +131,8 @@ export class Items {
     private readonly cache: MeshCache,
     private readonly resolution: Vector2,
     private readonly changed: () => void,
+    /** Material in place of the meshes' own. */
+    private readonly material?: Material,
   ) {}
 
   /** Objects of a state; those in `held` keep the pose that a drag gave them. */
@@ -144,7 +153,7 @@ export class Items {
   item(id: string): Item {
     let item = this.byId.get(id);
     if (!item) {
-      item = new Item(id, this.cache, this.resolution, this.changed);
+      item = new Item(id, this.cache, this.resolution, this.changed, this.material);
       this.byId.set(id, item);
       this.group.add(item.group);
     }

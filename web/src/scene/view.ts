@@ -5,6 +5,7 @@ import {
   NoToneMapping,
   PCFShadowMap,
   PerspectiveCamera,
+  Quaternion,
   Raycaster,
   Scene as ThreeScene,
   Vector2,
@@ -15,17 +16,19 @@ import {
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { effect, untracked } from "@preact/signals";
-import type { Bounds, Placement, Pose, Scene, SceneObject } from "../contract.ts";
+import type { Bounds, Camera, Placement, Pose, Scene, SceneObject } from "../contract.ts";
 import { add, movedBounds, turned, type Vector } from "../logic/pose.ts";
 import { snapMove, snapTurn } from "../logic/snap.ts";
 import { preview } from "../state/connection.ts";
-import { apply, placements } from "../state/edits.ts";
+import { apply, placeCamera, placements } from "../state/edits.ts";
+import { ghosts } from "../state/difference.ts";
+import { episode, isPlaying, posed } from "../state/playback.ts";
 import * as store from "../state/store.ts";
 import { theme } from "../state/theme.ts";
 import { Detail, drawsInSoftware } from "./detail.ts";
 import { Frustums, Furniture, Lights, lookThroughCamera, readPalette, setPose, type Palette } from "./fixtures.ts";
 import { DragMeasure, Gizmo, type Handle } from "./gizmo.ts";
-import { Items, type Highlight } from "./items.ts";
+import { ghostly, Items, type Highlight } from "./items.ts";
 import { MeshCache } from "./meshes.ts";
 
 Object3D.DEFAULT_UP.set(0, 0, 1);
@@ -38,8 +41,17 @@ const VIEWS: Record<string, { from: Vector; distance: number }> = {
   robot: { from: [-0.75, 0.02, 0.75], distance: 1.9 },
 };
 
+/** What is dragged: an object with what stands on it, or a camera. */
+interface Target {
+  object?: SceneObject;
+  camera?: Camera;
+  name: string;
+  pose: Pose;
+  bounds_m: Bounds;
+}
+
 interface Drag {
-  object: SceneObject;
+  target: Target;
   handle: Handle;
   measure: DragMeasure;
   neighbours: { id: string; bounds: Bounds }[];
@@ -62,6 +74,8 @@ export class View {
   private gizmo = new Gizmo();
   private objects: Items;
   private robot: Items;
+  /** Objects as they were in the revision that is compared with. */
+  private ghosts: Items;
   private palette: Palette;
   private drag: Drag | null = null;
   private press: { x: number; y: number; pointer: number } | null = null;
@@ -93,7 +107,8 @@ export class View {
     };
     this.objects = new Items(this.cache, this.resolution, changed);
     this.robot = new Items(this.cache, this.resolution, changed);
-    this.scene.add(this.lights, this.furniture, this.frustums, this.objects.group, this.robot.group, this.gizmo.group);
+    this.ghosts = new Items(this.cache, this.resolution, changed, ghostly());
+    this.scene.add(this.ghosts.group, this.lights, this.furniture, this.frustums, this.objects.group, this.robot.group, this.gizmo.group);
     this.controls = new OrbitControls(this.eye, canvas);
     this.controls.zoomToCursor = true;
     this.controls.minDistance = 0.12;
@@ -116,6 +131,7 @@ export class View {
     for (const end of this.disposals) end();
     this.objects.clear();
     this.robot.clear();
+    this.ghosts.clear();
     this.controls.dispose();
     this.renderer.dispose();
     this.renderer.domElement.remove();
@@ -201,6 +217,14 @@ export class View {
     });
   }
 
+  /** Pose of a camera that sees what the view shows. */
+  eyePose(): Pose {
+    const { position, quaternion } = this.camera();
+    // From OpenGL's axes to optical ones: y down, z ahead.
+    const { w, x, y, z } = quaternion.clone().multiply(new Quaternion(1, 0, 0, 0));
+    return { position_m: position.toArray(), orientation_wxyz: [w, x, y, z] };
+  }
+
   /** Ends a drag without a change. */
   cancelDrag(): boolean {
     if (!this.drag) return false;
@@ -262,11 +286,27 @@ export class View {
 
   /** Follows the page's signals. */
   private follow(): void {
-    const on = (run: () => void) => this.disposals.push(effect(run));
+    const on = (run: () => void | (() => void)) => this.disposals.push(effect(run));
     on(() => {
       void store.current.value;
       void store.scene.value;
+      void episode.value;
       untracked(() => this.sync());
+    });
+    on(() => {
+      const shown = ghosts.value;
+      untracked(() => {
+        this.count(this.ghosts.update(shown, new Set()));
+        this.request();
+      });
+    });
+    on(() => {
+      if (posed.value) untracked(() => this.play());
+    });
+    on(() => {
+      if (!isPlaying.value) return;
+      this.detail.begin();
+      return () => this.detail.end();
     });
     on(() => {
       void theme.value;
@@ -280,11 +320,11 @@ export class View {
       });
     });
     on(() => {
-      void [store.selectedId.value, store.hoveredId.value, store.troubled.value];
+      void [store.selectedId.value, store.hoveredId.value, store.troubled.value, store.locked.value, store.hidden.value];
       untracked(() => this.highlight());
     });
     on(() => {
-      void [store.selectedCamera.value, store.tab.value];
+      void [store.selectedCamera.value, store.tab.value, store.isEditable.value];
       untracked(() => this.showCameras());
     });
     on(() => {
@@ -298,21 +338,33 @@ export class View {
   }
 
   private sync(): void {
-    const scene = store.scene.peek();
-    const state = store.current.peek();
-    if (!scene || !state) {
+    const played = posed.peek();
+    const scene = episode.peek()?.scene ?? store.scene.peek();
+    const objects = played?.objects ?? store.current.peek()?.objects;
+    if (!scene || !objects) {
       this.objects.clear();
       this.changedShape();
       return;
     }
     const loading: Promise<unknown>[] = [];
     if (scene.key !== this.shownKey) this.showScene(scene);
-    const held = new Set(this.drag ? placements(this.drag.object, this.drag.pose).map((placement) => placement.id) : []);
-    loading.push(...this.objects.update(state.objects, held));
-    this.robot.item(scene.robot.name).update({ position_m: [0, 0, 0], orientation_wxyz: [1, 0, 0, 0] }, scene.robot.links, loading);
+    if (played) this.cancelDrag();
+    const dragged = this.drag?.target.object;
+    const held = new Set(dragged ? placements(dragged, this.drag!.pose).map((placement) => placement.id) : []);
+    loading.push(...this.objects.update(objects, held));
+    this.robot.item(scene.robot.name).update({ position_m: [0, 0, 0], orientation_wxyz: [1, 0, 0, 0] }, played?.robot ?? scene.robot.links, loading);
     this.count(loading);
     this.highlight();
     this.showCameras();
+    this.changedShape();
+  }
+
+  /** Shows another time of the open episode. */
+  private play(): void {
+    const { objects, robot } = posed.peek()!;
+    const loading: Promise<unknown>[] = [];
+    this.objects.update(objects, new Set());
+    this.robot.item(episode.peek()!.scene.robot.name).update({ position_m: [0, 0, 0], orientation_wxyz: [1, 0, 0, 0] }, robot, loading);
     this.changedShape();
   }
 
@@ -341,7 +393,7 @@ export class View {
   private highlight(): void {
     const selected = store.selectedId.peek();
     const hovered = store.hoveredId.peek();
-    const troubled = store.troubled.peek();
+    const troubled = store.isReplaying.peek() ? new Map<string, boolean>() : store.troubled.peek();
     for (const [id, item] of this.objects.byId) {
       const blocks = troubled.get(id);
       const trouble: Highlight = blocks === undefined ? null : blocks ? "danger" : "warning";
@@ -349,21 +401,41 @@ export class View {
       const { accent, muted, danger, warning } = this.palette;
       item.setHighlight(highlight, { selected: accent, hovered: muted, danger, warning, none: muted }[highlight ?? "none"]);
     }
-    const object = store.selected.peek();
-    this.gizmo.group.visible = object !== null;
-    if (object) this.gizmo.group.position.copy(middleOf(this.drag ? { ...object, ...this.dragged(object) } : object));
+    for (const [id, item] of this.objects.byId) item.group.visible = !store.hidden.peek().has(id);
+    this.placeGizmo();
     this.request();
   }
 
-  private dragged(object: SceneObject): Pick<SceneObject, "pose" | "bounds_m"> {
-    const pose = this.drag?.pose ?? object.pose;
-    return { pose, bounds_m: movedBounds(object.bounds_m, object.pose, pose) };
+  /** What the handles move: the selected object, else the selected camera while the cameras are listed. */
+  private target(): Target | null {
+    if (!store.isEditable.peek()) return null;
+    const object = store.selected.peek();
+    if (object) {
+      const isFixed = store.locked.peek().has(object.id) || store.hidden.peek().has(object.id);
+      return isFixed ? null : { object, name: object.name, pose: object.pose, bounds_m: object.bounds_m };
+    }
+    const camera = store.tab.peek() === "cameras" && !store.lookThrough.peek() ? store.camera.peek() : null;
+    if (!camera?.mount_from_camera) return null;
+    const { position_m } = camera.world_from_camera;
+    return { camera, name: camera.name, pose: camera.world_from_camera, bounds_m: [position_m, position_m] };
+  }
+
+  private placeGizmo(): void {
+    const target = this.drag?.target ?? this.target();
+    this.gizmo.group.visible = target !== null;
+    if (!target) return;
+    const pose = this.drag?.pose ?? target.pose;
+    this.gizmo.group.position.copy(middleOf({ pose, bounds_m: movedBounds(target.bounds_m, target.pose, pose) }));
   }
 
   private showCameras(): void {
-    const cameras = store.current.peek()?.cameras ?? [];
+    const dragged = this.drag?.target.camera;
+    const cameras = (store.current.peek()?.cameras ?? []).map((camera) =>
+      camera.name === dragged?.name ? { ...camera, world_from_camera: this.drag!.pose } : camera,
+    );
+    this.placeGizmo();
     this.frustums.show(cameras, store.selectedCamera.peek(), store.lookThrough.peek(), this.palette);
-    this.frustums.visible = store.lookThrough.peek() === null;
+    this.frustums.visible = store.lookThrough.peek() === null && !store.isReplaying.peek();
     this.request();
   }
 
@@ -399,7 +471,7 @@ export class View {
   /** Object or camera under the ray. */
   private hit(): { item?: string; camera?: string } | null {
     const targets = [this.objects.group, this.robot.group, this.furniture, ...(this.frustums.visible ? [this.frustums] : [])];
-    const [first] = this.raycaster.intersectObjects(targets, true).filter((hit) => hit.object instanceof Mesh);
+    const [first] = this.raycaster.intersectObjects(targets, true).filter((hit) => hit.object instanceof Mesh && !store.hidden.peek().has(hit.object.userData["item"] as string));
     if (!first) return null;
     const { item, camera } = first.object.userData as { item?: string; camera?: string };
     return camera ? { camera } : item && this.objects.byId.has(item) ? { item } : null;
@@ -409,26 +481,26 @@ export class View {
     if (event.target !== this.renderer.domElement || event.button !== 0) return;
     this.renderer.domElement.focus({ preventScroll: true });
     this.press = { x: event.clientX, y: event.clientY, pointer: event.pointerId };
-    const object = store.selected.peek();
-    if (!object || !store.isEditable.peek()) return;
+    const target = this.target();
+    if (!target) return;
     this.aim(event);
     const handle = this.gizmo.pick(this.raycaster);
     // The selected object itself slides on the table.
-    const slides = !handle && store.gizmoMode.peek() === "move" && this.hit()?.item === object.id;
-    if (handle) this.startDrag(event, object, handle);
-    else if (slides) this.startDrag(event, object, { mode: "move", axes: [true, true, false] });
+    const slides = !handle && target.object && store.gizmoMode.peek() === "move" && this.hit()?.item === target.object.id;
+    if (handle) this.startDrag(event, target, handle);
+    else if (slides) this.startDrag(event, target, { mode: "move", axes: [true, true, false] });
   }
 
-  private startDrag(event: PointerEvent, object: SceneObject, handle: Handle): void {
+  private startDrag(event: PointerEvent, target: Target, handle: Handle): void {
     const view = this.camera().getWorldDirection(new Vector3());
     const measure = new DragMeasure(handle, this.gizmo.group.position, this.raycaster, view);
     if (!measure.isPossible) return;
     event.stopPropagation();
     event.preventDefault();
-    const carried = new Set(placements(object, object.pose).map((placement) => placement.id));
-    const others = store.current.peek()!.objects.filter((other) => !carried.has(other.id));
+    const carried = new Set(target.object && placements(target.object, target.pose).map((placement) => placement.id));
+    const others = target.camera ? [] : store.current.peek()!.objects.filter((other) => !carried.has(other.id));
     const neighbours = others.map((other) => ({ id: other.name, bounds: other.bounds_m }));
-    this.drag = { object, handle, measure, neighbours, pose: object.pose, pointer: event.pointerId };
+    this.drag = { target, handle, measure, neighbours, pose: target.pose, pointer: event.pointerId };
     this.host.setPointerCapture(event.pointerId);
     this.controls.enabled = false;
     this.gizmo.light(handle);
@@ -455,31 +527,35 @@ export class View {
   }
 
   private moveDrag(isFree: boolean): void {
-    const { object, handle, measure, neighbours } = this.drag!;
+    const { target, handle, measure, neighbours } = this.drag!;
     const snaps = store.snapping.peek() !== isFree;
     if (handle.mode === "move") {
       const by = measure.moved(this.raycaster);
       if (!by) return;
-      const start = object.pose.position_m;
+      const start = target.pose.position_m;
       const wanted = add(start, [by.x, by.y, by.z]);
-      const scene = { bounds: object.bounds_m, start, neighbours, surfaces: store.scene.peek()?.surfaces ?? [] };
+      const scene = { bounds: target.bounds_m, start, neighbours, surfaces: store.scene.peek()?.surfaces ?? [] };
       const snapped = snaps ? snapMove(wanted, handle.axes, scene) : { position: wanted, causes: [] };
-      this.drag!.pose = { ...object.pose, position_m: snapped.position };
+      this.drag!.pose = { ...target.pose, position_m: snapped.position };
       const at = snapped.position.map((metres) => metres.toFixed(3)).join(", ");
-      store.status.value = [`${object.name} at ${at} m`, ...snapped.causes].join(", ");
+      store.status.value = [`${target.name} at ${at} m`, ...snapped.causes].join(", ");
     } else {
       const angle = measure.turned(this.raycaster);
       if (angle === null) return;
       const turn = snaps ? snapTurn(angle) : angle;
       const axis: Vector = [0, 0, 0];
       axis[handle.axis] = 1;
-      this.drag!.pose = turned(object.pose, turn, object.pose.position_m, axis);
-      store.status.value = `${object.name} turned by ${((turn * 180) / Math.PI).toFixed(snaps ? 0 : 1)}°`;
+      this.drag!.pose = turned(target.pose, turn, target.pose.position_m, axis);
+      store.status.value = `${target.name} turned by ${((turn * 180) / Math.PI).toFixed(snaps ? 0 : 1)}°`;
     }
-    const objects = placements(object, this.drag!.pose);
-    this.showPlacements(objects);
-    preview(objects);
-    this.gizmo.group.position.copy(middleOf({ ...object, ...this.dragged(object) }));
+    if (target.object) {
+      const objects = placements(target.object, this.drag!.pose);
+      this.showPlacements(objects);
+      preview(objects);
+      this.placeGizmo();
+    } else {
+      this.showCameras();
+    }
     this.changedShape();
   }
 
@@ -491,12 +567,13 @@ export class View {
     const press = this.press;
     this.press = null;
     if (this.drag?.pointer === event.pointerId) {
-      const { object, pose } = this.drag;
+      const { target, pose } = this.drag;
       this.endDrag();
       event.stopPropagation();
-      const isMoved = JSON.stringify(pose) !== JSON.stringify(object.pose);
-      if (isMoved) apply({ op: "place", args: { objects: placements(object, pose) } });
-      else this.sync();
+      const isMoved = JSON.stringify(pose) !== JSON.stringify(target.pose);
+      if (!isMoved) this.sync();
+      else if (target.object) apply({ op: "place", args: { objects: placements(target.object, pose) } });
+      else placeCamera(target.camera!, pose);
       return;
     }
     if (!press || press.pointer !== event.pointerId) return;
@@ -504,8 +581,7 @@ export class View {
     this.aim(event);
     const hit = this.hit();
     if (hit?.camera) {
-      store.selectedCamera.value = hit.camera;
-      store.tab.value = "cameras";
+      store.selectCamera(hit.camera);
     } else {
       store.select(hit?.item ?? null);
     }

@@ -4,6 +4,7 @@ import { batch, effect } from "@preact/signals";
 import type { ServerMessage, ScenarioState, Placement } from "../contract.ts";
 import { answered, backoff, nextToSend, resolved } from "../logic/outbox.ts";
 import { empty, folded, type Verdict } from "../logic/verdict.ts";
+import { hear, loadPolicies } from "./playback.ts";
 import * as requests from "./requests.ts";
 import {
   author,
@@ -49,6 +50,7 @@ export function connect(): void {
     sayOpen();
     sendTries = 0;
     void drain();
+    void loadPolicies();
     if (!scenarios.value) void loadScenarios();
   };
   own.onmessage = (event) => receive(JSON.parse(String(event.data)) as ServerMessage);
@@ -127,6 +129,9 @@ function receive(message: ServerMessage): void {
       break;
     case "presence":
       presence.value = message.authors;
+      break;
+    case "run":
+      hear(message.run);
       break;
     case "stopped":
       stopped.value = message.message;

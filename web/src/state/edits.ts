@@ -1,9 +1,9 @@
 // Edits as people make them; every one becomes an operation in the outbox.
 
 import { batch } from "@preact/signals";
-import type { CatalogueEntry, Operation, Placement, Pose, Problem, Repair, SceneObject } from "../contract.ts";
+import type { Camera, CatalogueEntry, Operation, Placement, Pose, Problem, Repair, SceneObject } from "../contract.ts";
 import { withdrawn, type Entry } from "../logic/outbox.ts";
-import { carriedBy } from "../logic/operations.ts";
+import { cameraMoved, carriedBy, objectsOf } from "../logic/operations.ts";
 import { compose, inverse, moved, type Vector } from "../logic/pose.ts";
 import { freeSpot } from "../logic/snap.ts";
 import { drain } from "./connection.ts";
@@ -15,6 +15,8 @@ import {
   entries,
   isEditable,
   isOnline,
+  isReplaying,
+  locked,
   notify,
   openKey,
   problemKey,
@@ -33,6 +35,10 @@ function entry(what: Entry["what"], operation?: Operation): Entry | null {
   const key = openKey.value;
   const state = confirmed.value;
   if (!key || !state) return null;
+  if (isReplaying.value) {
+    status.value = "Leave the episode to edit the scenario.";
+    return null;
+  }
   if (stopped.value) {
     notify("Editing is stopped.", { hint: stopped.value, isError: true });
     return null;
@@ -41,13 +47,19 @@ function entry(what: Entry["what"], operation?: Operation): Entry | null {
   return { id: crypto.randomUUID(), ...own, ...(operation ? { operation } : {}) };
 }
 
-/** Queues one operation: one step of undo. */
-export function apply(operation: Operation): void {
+/** Queues one operation: one step of undo; false when nothing may be edited, or it would change a locked object. */
+export function apply(operation: Operation): boolean {
+  const held = objectsOf(operation).find((id) => locked.value.has(id));
+  if (held !== undefined) {
+    status.value = `${current.value?.objects.find((object) => object.id === held)?.name ?? held} is locked.`;
+    return false;
+  }
   const own = entry("command", operation);
-  if (!own) return;
+  if (!own) return false;
   taken = [];
   entries.value = [...entries.value, own];
   void drain();
+  return true;
 }
 
 export function undo(): void {
@@ -96,7 +108,7 @@ export function placements(object: SceneObject, pose: Pose): Placement[] {
   const state = current.value;
   const change = compose(pose, inverse(object.pose));
   const carried = state ? carriedBy(object.id, state.edges) : [];
-  const others = state?.objects.filter((other) => carried.includes(other.id) && rests(other, object)) ?? [];
+  const others = state?.objects.filter((other) => carried.includes(other.id) && !locked.value.has(other.id) && rests(other, object)) ?? [];
   return [
     { id: object.id, pose },
     ...others.map((other) => ({ id: other.id, pose: compose(change, other.pose) })),
@@ -117,6 +129,12 @@ export function place(object: SceneObject, pose: Pose): void {
 /** Moves along a world axis, metres. */
 export function nudge(object: SceneObject, by: Vector): void {
   place(object, moved(object.pose, by));
+}
+
+/** Gives a camera another pose in the world. */
+export function placeCamera(camera: Camera, world_from_camera: Pose): void {
+  const operation = cameraMoved(camera, world_from_camera);
+  if (operation) apply(operation);
 }
 
 export function chooseState(object: SceneObject, state: string): void {
@@ -192,8 +210,8 @@ export async function repairsOf(problem: Problem): Promise<Repair[]> {
   return requests.repairs(key, verdict.value.revision, problem);
 }
 
-export function applyRepair(repair: Repair): void {
-  apply({ op: repair.op, args: repair.args } as Operation);
+export function applyRepair(repair: Repair): boolean {
+  return apply({ op: repair.op, args: repair.args } as Operation);
 }
 
 /** Most repairs of one press of *repair all I can*. */
@@ -211,8 +229,7 @@ export async function repairAll(): Promise<void> {
     status.value = `Repairing: ${open.message}`;
     const [repair] = await repairsOf(open).catch(() => []);
     if (!repair) continue;
-    applyRepair(repair);
-    applied += 1;
+    if (applyRepair(repair)) applied += 1;
   }
   const left = problems.value.length;
   batch(() => {

@@ -1,10 +1,15 @@
 // HTTP requests to the server of the page.
 
-import type { CatalogueEntry, HistoryLine, Operation, Problem, Refusal, Repair, ScenarioRow } from "../contract.ts";
+import type { CatalogueEntry, Difference, HistoryLine, KnownCameras, Operation, PhraseChoice, Problem, Refusal, Repair, ScenarioRow, Scene } from "../contract.ts";
+import type { EpisodeMessage, EpisodeRow, OfferedPolicy, Run } from "../episodes.ts";
 import type { Answer, Entry } from "../logic/outbox.ts";
+import type { Track } from "../logic/track.ts";
 
 /** Longest wait for an answer before a request counts as lost. */
 const PATIENCE_MS = 15_000;
+
+/** The same for laying a scene out. */
+const LAYOUT_PATIENCE_MS = 120_000;
 
 /** Token of `--allow-others`: from the address, else what this tab was given before. */
 const token = readToken();
@@ -25,16 +30,16 @@ export function address(path: string): string {
 }
 
 /** Request that is answered within bounds; rejects when the server cannot be reached. */
-export async function request(path: string, init: RequestInit = {}, patience = PATIENCE_MS): Promise<Response> {
-  const signals = [AbortSignal.timeout(patience), ...(init.signal ? [init.signal] : [])];
+export async function request(path: string, init: RequestInit = {}, patience_ms = PATIENCE_MS): Promise<Response> {
+  const signals = [AbortSignal.timeout(patience_ms), ...(init.signal ? [init.signal] : [])];
   const headers = new Headers(init.headers);
   if (token) headers.set("authorization", `Bearer ${token}`);
   return fetch(address(path), { ...init, headers, signal: AbortSignal.any(signals) });
 }
 
-export async function json<T>(path: string, body?: unknown, patience?: number): Promise<T> {
+export async function json<T>(path: string, body?: unknown, patience_ms = PATIENCE_MS): Promise<T> {
   const init = body === undefined ? {} : { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) };
-  const response = await request(path, init, patience);
+  const response = await request(path, init, patience_ms);
   if (!response.ok) throw new Error((await refusalOf(response)).message);
   return (await response.json()) as T;
 }
@@ -68,6 +73,27 @@ export const catalogue = async (query: string, isGraspable: boolean, signal: Abo
   if (!response.ok) throw new Error((await refusalOf(response)).message);
   return (await response.json()) as CatalogueEntry[];
 };
+
+export const knownCameras = () => json<KnownCameras>("/api/cameras");
+export const world = (key: string) => address(`${scenarioPath(key)}/world`);
+export const phrases = async (text: string) => (await json<{ phrases: PhraseChoice[] }>("/api/sentences", { text })).phrases;
+export const create = async (text: string, choices: Record<string, string>) => (await json<{ key: string }>("/api/scenarios", { text, choices }, LAYOUT_PATIENCE_MS)).key;
+export const difference = (key: string, from: number, to: number) => json<Difference>(`${scenarioPath(key)}/difference?from=${from}&to=${to}`);
+export const sceneAt = (key: string, revision: number) => json<Scene>(`${scenarioPath(key)}?revision=${revision}`);
+export const policies = () => json<OfferedPolicy[]>("/api/policies");
+export const startRun = async (key: string, policy: string) => (await json<{ run: Run }>(`${scenarioPath(key)}/run`, { policy })).run;
+export const cancelRun = (key: string) => json<unknown>(`${scenarioPath(key)}/run/cancel`, {});
+export const episodes = (key: string) => json<EpisodeRow[]>(`${scenarioPath(key)}/episodes`);
+export const episode = (key: string, name: string) => json<EpisodeMessage>(`${scenarioPath(key)}/episodes/${name}`);
+export const transcript = (key: string, name: string) => address(`${scenarioPath(key)}/episodes/${name}/transcript/transcript.html`);
+
+/** States of an episode. */
+export async function track(key: string, name: string): Promise<Track> {
+  const response = await request(`${scenarioPath(key)}/episodes/${name}/states`);
+  if (!response.ok) throw new Error((await refusalOf(response)).message);
+  const [frames, width] = ["x-frames", "x-width"].map((name) => Number(response.headers.get(name))) as [number, number];
+  return { frames, width, values: new Float32Array(await response.arrayBuffer()) };
+}
 
 /** The data set's image of a camera, with the visible share of each object. */
 export async function cameraImage(

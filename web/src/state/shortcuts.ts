@@ -2,9 +2,10 @@
 
 import type { View } from "../scene/view.ts";
 import { actionOf, isTyping } from "../logic/keys.ts";
-import { turned, type Vector } from "../logic/pose.ts";
+import { moved, turned, type Vector } from "../logic/pose.ts";
 import { open } from "./connection.ts";
 import * as edits from "./edits.ts";
+import * as playback from "./playback.ts";
 import * as reviews from "./reviews.ts";
 import * as store from "./store.ts";
 import { toggleTheme } from "./theme.ts";
@@ -15,6 +16,9 @@ let view: View | null = null;
 export function setView(loaded: View | null): void {
   view = loaded;
 }
+
+/** Pose of a camera that sees what the 3-D view shows; null while there is no view. */
+export const eyePose = () => view?.eyePose() ?? null;
 
 export function listenToKeys(): void {
   window.addEventListener("keydown", (event) => {
@@ -39,7 +43,12 @@ export function run(action: string, fine = false): boolean {
   const canEdit = store.isEditable.peek();
   const moveBy = fine ? FINE_M : STEP_M;
   const turnBy = fine ? FINE_RAD : STEP_RAD;
+  const camera = !object && store.tab.peek() === "cameras" && !store.lookThrough.peek() ? store.camera.peek() : null;
   const move = (axis: Vector, sign: number) => {
+    if (camera && canEdit) {
+      edits.placeCamera(camera, moved(camera.world_from_camera, axis.map((value) => value * sign * moveBy) as Vector));
+      return true;
+    }
     if (!object || !canEdit) return false;
     edits.nudge(object, axis.map((value) => value * sign * moveBy) as Vector);
     return true;
@@ -47,6 +56,10 @@ export function run(action: string, fine = false): boolean {
   const along = (direction: "right" | "far", sign: number) =>
     move(view?.axisOf(direction) ?? (direction === "right" ? [0, -1, 0] : [1, 0, 0]), sign);
   const turn = (sign: number) => {
+    if (camera && canEdit) {
+      edits.placeCamera(camera, turned(camera.world_from_camera, sign * turnBy));
+      return true;
+    }
     if (!object || !canEdit) return false;
     edits.place(object, turned(object.pose, sign * turnBy));
     return true;
@@ -55,6 +68,10 @@ export function run(action: string, fine = false): boolean {
     if (isPossible) store.dialog.value = name;
     return isPossible;
   };
+  if (store.isReplaying.peek() && (action === "move.left" || action === "move.right")) {
+    playback.step(action === "move.right" ? 1 : -1, fine);
+    return true;
+  }
   switch (action) {
     case "help":
       return show("help", true);
@@ -75,6 +92,19 @@ export function run(action: string, fine = false): boolean {
       return show("snapshot", canEdit);
     case "add":
       return show("add", canEdit);
+    case "new":
+      return show("new", true);
+    case "difference":
+      store.difference.value = store.difference.peek() === null ? 0 : null;
+      if (store.difference.peek() !== null) store.tab.value = "history";
+      return true;
+    case "lock":
+    case "hide": {
+      if (!object) return false;
+      const isIn = store.toggle(action === "lock" ? store.locked : store.hidden, object.id);
+      store.status.value = `${object.name} is ${isIn ? "" : "no longer "}${action === "lock" ? "locked" : "hidden"}.`;
+      return true;
+    }
     case "swap":
       return show("swap", canEdit && object !== null);
     case "object.next":
@@ -174,6 +204,17 @@ export function run(action: string, fine = false): boolean {
     case "repair.all":
       void edits.repairAll();
       return true;
+    case "run":
+      void playback.startRun();
+      return true;
+    case "play":
+      if (playback.episode.peek()) playback.togglePlay();
+      else store.tab.value = "runs";
+      return true;
+    case "moment.next":
+      return playback.nextStop(1);
+    case "moment.previous":
+      return playback.nextStop(-1);
     case "review.next":
       void reviews.next();
       return true;
@@ -196,6 +237,7 @@ function escape(): boolean {
     store.lookThrough.value = null;
     return true;
   }
+  if (playback.leave()) return true;
   store.select(null);
   return true;
 }

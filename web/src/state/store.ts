@@ -35,7 +35,9 @@ export const selectedProblem = signal<string | null>(null);
 export const gizmoMode = signal<"move" | "turn">("move");
 export const snapping = signal(true);
 export const dialog = signal<DialogName | null>(null);
-export const tab = signal<"objects" | "cameras" | "history" | "review">("objects");
+export const tab = signal<"objects" | "cameras" | "history" | "runs" | "review">("objects");
+/** True while the 3-D view plays an episode back: nothing is edited then. */
+export const isReplaying = signal(false);
 /** Words for the status line and for screen readers. */
 export const status = signal("");
 export const notices = signal<Notice[]>([]);
@@ -46,7 +48,19 @@ export const isDragging = signal(false);
 /** Progress of loading meshes: loaded and wanted. */
 export const meshes = signal<[number, number]>([0, 0]);
 
-export type DialogName = "help" | "add" | "swap" | "instruction" | "goal" | "edges" | "snapshot" | "camera" | "author" | "sheet" | "balance";
+export type DialogName =
+  | "help"
+  | "new"
+  | "add"
+  | "swap"
+  | "instruction"
+  | "goal"
+  | "edges"
+  | "snapshot"
+  | "camera"
+  | "author"
+  | "sheet"
+  | "balance";
 
 export interface Notice {
   id: number;
@@ -84,7 +98,21 @@ export const troubled = computed(() => {
   }
   return ids;
 });
-export const isEditable = computed(() => Boolean(current.value) && !stopped.value);
+/** Revision that the open scenario is compared with. */
+export const difference = signal<number | null>(null);
+/** Objects of the open scenario that edits leave alone, and that the 3-D view leaves out. */
+export const locked = signal<ReadonlySet<string>>(new Set());
+export const hidden = signal<ReadonlySet<string>>(new Set());
+
+/** Adds an object to one of these sets, or takes it out. */
+export function toggle(set: typeof locked, id: string): boolean {
+  const now = new Set(set.peek());
+  if (!now.delete(id)) now.add(id);
+  set.value = now;
+  return now.has(id);
+}
+
+export const isEditable = computed(() => Boolean(current.value) && !stopped.value && !isReplaying.value);
 
 export function problemKey(problem: Problem): string {
   return [problem.stage, problem.code, problem.object ?? "", problem.other ?? ""].join(" ");
@@ -96,6 +124,15 @@ export function select(id: string | null): void {
     selectedId.value = id;
     if (id !== null) tab.value = "objects";
     if (id === null) selectedProblem.value = null;
+  });
+}
+
+/** Selects a camera in place of an object. */
+export function selectCamera(name: string): void {
+  batch(() => {
+    selectedId.value = null;
+    selectedCamera.value = name;
+    tab.value = "cameras";
   });
 }
 
@@ -128,6 +165,8 @@ export function show(message: Scene): void {
     }
     confirmed.value = message.state;
     verdict.value = empty(message.state.revision);
+    locked.value = hidden.value = new Set();
+    difference.value = null;
     selectedId.value = null;
     selectedProblem.value = null;
     lookThrough.value = null;
