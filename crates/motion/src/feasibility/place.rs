@@ -32,6 +32,8 @@ pub struct PlaceQuery<'a> {
     pub settings: &'a FeasibilitySettings,
     /// Maximum failed motion searches; `usize::MAX` for no limit.
     pub searches: usize,
+    /// Maximum failed motion searches per goal pose.
+    pub searches_per_goal: usize,
 }
 
 /// Motions of one placement, in order; the gripper opens after the second.
@@ -52,23 +54,28 @@ impl PlaceQuery<'_> {
         self.planner.ik_each(&(raised * self.tcp_from_object.inverse()), self.arm).next().is_some()
     }
 
-    /// First feasible release at any of the goals.
+    /// First feasible release at any of the goals, with the index of its goal.
     ///
     /// Objects dropped from high topple and hit the gripper: every goal is tried low before any is tried higher.
     ///
     /// # Errors
     /// Error of the first attempt; `None` if no goal allows any height.
-    pub fn first(&self, goals: &[PlaceGoal], seed: Seed) -> Result<Release, Option<PlanError>> {
-        let (mut failure, mut searches) = (None, self.searches);
+    pub fn first(&self, goals: &[PlaceGoal], seed: Seed) -> Result<(usize, Release), Option<PlanError>> {
+        let (mut failure, mut left) = (None, self.searches);
+        let mut left_per_goal = vec![self.searches_per_goal; goals.len()];
         for &height_m in &self.settings.release_heights_m {
             for (index, goal) in goals.iter().enumerate().filter(|(_, goal)| height_m <= goal.highest_release_m) {
-                match self.release_within(&mut searches, goal, height_m, seed.fork_index(index as u64)) {
-                    Ok(release) => return Ok(release),
+                let allowed = left.min(left_per_goal[index]);
+                if allowed == 0 {
+                    continue;
+                }
+                let mut unused = allowed;
+                match self.release_within(&mut unused, goal, height_m, seed.fork_index(index as u64)) {
+                    Ok(release) => return Ok((index, release)),
                     Err(error) => failure = failure.or(Some(error)),
                 }
-                if searches == 0 {
-                    return Err(failure);
-                }
+                left -= allowed - unused;
+                left_per_goal[index] -= allowed - unused;
             }
         }
         Err(failure)
@@ -79,7 +86,7 @@ impl PlaceQuery<'_> {
     /// # Errors
     /// Error of the last arm configuration, or an invalid collision piece.
     pub fn release(&self, goal: &PlaceGoal, height_m: f64, seed: Seed) -> Result<Release, PlanError> {
-        self.release_within(&mut self.searches.clone(), goal, height_m, seed)
+        self.release_within(&mut self.searches.min(self.searches_per_goal), goal, height_m, seed)
     }
 
     /// Like [`Self::release`]; each failed search decrements `searches`, and none is started at 0.

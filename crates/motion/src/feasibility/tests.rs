@@ -236,10 +236,12 @@ fn motions_lead_from_the_arm_to_the_grasp_and_on_to_the_goal() {
         open_width_m: grasp.opening_m,
         settings: &settings,
         searches: usize::MAX,
+        searches_per_goal: usize::MAX,
     };
     assert!(place.reaches(&goals[0].world_from_object, 0.01));
     assert!(!place.reaches(&Pose::from_position(DVec3::X * 2.0), 0.01));
-    let Release { carry, lower, retreat } = place.first(&goals, Seed::new(1)).unwrap();
+    let (goal, Release { carry, lower, retreat }) = place.first(&goals, Seed::new(1)).unwrap();
+    assert_eq!(goal, 0);
     assert_eq!((carry.start(), carry.goal()), (lift.goal(), lower.start()));
     assert_eq!(lower.goal(), retreat.start());
     let let_go = planner.tcp_pose(lower.goal()) * tcp_from_object;
@@ -252,8 +254,13 @@ fn motions_lead_from_the_arm_to_the_grasp_and_on_to_the_goal() {
 
     let high = [PlaceGoal { highest_release_m: 0.0, ..goals[0] }];
     assert_eq!(place.first(&high, Seed::new(1)), Err(None), "no height is allowed");
-    let far = [goal_at(DVec3::new(1.4, 0.0, 0.025))];
-    assert!(matches!(place.first(&far, Seed::new(1)), Err(Some(PlanError::Unreachable { .. }))));
+    let far = goal_at(DVec3::new(1.4, 0.0, 0.025));
+    assert!(matches!(place.first(&[far], Seed::new(1)), Err(Some(PlanError::Unreachable { .. }))));
+    // The first goal is possible from 12 cm only; the second one, tried low before, wins.
+    let under = Pose { position: goals[0].world_from_object.position - DVec3::Z * 0.1, ..goals[0].world_from_object };
+    let sunk = PlaceGoal { world_from_object: under, highest_release_m: f64::INFINITY, clear_height_m: 0.25 };
+    assert_eq!(place.first(&[sunk, goals[0]], Seed::new(1)).unwrap().0, 1);
+    assert_eq!(place.first(&[sunk], Seed::new(1)).unwrap().0, 0);
 }
 
 #[test]

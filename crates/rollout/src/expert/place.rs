@@ -68,7 +68,7 @@ fn toward(
 ) -> Result<Vec<Vec<f32>>, Failure> {
     let goals: Vec<PlaceGoal> = goals.iter().map(|goal| expert.place_goal(scene, goal)).collect();
     let release = held.query(expert, hand).first(&goals, seed);
-    release.map(|release| commands(expert, hand, &release)).map_err(|problem| {
+    release.map(|(_, release)| commands(expert, hand, &release)).map_err(|problem| {
         let name = expert.stage.name(held.object);
         let reason = problem.map_or_else(|| "no goal".to_owned(), |error| error.to_string());
         let evidence = format!("no free motion brings {name} to any of {} places: {reason}", goals.len());
@@ -113,6 +113,7 @@ impl<'a> Held<'a> {
             open_width_m: hand.open_width,
             settings: &expert.settings.feasibility,
             searches: usize::MAX,
+            searches_per_goal: usize::MAX,
         }
     }
 }
