@@ -114,15 +114,19 @@ impl ChatModel for HttpChat {
     /// Tries structured-output modes from the strictest one the server is known to accept.
     fn chat(&self, request: &ChatRequest) -> Result<ChatReply, ChatError> {
         self.check_images(request)?;
-        let first = if request.reply_schema.is_some() { self.structure.load(Ordering::Relaxed) } else { usize::MAX };
-        let strictest = Structure::ALL.get(first).copied().unwrap_or(Structure::Plain);
-        let modes = self.wire().structures().iter().filter(|structure| **structure >= strictest);
+        let first = match &request.reply_schema {
+            None => Structure::Plain as usize,
+            Some(asked) if asked.grammar.is_none() => Structure::JsonSchema as usize,
+            Some(_) => Structure::Grammar as usize,
+        };
+        let first = first.max(self.structure.load(Ordering::Relaxed));
+        let modes = self.wire().structures().iter().filter(|structure| **structure as usize >= first);
         let mut attempts = 0;
         let mut rejection = None;
         for structure in modes {
             match self.send_with_retries(request, *structure, &mut attempts) {
                 Ok(reply) => {
-                    if request.reply_schema.is_some() {
+                    if rejection.is_some() {
                         self.structure.fetch_max(*structure as usize, Ordering::Relaxed);
                     }
                     return Ok(reply);

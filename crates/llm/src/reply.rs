@@ -50,8 +50,10 @@ pub struct Usage {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Structure {
-    /// The server enforces the schema.
+    /// The server enforces the tighter schema of the request, if it has one; otherwise as `json_schema`.
     #[default]
+    Grammar,
+    /// The server enforces the schema.
     JsonSchema,
     /// The server enforces JSON of any shape.
     JsonObject,
@@ -61,5 +63,5 @@ pub enum Structure {
 
 impl Structure {
     /// All modes, strictest first.
-    pub const ALL: [Self; 3] = [Self::JsonSchema, Self::JsonObject, Self::Plain];
+    pub const ALL: [Self; 4] = [Self::Grammar, Self::JsonSchema, Self::JsonObject, Self::Plain];
 }

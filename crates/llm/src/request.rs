@@ -33,6 +33,17 @@ pub struct ReplySchema {
     pub name: String,
     /// The schema.
     pub schema: Value,
+    /// Tighter schema for servers that turn it into a grammar, also with `anyOf`, `minItems` and `maxItems`; `schema` is
+    /// for those that refuse it. No part of recordings and keys, so that those made without it stay valid.
+    #[serde(skip)]
+    pub grammar: Option<Value>,
+}
+
+impl ReplySchema {
+    /// Creates a schema without a tighter one.
+    pub fn new(name: impl Into<String>, schema: Value) -> Self {
+        Self { name: name.into(), schema, grammar: None }
+    }
 }
 
 /// A request in a file: with image hashes instead of bytes.

@@ -64,7 +64,7 @@ impl Default for ServerSettings {
             first_backoff_s: 1.0,
             max_backoff_s: 30.0,
             max_retry_after_s: 60.0, // limits per minute are common, limits per day not worth waiting for
-            structure: Structure::JsonSchema, // falls back by itself
+            structure: Structure::Grammar, // falls back by itself
             parameters: Map::new(),  // some models refuse any; the server's defaults are sensible
         }
     }

@@ -98,11 +98,15 @@ fn part(part: &Part) -> Value {
 
 fn response_format(request: &ChatRequest, structure: Structure) -> Option<Value> {
     let schema = request.reply_schema.as_ref()?;
-    match structure {
-        Structure::JsonSchema => Some(json!({
+    let enforced = |enforced: &Value| {
+        Some(json!({
             "type": "json_schema",
-            "json_schema": {"name": schema.name, "strict": true, "schema": schema.schema},
-        })),
+            "json_schema": {"name": schema.name, "strict": true, "schema": enforced},
+        }))
+    };
+    match structure {
+        Structure::Grammar => enforced(schema.grammar.as_ref().unwrap_or(&schema.schema)),
+        Structure::JsonSchema => enforced(&schema.schema),
         Structure::JsonObject => Some(json!({"type": "json_object"})),
         Structure::Plain => None,
     }

@@ -159,6 +159,28 @@ fn structured_output_falls_back_and_remembers() {
     assert_eq!(forms, ["json_schema", "json_object", "plain", "plain"]);
 }
 
+/// A tighter schema is tried first, and not again after a refusal.
+#[test]
+fn a_grammar_falls_back_to_the_schema() {
+    let server =
+        FakeServer::start(|request| {
+            match request.body["response_format"]["json_schema"]["schema"]["minItems"].is_null() {
+                true => answer(),
+                false => status(400, &[], r#"{"error":{"message":"response_format: `minItems` is not permitted"}}"#),
+            }
+        })
+        .unwrap();
+    let client = client(&server);
+    let mut question = structured_question();
+    let asked = question.reply_schema.as_mut().unwrap();
+    asked.grammar = Some(serde_json::json!({"type": "array", "minItems": 1}));
+    for (attempts, requests) in [(2, 2), (1, 3)] {
+        let reply = client.chat(&question).unwrap();
+        assert_eq!((reply.structure, reply.attempts), (Structure::JsonSchema, attempts));
+        assert_eq!(server.seen().len(), requests);
+    }
+}
+
 #[test]
 fn a_request_that_is_wrong_anyway_reports_its_first_refusal() {
     let server = FakeServer::start(|request| {

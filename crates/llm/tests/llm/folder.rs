@@ -17,7 +17,7 @@ fn model(folder: &Path, timeout_s: f64) -> FolderChat {
 }
 
 fn shown() -> ChatRequest {
-    let reply_schema = Some(ReplySchema { name: "mark".into(), schema: serde_json::json!({"type": "object"}) });
+    let reply_schema = Some(ReplySchema::new("mark", serde_json::json!({"type": "object"})));
     let parts = [words("Which number marks"), image(RED_GREEN), words("the cup?")];
     ChatRequest { messages: vec![Message::system("Answer."), Message::user_parts(parts)], reply_schema, ..question("") }
 }

@@ -39,5 +39,5 @@ fn question(text: &str) -> ChatRequest {
 
 fn structured_question() -> ChatRequest {
     let schema = serde_json::json!({"type": "object", "properties": {}, "additionalProperties": false});
-    ChatRequest { reply_schema: Some(ReplySchema { name: "empty".into(), schema }), ..question("?") }
+    ChatRequest { reply_schema: Some(ReplySchema::new("empty", schema)), ..question("?") }
 }
