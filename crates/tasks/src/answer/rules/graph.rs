@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::consistency::{Link, contradictions};
 use crate::answer::TaskRequest;
 use crate::answer::flaw::{Findings, FlawKind};
-use crate::answer::resolve::Draft;
+use crate::answer::resolve::{Draft, Node};
 
 /// Checks nodes and edges, and drops repeated nodes.
 pub(super) fn check(mut draft: Draft, request: &TaskRequest, findings: &mut Findings) -> Draft {
@@ -21,7 +21,7 @@ pub(super) fn check(mut draft: Draft, request: &TaskRequest, findings: &mut Find
             findings.reject(FlawKind::NotAContainer, edge.path.as_str(), message, "use `on` or another object");
         }
     }
-    check_nodes_of_edges(&draft, request, findings);
+    add_nodes_of_edges(&mut draft, request, findings);
     check_supports(&draft, request, findings);
     check_edges_of_nodes(&draft, request, findings);
     if draft.written_nodes < request.min_objects {
@@ -86,18 +86,26 @@ fn check_supports(draft: &Draft, request: &TaskRequest, findings: &mut Findings)
     }
 }
 
-fn check_nodes_of_edges(draft: &Draft, request: &TaskRequest, findings: &mut Findings) {
-    let mut missing: BTreeMap<usize, &str> = BTreeMap::new();
+/// Adds the missing nodes of objects in edges; one with states has to say which it begins in.
+fn add_nodes_of_edges(draft: &mut Draft, request: &TaskRequest, findings: &mut Findings) {
+    let mut missing: BTreeMap<usize, String> = BTreeMap::new();
     for edge in &draft.edges {
         for object in [edge.subject, edge.reference].into_iter().chain(edge.second) {
             if !request.is_surface(object) && !draft.nodes.iter().any(|node| node.object == object) {
-                missing.entry(object).or_insert(&edge.path);
+                missing.entry(object).or_insert_with(|| edge.path.clone());
             }
         }
     }
     for (object, path) in missing {
         let message = format!("expected a node for {}, got none", object_name(request, object));
-        findings.reject(FlawKind::MissingNode, path, message, "every object of an edge is a node");
+        if request.offered[object].states.is_empty() {
+            findings.repair(FlawKind::MissingNode, path.as_str(), message, "added the node");
+            draft.nodes.push(Node { object, state: None, path });
+            draft.written_nodes += 1;
+        } else {
+            let hint = "every object of an edge is a node; that of an object with states says which it begins in";
+            findings.reject(FlawKind::MissingNode, path, message, hint);
+        }
     }
 }
 

@@ -20,7 +20,7 @@ const MAX_WORDS: usize = 30;
 /// Reports all violations and returns the repaired draft.
 pub(super) fn check(draft: Draft, request: &TaskRequest, findings: &mut Findings) -> Draft {
     check_instruction(&draft, findings);
-    if draft.description.trim() == DESCRIPTION_PLACEHOLDER {
+    if returns_placeholder(&draft.description) {
         let message = "expected a description of the scene, got the placeholder of the format";
         findings.reject(FlawKind::Placeholder, "$.scene_graph.description", message, "say where every object stands");
     }
@@ -31,7 +31,7 @@ pub(super) fn check(draft: Draft, request: &TaskRequest, findings: &mut Findings
         // The implications of a contradictory graph are meaningless.
         goal::check_not_satisfied(&draft, findings);
     }
-    check_kind(&draft, request.kind, findings);
+    check_kind(&draft, request, findings);
     draft
 }
 
@@ -66,6 +66,12 @@ pub(super) fn check_sentence(task: &Task, findings: &mut Findings) {
     }
 }
 
+/// True if a description is that of the example, whatever its number of sentences.
+fn returns_placeholder(description: &str) -> bool {
+    let asked = DESCRIPTION_PLACEHOLDER.split_once(": ").map(|(_, asked)| asked);
+    asked.is_some_and(|asked| description.to_lowercase().contains(asked))
+}
+
 fn check_instruction(draft: &Draft, findings: &mut Findings) {
     let words = draft.instruction.split_whitespace().count();
     if words == 0 {
@@ -77,20 +83,48 @@ fn check_instruction(draft: &Draft, findings: &mut Findings) {
 }
 
 /// Articulated tasks change a state; all others except long ones have relations only.
-fn check_kind(draft: &Draft, kind: TaskKind, findings: &mut Findings) {
+fn check_kind(draft: &Draft, request: &TaskRequest, findings: &mut Findings) {
+    let kind = request.kind;
     for (index, conjunction) in draft.alternatives.iter().enumerate() {
         if conjunction.len() < draft.written_conditions[index] || conjunction.is_empty() {
             continue;
         }
         let states = conjunction.iter().filter(|condition| matches!(condition.test, Test::State(_))).count();
-        let (expected, got) = match kind {
-            TaskKind::Articulated if states == 0 => ("a condition on a state", "relations only"),
-            TaskKind::LongHorizon if conjunction.len() < 2 => ("two or more conditions", "one"),
+        let (expected, got, hint) = match kind {
+            TaskKind::Articulated if states == 0 => {
+                ("a condition on a state", "relations only", state_condition(draft, request))
+            }
+            TaskKind::LongHorizon if conjunction.len() < 2 => {
+                ("two or more conditions", "one", "write one condition for each action into the same list".to_owned())
+            }
             TaskKind::Articulated | TaskKind::LongHorizon => continue,
-            _ if states > 0 => ("relations only", "a condition on a state"),
+            _ if states > 0 => {
+                let hint = "say where an object is in the end: position and obj2_uid, with obj1_state \"none\"";
+                ("relations only", "a condition on a state", hint.to_owned())
+            }
             _ => continue,
         };
         let message = format!("expected {expected} in the goal of a task of kind {}, got {got}", kind.name());
-        findings.reject(FlawKind::WrongKind, format!("$.goal_conditions[{index}]"), message, "");
+        findings.reject(FlawKind::WrongKind, format!("$.goal_conditions[{index}]"), message, hint);
     }
+}
+
+/// A condition on a state that an offered object does not begin in, as an example.
+fn state_condition(draft: &Draft, request: &TaskRequest) -> String {
+    let initial = |object: usize| draft.nodes.iter().find(|node| node.object == object).map(|node| &node.state);
+    // Preferably of an object of the scene.
+    let mut objects = draft.nodes.iter().map(|node| node.object).chain(0..request.offered.len());
+    let example = objects.find_map(|object| {
+        let states = &request.offered.get(object)?.states;
+        let state = states.iter().find(|state| initial(object).is_none_or(|initial| initial.as_ref() != Some(*state)));
+        Some((object, state?))
+    });
+    example.map_or_else(String::new, |(object, state)| {
+        format!(
+            "for example {{\"obj1\": {:?}, \"obj1_uid\": {:?}, \"obj1_state\": {state:?}, \"obj2\": \"none\", \
+             \"obj2_uid\": \"none\", \"position\": \"none\"}}",
+            request.names()[object],
+            request.ids()[object],
+        )
+    })
 }
