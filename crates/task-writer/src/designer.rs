@@ -1,11 +1,12 @@
 //! Requests tasks from a model, validates every answer and requests repairs, up to a maximum number of rounds.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
 use genmanip_core::{NamedSurface, ObjectCard, Seed, TaskKind};
 use genmanip_llm::{CassetteChat, CassetteMode, ChatModel, ChatRequest, FolderChat, Message, SettingsError};
-use genmanip_tasks::answer::{AnswerReport, TaskRequest, check_answer};
+use genmanip_tasks::answer::{AnswerReport, FlawKind, TaskRequest, check_answer};
 use serde_json::{Map, Value};
 
 use crate::outcome::{Designed, GenerationOutcome, Refusal, Round};
@@ -19,6 +20,9 @@ const MAX_WORDS: usize = 30;
 const MAX_UNANSWERED: u32 = 3;
 /// Maximum length of the violation list (bytes).
 const MAX_VIOLATION_BYTES: usize = 16 << 10;
+/// Share of common words from which a repaired answer has hardly changed; chosen: small models that mend nothing keep
+/// more, and a mended condition in an answer of usual length changes less only if the rest of the flaws is gone too.
+const UNCHANGED_SHARE: f64 = 0.9;
 
 /// Generates `count` tasks of one kind with objects from `cards`; one outcome per task, in order.
 ///
@@ -34,7 +38,28 @@ pub fn generate(
     seed: Seed,
     cards: &[ObjectCard],
 ) -> Result<Vec<GenerationOutcome>, DesignerError> {
-    Ok(Designer::open(settings, seed)?.generate(kind, count, seed, cards, &|_| {}))
+    Ok(Designer::open(settings, seed)?.generate(&[(kind, count)], seed, cards, &|_| {}))
+}
+
+/// News of a running generation.
+#[derive(Clone, Copy, Debug)]
+pub enum GenerationEvent<'a> {
+    /// The model is asked.
+    Asked {
+        /// Task id.
+        id: &'a str,
+        /// Number of the round, from 1.
+        round: u32,
+    },
+    /// An answer was rejected.
+    Rejected {
+        /// Task id.
+        id: &'a str,
+        /// The round.
+        round: &'a Round,
+    },
+    /// A task is finished, or refused for good.
+    Done(&'a GenerationOutcome),
 }
 
 /// Error of the setup.
@@ -95,26 +120,26 @@ impl Designer {
         Self { surfaces, ..self }
     }
 
-    /// Like the function [`generate`]; calls `on_done` with each outcome, on the worker thread.
+    /// Generates this many tasks of each kind, one outcome per task in the order of the kinds; calls `on_event` on the
+    /// worker threads. All workers serve all kinds; otherwise like the function [`generate`].
     pub fn generate(
         &self,
-        kind: TaskKind,
-        count: usize,
+        kinds: &[(TaskKind, usize)],
         seed: Seed,
         cards: &[ObjectCard],
-        on_done: &(dyn Fn(&GenerationOutcome) + Sync),
+        on_event: &(dyn Fn(GenerationEvent<'_>) + Sync),
     ) -> Vec<GenerationOutcome> {
+        let tasks: Vec<(TaskKind, usize)> =
+            kinds.iter().flat_map(|&(kind, count)| (0..count).map(move |index| (kind, index))).collect();
         let next = AtomicUsize::new(0);
         let unanswered = AtomicU32::new(0);
-        let outcomes = Mutex::new(Vec::with_capacity(count));
+        let outcomes = Mutex::new(Vec::with_capacity(tasks.len()));
         let work = || {
             loop {
-                let index = next.fetch_add(1, Ordering::Relaxed);
-                if index >= count {
-                    return;
-                }
+                let number = next.fetch_add(1, Ordering::Relaxed);
+                let Some(&(kind, index)) = tasks.get(number) else { return };
                 let ask = unanswered.load(Ordering::Relaxed) < MAX_UNANSWERED;
-                let outcome = self.one_of_many(kind, index, seed, cards, ask);
+                let outcome = self.one_of_many((kind, index), seed, cards, ask, on_event);
                 match &outcome.result {
                     Designed::Refused(Refusal::NotAsked) => {}
                     Designed::Refused(Refusal::Unanswered { error }) if error.is_service_trouble() => {
@@ -122,30 +147,30 @@ impl Designer {
                     }
                     _ => unanswered.store(0, Ordering::Relaxed),
                 }
-                on_done(&outcome);
+                on_event(GenerationEvent::Done(&outcome));
                 if let Ok(mut outcomes) = outcomes.lock() {
-                    outcomes.push((index, outcome));
+                    outcomes.push((number, outcome));
                 }
             }
         };
         std::thread::scope(|scope| {
-            for _ in 1..self.settings.workers.min(count) {
+            for _ in 1..self.settings.workers.min(tasks.len()) {
                 scope.spawn(work);
             }
             work();
         });
         let mut outcomes = outcomes.into_inner().unwrap_or_default();
-        outcomes.sort_by_key(|(index, _)| *index);
+        outcomes.sort_by_key(|(number, _)| *number);
         outcomes.into_iter().map(|(_, outcome)| outcome).collect()
     }
 
     fn one_of_many(
         &self,
-        kind: TaskKind,
-        index: usize,
+        (kind, index): (TaskKind, usize),
         seed: Seed,
         cards: &[ObjectCard],
         ask: bool,
+        on_event: &dyn Fn(GenerationEvent<'_>),
     ) -> GenerationOutcome {
         let stream = seed.fork("llm task").fork(kind.name()).fork_index(index as u64);
         let offered = sample_objects(cards, kind, &self.settings.sampling, stream.fork("objects"));
@@ -161,15 +186,20 @@ impl Designer {
         match offered {
             Err(error) => self.outcome(&request, Vec::new(), Designed::Refused(Refusal::NoObjects { error })),
             Ok(_) if !ask => self.outcome(&request, Vec::new(), Designed::Refused(Refusal::NotAsked)),
-            Ok(_) => self.design(&request),
+            Ok(_) => self.converse(&request, on_event),
         }
     }
 
     /// Generates one task with the objects of the request, including repair rounds.
     pub fn design(&self, request: &TaskRequest) -> GenerationOutcome {
-        let mut rounds = Vec::new();
-        let mut conversation = self.question(request);
-        for _ in 0..self.settings.max_rounds {
+        self.converse(request, &|_| {})
+    }
+
+    fn converse(&self, request: &TaskRequest, on_event: &dyn Fn(GenerationEvent<'_>)) -> GenerationOutcome {
+        let mut rounds: Vec<Round> = Vec::new();
+        let mut conversation = self.asked(request, "");
+        for number in 1..=self.settings.max_rounds {
+            on_event(GenerationEvent::Asked { id: &request.id, round: number });
             let key = conversation.key();
             let reply = match self.model.chat(&conversation) {
                 Ok(reply) => reply,
@@ -178,11 +208,21 @@ impl Designer {
                 }
             };
             let report = check_answer(&reply.text, request);
-            conversation.messages.push(Message::assistant(self.quoted(&reply.text)));
-            conversation.messages.push(Message::user(self.prompts.repair_text(&violations(&report))));
+            let found = violations(&report);
             let AnswerReport { verdict, flaws, repairs, task, .. } = report;
             let is_cut_off = reply.is_cut_off();
-            rounds.push(Round { key, reply, verdict, flaws, repairs });
+            let round = Round { key, reply, verdict, flaws, repairs };
+            if rounds.last().is_some_and(|before| has_hardly_changed(before, &round)) {
+                // A model that repeats itself is held by its own words: it sees them no more.
+                conversation = self.asked(request, &format!("\n\n{}", self.prompts.restart_text(&found)));
+            } else {
+                conversation.messages.push(Message::assistant(self.quoted(&round.reply.text)));
+                conversation.messages.push(Message::user(self.prompts.repair_text(&found)));
+            }
+            if task.is_none() {
+                on_event(GenerationEvent::Rejected { id: &request.id, round: &round });
+            }
+            rounds.push(round);
             if let Some(task) = task {
                 return self.outcome(request, rounds, Designed::Task(Box::new(task)));
             }
@@ -193,13 +233,14 @@ impl Designer {
         self.outcome(request, rounds, Designed::Refused(Refusal::Invalid))
     }
 
-    fn question(&self, request: &TaskRequest) -> ChatRequest {
+    /// Conversation that begins with the request; `more` is added to it.
+    fn asked(&self, request: &TaskRequest, more: &str) -> ChatRequest {
         let prompts = &self.prompts;
         ChatRequest {
             model: self.model_name.clone(),
             messages: vec![
                 Message::system(prompts.system_text(MAX_WORDS)),
-                Message::user(prompts.request_text(request)),
+                Message::user(format!("{}{more}", prompts.request_text(request))),
             ],
             reply_schema: Some(prompts.reply_schema(request)),
             parameters: self.parameters.clone(),
@@ -222,6 +263,29 @@ impl Designer {
             result,
         }
     }
+}
+
+/// True if a repair left most words of the rejected answer, and some of its flaws.
+fn has_hardly_changed(before: &Round, after: &Round) -> bool {
+    let kinds = |round: &Round| -> BTreeSet<FlawKind> {
+        round.flaws.iter().filter(|flaw| !flaw.repaired).map(|flaw| flaw.kind).collect()
+    };
+    common_share(&before.reply.text, &after.reply.text) >= UNCHANGED_SHARE && !kinds(before).is_disjoint(&kinds(after))
+}
+
+/// Share of words that two texts have in common, each as often as it occurs (Sørensen–Dice coefficient).
+fn common_share(one: &str, other: &str) -> f64 {
+    let words = |text: &str| {
+        let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+        for word in text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()) {
+            *counts.entry(word.to_lowercase()).or_default() += 1;
+        }
+        counts
+    };
+    let (one, other) = (words(one), words(other));
+    let common: usize = one.iter().map(|(word, count)| other.get(word).map_or(0, |also| *also.min(count))).sum();
+    let all = one.values().sum::<usize>() + other.values().sum::<usize>();
+    2.0 * common as f64 / all.max(1) as f64
 }
 
 /// Unrepaired violations, one line each.

@@ -14,17 +14,18 @@
 //! let mut settings = LlmSettings::default();
 //! settings.generation.max_rounds = 1;
 //! let designer = Designer::with_model(ScriptedChat::new(["I would rather not."]), &settings).unwrap();
-//! let outcomes = designer.generate(TaskKind::Spatial, 1, Seed::new(1), &[], &|_| {});
+//! let outcomes = designer.generate(&[(TaskKind::Spatial, 1)], Seed::new(1), &[], &|_| {});
 //! assert!(outcomes[0].refusal().unwrap().contains("the catalogue has 0")); // nothing to offer, nothing asked
 //! ```
 
 mod designer;
+mod grammar;
 mod outcome;
 mod prompt;
 mod sampling;
 mod settings;
 
-pub use designer::{Designer, DesignerError, generate};
+pub use designer::{Designer, DesignerError, GenerationEvent, generate};
 pub use outcome::{Designed, GenerationOutcome, Refusal, Round};
 pub use prompt::{KindPrompts, Prompt, PromptError, PromptHead, PromptSet, PromptStamp};
 pub use sampling::{SamplingError, SamplingSettings, sample_objects};

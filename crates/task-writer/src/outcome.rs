@@ -104,7 +104,8 @@ impl GenerationOutcome {
         };
         let mut text = refusal.to_string();
         if let (Refusal::Invalid, Some(last)) = (refusal, self.rounds.last()) {
-            text += &format!(" in {} rounds; the last one:", self.rounds.len());
+            let rounds = if self.rounds.len() == 1 { "round" } else { "rounds" };
+            text += &format!(" in {} {rounds}; the last one:", self.rounds.len());
             for flaw in last.flaws.iter().filter(|flaw| !flaw.repaired) {
                 text += &format!("\n  {} at {}: {}", flaw.kind.name(), flaw.path, flaw.message);
             }

@@ -13,6 +13,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
+use crate::grammar::reply_grammar;
+
 /// All prompts of the task writer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PromptSet {
@@ -22,6 +24,8 @@ pub struct PromptSet {
     pub request: Prompt,
     /// Violations of an answer. Input: `violations`.
     pub repair: Prompt,
+    /// Request for another task after a repair that changed hardly anything. Input: `violations`.
+    pub restart: Prompt,
     /// Paragraphs on each kind of task.
     pub kinds: KindPrompts,
     /// JSON Schema of the answer; `{{uids}}` and `{{states}}` in its enums stand for those of the offered objects.
@@ -138,6 +142,7 @@ impl PromptSet {
         Ok(Self {
             system: prompt(builtin!("system.md"), &["max_words"])?,
             repair: prompt(builtin!("repair.md"), &["violations"])?,
+            restart: prompt(builtin!("restart.md"), &["violations"])?,
             kinds: KindPrompts {
                 pick_and_place: prompt(builtin!("kind_pick_and_place.md"), &[])?,
                 spatial: prompt(builtin!("kind_spatial.md"), &[])?,
@@ -171,12 +176,17 @@ impl PromptSet {
         self.repair.render(&[("violations", violations)])
     }
 
-    /// Prompts used for this kind of task.
-    pub fn stamps(&self, kind: TaskKind) -> Vec<PromptStamp> {
-        [&self.system, &self.request, self.kinds.of(kind), &self.repair].map(Prompt::stamp).into()
+    /// Request for another task, after `violations` with one line each.
+    pub fn restart_text(&self, violations: &str) -> String {
+        self.restart.render(&[("violations", violations)])
     }
 
-    /// Schema of an answer with the offered objects and surfaces.
+    /// Prompts used for this kind of task.
+    pub fn stamps(&self, kind: TaskKind) -> Vec<PromptStamp> {
+        [&self.system, &self.request, self.kinds.of(kind), &self.repair, &self.restart].map(Prompt::stamp).into()
+    }
+
+    /// Schema of an answer with the offered objects and surfaces; with the built-in one also a tighter one.
     pub fn reply_schema(&self, request: &TaskRequest) -> ReplySchema {
         let uids = request.ids();
         let mut states: Vec<&str> = Vec::new();
@@ -185,13 +195,13 @@ impl PromptSet {
                 states.push(state);
             }
         }
-        ReplySchema {
-            name: "tosg_answer".into(),
-            schema: filled(
-                &self.schema,
-                &[("{{uids}}", uids.iter().map(String::as_str).collect()), ("{{states}}", states)],
-            ),
-        }
+        let schema =
+            filled(&self.schema, &[("{{uids}}", uids.iter().map(String::as_str).collect()), ("{{states}}", states)]);
+        // A schema of one's own is not known well enough to be tightened.
+        let is_builtin =
+            serde_json::from_str(builtin!("tosg_answer.schema.json").1).is_ok_and(|own: Value| own == self.schema);
+        let grammar = is_builtin.then(|| reply_grammar(request)).flatten();
+        ReplySchema { grammar, ..ReplySchema::new("tosg_answer", schema) }
     }
 }
 
@@ -343,7 +353,7 @@ mod tests {
         let (mine, builtin) = (PromptSet::load(Some(folder.path())).unwrap(), PromptSet::load(None).unwrap());
         assert_eq!(mine.repair.render(&[("violations", "x")]), "Mend x!");
         assert_eq!(mine.system, builtin.system);
-        let stamp = |set: &PromptSet| set.stamps(TaskKind::Spatial).pop().unwrap();
+        let stamp = |set: &PromptSet| set.stamps(TaskKind::Spatial)[3].clone();
         assert_eq!((stamp(&mine).version, stamp(&builtin).version), (7, 1));
         assert!(PromptSet::load(Some(&folder.path().join("none"))).is_err());
     }

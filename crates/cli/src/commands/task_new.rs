@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use genmanip_core::limits;
 use genmanip_core::{Document, ObjectCard, Seed, TaskKind};
 use genmanip_llm::CassetteMode;
-use genmanip_task_writer::{Designed, Designer, GenerationOutcome, LlmSettings, Refusal};
+use genmanip_task_writer::{Designed, Designer, GenerationEvent, GenerationOutcome, LlmSettings, Refusal, Round};
 use genmanip_tasks::designer::DesignSettings;
 use genmanip_workspace::Progress;
 use genmanip_workspace::designed_tasks::{self, Design, NewTask, design_into};
@@ -109,26 +109,41 @@ fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Pri
                 .hint("docs/guides/language-models.md says what settings, prompts and cassettes hold")
         })?
         .with_surfaces(worlds::read_world(arguments.world.as_deref())?.named_surfaces());
-    printer.begin("asking", arguments.count);
+    let counts: Vec<(TaskKind, usize)> = kinds
+        .iter()
+        .enumerate()
+        .map(|(index, &kind)| (kind, (arguments.count + kinds.len() - 1 - index) / kinds.len()))
+        .collect();
     let cards = cards(arguments)?;
-    let mut rows = Vec::new();
-    for (index, &kind) in kinds.iter().enumerate() {
-        let count = (arguments.count + kinds.len() - 1 - index) / kinds.len();
-        // What was paid for is kept as it comes.
-        let written = Mutex::new(BTreeMap::new());
-        let keep = |outcome: &GenerationOutcome| {
+    // What was paid for is kept as it comes.
+    let written = Mutex::new(BTreeMap::new());
+    let rounds = settings.generation.max_rounds;
+    let keep = |event: GenerationEvent<'_>| match event {
+        GenerationEvent::Asked { id, round } => {
+            printer.tell(&format!("{id}, round {round}"));
+            printer.note(&format!("{id}: asking, round {round} of at most {rounds}"));
+        }
+        GenerationEvent::Rejected { id, round } => printer.note(&format!("{id}: {}", rejected(round))),
+        GenerationEvent::Done(outcome) => {
             let row = write_outcome(outcome, &arguments.out);
             written.lock().unwrap_or_else(PoisonError::into_inner).insert(outcome.id.clone(), row);
             printer.advance();
-        };
-        let outcomes = designer.generate(kind, count, seed, &cards, &keep);
-        let mut written = written.into_inner().unwrap_or_else(PoisonError::into_inner);
-        for row in outcomes.iter().filter_map(|outcome| written.remove(&outcome.id)) {
-            rows.push(row?);
         }
-    }
+    };
+    printer.begin("asking", arguments.count);
+    let outcomes = designer.generate(&counts, seed, &cards, &keep);
     printer.end();
-    Ok(rows)
+    let mut written = written.into_inner().unwrap_or_else(PoisonError::into_inner);
+    outcomes.iter().filter_map(|outcome| written.remove(&outcome.id)).collect()
+}
+
+/// Kinds of flaws of a rejected answer and its number of tokens, in one line.
+fn rejected(round: &Round) -> String {
+    let mut kinds: Vec<String> =
+        round.flaws.iter().filter(|flaw| !flaw.repaired).map(|flaw| flaw.kind.name()).collect();
+    kinds.dedup();
+    let tokens = round.reply.usage.map_or_else(String::new, |usage| format!(", {} tokens", usage.completion_tokens));
+    format!("rejected{tokens}: {}", kinds.join(", "))
 }
 
 fn settings(arguments: &NewArguments) -> Result<LlmSettings, Failed> {

@@ -7,7 +7,8 @@ use genmanip_core::{Document, ObjectCard, Seed, Task, TaskKind};
 use genmanip_llm::fake::{Behaviour, FakeServer, ScriptedChat};
 use genmanip_llm::{ChatError, ChatModel, ChatReply, ChatRequest, Role};
 use genmanip_task_writer::{
-    Designed, Designer, GenerationOutcome, LlmSettings, PromptSet, Refusal, SamplingSettings, generate, sample_objects,
+    Designed, Designer, GenerationEvent, GenerationOutcome, LlmSettings, PromptSet, Refusal, SamplingSettings,
+    generate, sample_objects,
 };
 use genmanip_tasks::answer::Verdict;
 use serde_json::{Value, json};
@@ -69,6 +70,35 @@ fn violations_are_fed_back() {
     assert!(last.messages[3].text().contains("no_json"), "{}", last.messages[3].text());
     assert!(last.messages[5].text().contains("unknown_uid"), "{}", last.messages[5].text());
     assert_eq!(Task::from_json(&outcome.task().unwrap().to_json()).unwrap(), *outcome.task().unwrap());
+}
+
+/// A repair that changed hardly anything is followed by a fresh conversation without the answers.
+#[test]
+fn a_model_that_repeats_itself_starts_afresh() {
+    let is_bare = |answer: &str| answer.trim_start().starts_with('{');
+    let (name, answer) = recorded_answers()
+        .into_iter()
+        .find(|(_, it)| it.expect.as_deref() == Some("valid") && is_bare(&it.response))
+        .unwrap();
+    let request = answer.request(&name, &catalogue()).unwrap();
+    let description = |text: &str| {
+        let mut changed: Value = serde_json::from_str(&answer.response).unwrap();
+        changed["scene_graph"]["description"] = text.into();
+        changed.to_string()
+    };
+    let flawed = description(genmanip_tasks::answer::DESCRIPTION_PLACEHOLDER);
+    let other = "I would like to think about this first, and then again, until I know what to say.".to_owned();
+    for (second, messages) in [(flawed.clone(), 2), (other, 6)] {
+        let script = Arc::new(ScriptedChat::new([flawed.clone(), second, answer.response.clone()]));
+        let designer = Designer::with_model(Shared(Arc::clone(&script)), &LlmSettings::default()).unwrap();
+        let outcome = designer.design(&request);
+        assert!(outcome.task().is_some(), "{:?}", outcome.refusal());
+        let last = script.seen().pop().unwrap();
+        assert_eq!(last.messages.len(), messages);
+        let asked = last.messages.last().unwrap().text();
+        assert_eq!(asked.contains("from the beginning"), messages == 2, "{asked}");
+        assert!(asked.contains(if messages == 2 { "placeholder" } else { "no_json" }), "{asked}");
+    }
 }
 
 /// Half an answer, as a server that reached its limit of tokens gives it.
@@ -174,6 +204,40 @@ fn generation_does_not_depend_on_the_number_of_workers() {
     assert_eq!((usage.answers, usage.requests, usage.prompt_tokens), (12, 12, 1200));
 }
 
+/// With one task of each kind, all workers ask at once; news of every round arrives before a task is done.
+#[test]
+fn all_workers_serve_all_kinds() {
+    let (open, most) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicUsize::new(0)));
+    let counts = (Arc::clone(&open), Arc::clone(&most));
+    let server = FakeServer::start(move |_| {
+        counts.1.fetch_max(counts.0.fetch_add(1, Ordering::SeqCst) + 1, Ordering::SeqCst);
+        std::thread::sleep(Duration::from_millis(100));
+        counts.0.fetch_sub(1, Ordering::SeqCst);
+        Behaviour::Answer("No.".into())
+    })
+    .unwrap();
+    let mut settings = impatient(server.base_url());
+    (settings.generation.workers, settings.generation.max_rounds) = (3, 2);
+    let news = Mutex::new(Vec::new());
+    let designer = Designer::open(&settings, Seed::new(1)).unwrap();
+    let kinds = [TaskKind::PickAndPlace, TaskKind::Spatial, TaskKind::Articulated].map(|kind| (kind, 1));
+    let outcomes = designer.generate(&kinds, Seed::new(1), &catalogue(), &|event| {
+        let (id, what) = match event {
+            GenerationEvent::Asked { id, .. } => (id, "asked"),
+            GenerationEvent::Rejected { id, .. } => (id, "rejected"),
+            GenerationEvent::Done(outcome) => (outcome.id.as_str(), "done"),
+        };
+        news.lock().unwrap().push((id.to_owned(), what));
+    });
+    assert_eq!(outcomes.iter().map(|outcome| outcome.kind).collect::<Vec<_>>(), kinds.map(|(kind, _)| kind));
+    assert_eq!(most.load(Ordering::SeqCst), 3);
+    for outcome in &outcomes {
+        let of: Vec<&str> =
+            news.lock().unwrap().iter().filter(|(id, _)| *id == outcome.id).map(|(_, what)| *what).collect();
+        assert_eq!(of, ["asked", "rejected", "asked", "rejected", "done"]);
+    }
+}
+
 #[test]
 fn a_dead_server_is_not_asked_for_ever() {
     let server = FakeServer::scripted([]).unwrap();
@@ -181,8 +245,9 @@ fn a_dead_server_is_not_asked_for_ever() {
     settings.generation.workers = 1;
     let heard = Mutex::new(0);
     let designer = Designer::open(&settings, Seed::new(1)).unwrap();
-    let outcomes =
-        designer.generate(TaskKind::Spatial, 10, Seed::new(1), &catalogue(), &|_| *heard.lock().unwrap() += 1);
+    let outcomes = designer.generate(&[(TaskKind::Spatial, 10)], Seed::new(1), &catalogue(), &|event| {
+        *heard.lock().unwrap() += u32::from(matches!(event, GenerationEvent::Done(_)));
+    });
     assert_eq!((outcomes.len(), *heard.lock().unwrap()), (10, 10));
     assert!(matches!(outcomes[2].result, Designed::Refused(Refusal::Unanswered { .. })));
     assert!(outcomes[3..].iter().all(|outcome| outcome.result == Designed::Refused(Refusal::NotAsked)));
@@ -250,12 +315,19 @@ fn the_prompt() {
 fn the_schema_fits_the_answers() {
     let prompts = PromptSet::load(None).unwrap();
     for (name, answer) in recorded_answers() {
-        let schema = prompts.reply_schema(&answer.request(&name, &catalogue()).unwrap()).schema;
+        let asked = prompts.reply_schema(&answer.request(&name, &catalogue()).unwrap());
+        let (schema, grammar) = (asked.schema, asked.grammar.unwrap());
         assert_closed(&schema);
+        assert_closed(&grammar);
         let text = answer.response.trim().trim_start_matches("```json").split("```").next().unwrap();
         match serde_json::from_str::<Value>(text) {
             Ok(value) if answer.expect.as_deref() == Some("valid") => {
                 assert_eq!(conflict(&schema, &value, "$"), None, "{name}");
+                assert_eq!(conflict(&grammar, &value, "$"), None, "{name}");
+            }
+            Ok(value) if answer.expect.as_deref() == Some("not_graspable") => {
+                assert_eq!(conflict(&schema, &value, "$"), None, "{name}");
+                assert!(conflict(&grammar, &value, "$").is_some(), "{name}");
             }
             Ok(value) if answer.expect.as_deref() == Some("unknown_uid") => {
                 assert!(conflict(&schema, &value, "$").is_some(), "{name}");
@@ -280,6 +352,10 @@ fn assert_closed(schema: &Value) {
 }
 
 fn conflict(schema: &Value, value: &Value, path: &str) -> Option<String> {
+    if let Some(shapes) = schema["anyOf"].as_array() {
+        let conflicts: Option<Vec<String>> = shapes.iter().map(|shape| conflict(shape, value, path)).collect();
+        return conflicts.map(|conflicts| format!("{path}: no shape fits, {}", conflicts.join("; ")));
+    }
     match (schema["type"].as_str().unwrap(), value) {
         ("object", Value::Object(fields)) => {
             let properties = schema["properties"].as_object().unwrap();
@@ -290,6 +366,12 @@ fn conflict(schema: &Value, value: &Value, path: &str) -> Option<String> {
                     None => Some(format!("{path}.{name} missing")),
                 })
             })
+        }
+        ("array", Value::Array(items))
+            if schema["minItems"].as_u64().is_some_and(|least| (items.len() as u64) < least)
+                || schema["maxItems"].as_u64().is_some_and(|most| items.len() as u64 > most) =>
+        {
+            Some(format!("{path}: {} items", items.len()))
         }
         ("array", Value::Array(items)) => {
             items.iter().find_map(|item| conflict(&schema["items"], item, &format!("{path}[]")))

@@ -16,7 +16,7 @@ fn the_key_comes_from_the_environment() {
     settings.cassettes =
         CassetteSettings { mode: CassetteMode::Record, folder: folder.path().into(), note: String::new() };
     let designer = Designer::open(&settings, Seed::new(1)).unwrap();
-    let outcomes = designer.generate(TaskKind::Spatial, 1, Seed::new(1), &catalogue(), &|_| {});
+    let outcomes = designer.generate(&[(TaskKind::Spatial, 1)], Seed::new(1), &catalogue(), &|_| {});
     assert_eq!(server.seen()[0].headers["authorization"], format!("Bearer {value}"));
     assert!(!outcomes[0].to_json().contains(&value));
     for entry in std::fs::read_dir(folder.path()).unwrap() {
@@ -29,7 +29,7 @@ fn the_key_comes_from_the_environment() {
     drop(server);
     settings.cassettes.mode = CassetteMode::Replay;
     let replayed = Designer::open(&settings, Seed::new(1)).unwrap();
-    let replayed = replayed.generate(TaskKind::Spatial, 1, Seed::new(1), &catalogue(), &|_| {});
+    let replayed = replayed.generate(&[(TaskKind::Spatial, 1)], Seed::new(1), &catalogue(), &|_| {});
     assert_eq!(replayed[0].to_json(), outcomes[0].to_json(), "a replay writes the same bytes");
 }
 
