@@ -231,6 +231,11 @@ impl Annotator {
     }
 }
 
+/// True if the question is for the cell of a grid over a part of the image.
+fn is_fine(question: &Question) -> bool {
+    matches!(&question.marks, Marks::Grid { grid, .. } if grid.width < question.view.width())
+}
+
 /// Goal relation of a move, and the relation to the same reference that the placement achieves: the goal relation if
 /// the move would be completed, else the first other relation that would hold.
 fn came_to(steps: &[Move], is_right: bool, holds: &dyn Fn(&[Atom]) -> bool) -> Option<(Relation, Option<Relation>)> {
@@ -330,7 +335,12 @@ impl Annotator {
         let (stage, subtask) = (question.stage.into(), question.instruction.clone());
         let mut judgements = lock(&self.judgements);
         judgements.answers.insert(question.ask, answered.text.clone());
-        judgements.judgements.push(AnswerJudgement { ask: question.ask, round, stage, subtask, wrong, evidence });
+        // The finer grid around a wrong cell has no right one: the coarse answer stays to blame.
+        let same = |judgement: &&AnswerJudgement| judgement.stage == stage && judgement.subtask == subtask;
+        let was_wrong = judgements.judgements.iter().rev().find(same).is_some_and(|before| before.wrong.is_some());
+        if !(is_fine(question) && wrong.is_some() && was_wrong) {
+            judgements.judgements.push(AnswerJudgement { ask: question.ask, round, stage, subtask, wrong, evidence });
+        }
         drop(judgements);
         if let Ok(Answer::Check(answer)) = answer {
             let mut memory = lock(&self.memory);

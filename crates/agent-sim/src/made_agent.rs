@@ -93,6 +93,11 @@ impl Policy for MadeAgent {
                 }
             }
         };
+        if let Some(folder) = &self.folder {
+            // Without room on the disk the page stays as it was after the last turn, without the analysis.
+            let page = transcript_page(&self.transcribed.transcript(), Some(&analysis));
+            let _ = documents::write_file(&folder.join(PAGE), page.as_bytes());
+        }
         let transcript = self.folder.as_ref().map(|folder| folder.join(TRANSCRIPT).display().to_string());
         Some(AgentFailure { transcript, ..analysis })
     }
@@ -115,6 +120,6 @@ pub fn keep(transcribed: &TranscriptRecorder, first: usize, folder: &Path) -> Re
     }
     let transcript = transcribed.transcript();
     documents::write_file(&folder.join(TRANSCRIPT), transcript.to_json().as_bytes())?;
-    documents::write_file(&folder.join(PAGE), transcript_page(&transcript).as_bytes())?;
+    documents::write_file(&folder.join(PAGE), transcript_page(&transcript, None).as_bytes())?;
     Ok(pictures.len())
 }

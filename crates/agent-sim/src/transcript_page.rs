@@ -1,13 +1,14 @@
 //! Transcript of an agent's episode as an HTML page beside its images.
 
 use genmanip_agent::ask::{Exchange, Transcript, TranscriptEvent};
+use genmanip_core::AgentFailure;
 use genmanip_viz::markup::escape;
 
 /// The page: what the agent was asked, with the images that it saw, its answers, and what the arm did, in order.
 ///
-/// Images are named, not embedded: the page belongs into their folder. It is complete without scripts, and also
-/// well-formed XML.
-pub fn transcript_page(transcript: &Transcript) -> String {
+/// `blamed` is the analysis of a failed episode: its class, stage and question are on the page. Images are named, not
+/// embedded: the page belongs into their folder. It is complete without scripts, and also well-formed XML.
+pub fn transcript_page(transcript: &Transcript, blamed: Option<&AgentFailure>) -> String {
     let Transcript { instruction, preset, moments, failure } = transcript;
     let asked = moments.iter().filter(|moment| matches!(moment, TranscriptEvent::Asked(_))).count();
     let exchanges = moments.iter().filter_map(|moment| match moment {
@@ -26,7 +27,7 @@ pub fn transcript_page(transcript: &Transcript) -> String {
             "<meta name=\"color-scheme\" content=\"light dark\" />\n",
             "<title>{instruction}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n<h1>{instruction}</h1>\n",
             "<p class=\"facts\">Agent, preset {preset}: {asked} questions{tokens}, {picks} picks</p>\n",
-            "{failure}<ol>\n{moments}</ol>\n</main>\n</body>\n</html>\n"
+            "{failure}{blame}<ol>\n{moments}</ol>\n</main>\n</body>\n</html>\n"
         ),
         instruction = escape(instruction),
         style = include_str!("transcript_page.css"),
@@ -35,26 +36,39 @@ pub fn transcript_page(transcript: &Transcript) -> String {
         tokens = tokens,
         picks = transcript.picks(),
         failure = failure,
-        moments = moments.iter().map(moment).collect::<String>(),
+        blame = blamed.map_or_else(String::new, blame),
+        moments = moments.iter().map(|it| moment(it, blamed.and_then(|blamed| blamed.ask))).collect::<String>(),
     )
 }
 
-fn moment(moment: &TranscriptEvent) -> String {
+/// Class, stage and evidence of a failure, with a link to the question.
+fn blame(blamed: &AgentFailure) -> String {
+    let AgentFailure { class, stage, ask, evidence, .. } = blamed;
+    let class = class.map_or_else(|| "unclassified".to_owned(), |class| class.name().replace('_', " "));
+    let question = ask.map_or_else(String::new, |ask| format!(", <a href=\"#ask-{ask}\">question {ask}</a>"));
+    let stage = stage.name().replace('_', " ");
+    format!("<p class=\"failed\">Failure: {class}, stage {stage}{question}: {}</p>\n", escape(evidence))
+}
+
+/// An event; that of the question `blamed` is marked.
+fn moment(moment: &TranscriptEvent, blamed: Option<usize>) -> String {
     match moment {
         TranscriptEvent::Acted { time_s, what } => {
             format!("<li class=\"acted\"><p><b>{time_s:.1} s</b> The arm {}.</p></li>\n", escape(what))
         }
-        TranscriptEvent::Asked(exchange) => asked(exchange),
+        TranscriptEvent::Asked(exchange) => asked(exchange, blamed == Some(exchange.ask)),
     }
 }
 
-fn asked(exchange: &Exchange) -> String {
-    let Exchange { ask, stage, prompt, instruction, pictures, answer, refused, usage } = exchange;
+fn asked(exchange: &Exchange, is_blamed: bool) -> String {
+    let Exchange { ask, stage, prompt, instruction, pictures, chosen, answer, refused, usage } = exchange;
     let stage = stage.name().replace('_', " ");
     let images: String = pictures
         .iter()
-        .map(|name| {
-            let (name, about) = (escape(name), escape(&format!("Image of question {ask}: {name}")));
+        .map(|name| (name, "Image"))
+        .chain(chosen.iter().map(|name| (name, "Answer in the image")))
+        .map(|(name, what)| {
+            let (name, about) = (escape(name), escape(&format!("{what} of question {ask}: {name}")));
             format!("<a href=\"{name}\"><img src=\"{name}\" alt=\"{about}\" loading=\"lazy\" /></a>")
         })
         .collect();
@@ -65,11 +79,12 @@ fn asked(exchange: &Exchange) -> String {
         .map_or_else(String::new, |usage| format!(", {} + {} tokens", usage.prompt_tokens, usage.completion_tokens));
     format!(
         concat!(
-            "<li class=\"asked\" id=\"ask-{ask}\"><h2>Question {ask}: {stage}</h2>\n<div class=\"images\">{images}</div>\n",
+            "<li class=\"asked{blamed}\" id=\"ask-{ask}\"><h2>Question {ask}: {stage}</h2>\n<div class=\"images\">{images}</div>\n",
             "<details><summary>{prompt} version {version}{usage}</summary><pre>{instruction}</pre></details>\n",
             "<pre class=\"answer\">{answer}</pre>{refused}</li>\n"
         ),
         ask = ask,
+        blamed = if is_blamed { " blamed" } else { "" },
         stage = escape(&stage),
         images = images,
         prompt = escape(&prompt.id),
@@ -85,6 +100,7 @@ fn asked(exchange: &Exchange) -> String {
 mod tests {
     use super::*;
     use genmanip_agent::ask::{PromptStamp, QuestionKind};
+    use genmanip_core::{AgentStage, FailureClass};
     use genmanip_llm::Usage;
 
     #[test]
@@ -96,6 +112,7 @@ mod tests {
             prompt,
             instruction: "Which <mark> is the cup?".into(),
             pictures: vec!["004_object_overview.png".into()],
+            chosen: Some("004_object_chosen.png".into()),
             answer: "{\"mark\": 2}".into(),
             refused: Some("there is no mark 2".into()),
             usage: Some(Usage { prompt_tokens: 700, completion_tokens: 12 }),
@@ -109,12 +126,23 @@ mod tests {
             ],
             failure: None,
         };
-        let page = transcript_page(&transcript);
+        let blamed = AgentFailure {
+            class: Some(FailureClass::GraspGrounding),
+            stage: AgentStage::Object,
+            ask: Some(4),
+            evidence: "the mask is that of Lid".into(),
+            transcript: None,
+        };
+        assert!(!transcript_page(&transcript, None).contains("asked blamed"));
+        let page = transcript_page(&transcript, Some(&blamed));
         let places = [
             "<h1>Put the cup &amp; the lid away.</h1>",
             "preset full: 1 questions, 712 tokens, 1 picks",
+            "Failure: grasp grounding, stage object, <a href=\"#ask-4\">question 4</a>: the mask is that of Lid",
+            "<li class=\"asked blamed\" id=\"ask-4\">",
             "Question 4: object",
             "src=\"004_object_overview.png\"",
+            "src=\"004_object_chosen.png\"",
             "agent.object version 3, 700 + 12 tokens",
             "Which &lt;mark&gt; is the cup?",
             "{&quot;mark&quot;: 2}",

@@ -2,16 +2,20 @@
 
 use std::fmt;
 
-/// A grid that divides a whole image evenly into cells.
+/// A grid that divides a rectangle of an image, usually all of it, evenly into cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Grid {
     /// Number of rows, at most 26.
     pub rows: u32,
     /// Number of columns.
     pub columns: u32,
-    /// Image width (px).
+    /// Left edge (px).
+    pub left: u32,
+    /// Upper edge (px).
+    pub top: u32,
+    /// Width (px).
     pub width: u32,
-    /// Image height (px).
+    /// Height (px).
     pub height: u32,
 }
 
@@ -27,7 +31,18 @@ pub struct Cell {
 impl Grid {
     /// The default grid of 9 rows and 16 columns: square cells on 16:9 images.
     pub fn usual(width: u32, height: u32) -> Self {
-        Self { rows: 9, columns: 16, width, height }
+        Self { rows: 9, columns: 16, left: 0, top: 0, width, height }
+    }
+
+    /// A grid over a cell and its neighbours, each of which is divided into `parts` x `parts` cells.
+    #[must_use]
+    pub fn around(&self, cell: Cell, parts: u32) -> Self {
+        let first = Cell { row: cell.row.saturating_sub(1), column: cell.column.saturating_sub(1) };
+        let last = Cell { row: (cell.row + 1).min(self.rows - 1), column: (cell.column + 1).min(self.columns - 1) };
+        let [left, top, ..] = self.edges(first).map(|edge| edge.round() as u32);
+        let [_, _, right, bottom] = self.edges(last).map(|edge| edge.round() as u32);
+        let [rows, columns] = [last.row - first.row + 1, last.column - first.column + 1].map(|count| count * parts);
+        Self { rows, columns, left, top, width: right - left, height: bottom - top }
     }
 
     /// All cells in row-major order.
@@ -38,8 +53,9 @@ impl Grid {
 
     /// Left, top, right and bottom edge of a cell (px); pixel k covers k to k + 1.
     pub fn edges(&self, cell: Cell) -> [f64; 4] {
-        let x = |column: u32| f64::from(column) * f64::from(self.width) / f64::from(self.columns);
-        let y = |row: u32| f64::from(row) * f64::from(self.height) / f64::from(self.rows);
+        let x =
+            |column: u32| f64::from(self.left) + f64::from(column) * f64::from(self.width) / f64::from(self.columns);
+        let y = |row: u32| f64::from(self.top) + f64::from(row) * f64::from(self.height) / f64::from(self.rows);
         [x(cell.column), y(cell.row), x(cell.column + 1), y(cell.row + 1)]
     }
 
@@ -49,9 +65,10 @@ impl Grid {
         [(left + right) / 2.0 - 0.5, (top + bottom) / 2.0 - 0.5]
     }
 
-    /// Cell that contains a pixel; `None` outside the image.
+    /// Cell that contains a pixel; `None` outside the grid.
     pub fn cell_at(&self, x: f64, y: f64) -> Option<Cell> {
-        let (x, y) = ((x + 0.5) / f64::from(self.width), (y + 0.5) / f64::from(self.height));
+        let (x, y) = (x + 0.5 - f64::from(self.left), y + 0.5 - f64::from(self.top));
+        let (x, y) = (x / f64::from(self.width), y / f64::from(self.height));
         ((0.0..1.0).contains(&x) && (0.0..1.0).contains(&y))
             .then(|| Cell { row: (y * f64::from(self.rows)) as u32, column: (x * f64::from(self.columns)) as u32 })
     }
@@ -93,5 +110,25 @@ mod tests {
             assert_eq!(grid.cell_at(f64::from(width) - 0.4, 0.0), None);
             assert_eq!(grid.cell_at(f64::NAN, 0.0), None);
         }
+    }
+    #[test]
+    fn a_finer_grid_covers_a_cell_and_its_neighbours() {
+        let coarse = Grid::usual(512, 288);
+        let check = |label: &str, expected: [u32; 6]| {
+            let cell = coarse.named(label).unwrap();
+            let fine = coarse.around(cell, 4);
+            let Grid { rows, columns, left, top, width, height } = fine;
+            assert_eq!([rows, columns, left, top, width, height], expected, "{label}");
+            let [x, y] = coarse.center(cell);
+            assert!(fine.cell_at(x, y).is_some());
+            for cell in fine.cells() {
+                assert_eq!(fine.named(&cell.to_string()), Some(cell));
+                let [x, y] = fine.center(cell);
+                assert_eq!(fine.cell_at(x, y), Some(cell));
+            }
+        };
+        check("C4", [12, 12, 64, 32, 96, 96]);
+        check("A1", [8, 8, 0, 0, 64, 64]);
+        check("I16", [8, 8, 448, 224, 64, 64]);
     }
 }

@@ -54,6 +54,10 @@ pub struct AgentSettings {
     pub grasp_radius_m: f64,
     /// Resolution of grid cells to placement targets.
     pub cells: CellSettings,
+    /// Ask for the cell of a finer grid where a cell is too large to say what is meant: between things, and where at
+    /// least two things stand close to the place.
+    #[serde(default)]
+    pub fine_cells: bool,
     /// Yaw changes of the object to try if the model does not give one (degrees).
     pub turns_deg: Vec<f64>,
     /// Height of the table surface, world z (m).
@@ -174,6 +178,7 @@ impl AgentSettings {
             // The specified default.
             grasp_radius_m: 0.08,
             cells: CellSettings::default(),
+            fine_cells: true,
             // The initial yaw first, then other turns; the gripper itself is symmetric under half turns.
             turns_deg: vec![0.0, 90.0, 45.0, -45.0],
             table_m: 0.0,
@@ -190,6 +195,7 @@ impl AgentSettings {
                 check_splits: false,
                 grasps: 1,
                 cells: CellSettings { snap: false, ..CellSettings::default() },
+                fine_cells: false,
                 turns_deg: vec![0.0],
                 ..full
             },

@@ -83,7 +83,9 @@ fn case(
                 None => exchange.answer.clone(),
             },
             is_blamed: blamed.ask == Some(exchange.ask),
-            pictures: exchange.pictures.iter().filter_map(|name| pictures.get(name).cloned()).collect(),
+            pictures: (exchange.pictures.iter().chain(&exchange.chosen))
+                .filter_map(|name| pictures.get(name).cloned())
+                .collect(),
         },
         TranscriptEvent::Acted { time_s, what } => {
             CaseMoment { title: format!("{time_s:.1} s"), text: what.clone(), ..CaseMoment::default() }

@@ -24,6 +24,9 @@ const MAX_ITEMS: usize = 24;
 /// Allowed path heights above the table (m).
 const HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.1..=0.5;
 
+/// Maximum turn of a gripper or object (degrees).
+const MAX_TURN_DEG: f64 = 360.0;
+
 /// A valid answer.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
@@ -87,10 +90,13 @@ pub struct PathCell {
 }
 
 /// The grid cell of the placement.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointAnswer {
     /// The cell.
     pub cell: Cell,
+    /// Yaw of the object relative to how it lies, counterclockwise seen from above (degrees); `None` if it was not
+    /// asked for or not given.
+    pub turn_deg: Option<f64>,
 }
 
 /// Verdict on task completion.
@@ -169,12 +175,18 @@ fn answer(question: &Question, value: &Value) -> Result<Answer, Rejection> {
             self::path(question, &path).map(Answer::Path)
         }
         QuestionKind::PointToPoint => {
-            let SelectedWire { selected_point: LabelWire { kind, label } } = read(value)?;
+            let SelectedWire { selected_point: LabelWire { kind, label }, turn_deg } = read(value)?;
             if kind != "grid" {
                 return Err(Rejection::Format(format!("`type` is {kind:?}, expected \"grid\"")));
             }
             let cell = placement(question, &label)?;
-            Ok(Answer::Point(PointAnswer { cell }))
+            let turns = matches!(question.marks, Marks::Grid { turns: true, .. });
+            let turn_deg = turn_deg.filter(|_| turns);
+            if let Some(turn) = turn_deg.filter(|turn| turn.abs() > MAX_TURN_DEG) {
+                let expected = format!("expected -{MAX_TURN_DEG} to {MAX_TURN_DEG} degrees");
+                return Err(Rejection::Format(format!("`turn_deg` is {turn}, {expected}")));
+            }
+            Ok(Answer::Point(PointAnswer { cell, turn_deg }))
         }
         QuestionKind::Check => check(value).map(Answer::Check),
     }
@@ -207,6 +219,8 @@ struct PointWire {
 #[derive(Deserialize)]
 struct SelectedWire {
     selected_point: LabelWire,
+    #[serde(default, deserialize_with = "optional_number")]
+    turn_deg: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -238,6 +252,11 @@ fn number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
         other => other.as_f64(),
     };
     number.filter(|number| number.is_finite()).ok_or_else(|| unexpected(&value, "a number"))
+}
+
+/// A number, also as text, if there is one.
+fn optional_number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    number(deserializer).map(Some)
 }
 
 /// A whole number, also as text or with zeros behind the point.
@@ -348,7 +367,7 @@ fn path(question: &Question, path: &[PathItemWire]) -> Result<PathAnswer, Reject
             let (low, high) = (HEIGHTS_M.start(), HEIGHTS_M.end());
             return Err(Rejection::Format(format!("`height_m` is {}, expected {low} to {high}", item.height_m)));
         }
-        if !item.claw_orientation.is_finite() || item.claw_orientation.abs() > 360.0 {
+        if !item.claw_orientation.is_finite() || item.claw_orientation.abs() > MAX_TURN_DEG {
             let angle = item.claw_orientation;
             return Err(Rejection::Format(format!("`claw_orientation` is {angle}, expected -360 to 360 degrees")));
         }

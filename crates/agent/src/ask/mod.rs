@@ -6,7 +6,7 @@
 //! chosen by default.
 
 mod answer;
-
+mod chosen;
 mod model;
 mod prompt;
 mod question;
@@ -23,7 +23,7 @@ pub use answer::{
 };
 
 pub use model::{ChatService, ModelReply, ServiceError, VisionModel};
-pub(crate) use prompt::Inputs;
+pub(crate) use prompt::{Inputs, PromptVariant};
 pub use prompt::{PromptError, PromptSet};
 pub use question::{Marks, Question, QuestionImage};
 pub use question_kind::{PromptStamp, QuestionKind};
@@ -104,7 +104,7 @@ fn process_reply(
     let (text, usage, rejection, cut_off) = match reply {
         Ok(ModelReply { text, usage, cut_off }) => match parse(question, &text) {
             Ok(answer) => {
-                transcribed.exchange(question, &text, None, usage);
+                transcribed.answered(question, &answer, &text, usage);
                 return (Ok(answer), true);
             }
             Err(_) if cut_off => (text, usage, Rejection::Format(CUT_OFF.into()), true),
@@ -113,12 +113,12 @@ fn process_reply(
         Err(ServiceError::Unreadable(what)) => (String::new(), None, Rejection::Format(what), false),
         Err(ServiceError::CutOff(what)) => (String::new(), None, Rejection::Format(what), true),
         Err(error @ (ServiceError::Garbled(_) | ServiceError::Unreachable(_))) => {
-            transcribed.exchange(question, "", Some(&error.to_string()), None);
+            transcribed.refused(question, "", &error.to_string(), None);
             let is_final = matches!(error, ServiceError::Unreachable(_));
             return (failed(StageCause::Service, error.to_string()), is_final);
         }
     };
-    transcribed.exchange(question, &text, Some(&rejection.to_string()), usage);
+    transcribed.refused(question, &text, &rejection.to_string(), usage);
     let last = failed(rejection.cause(), format!("{rejection} (asked {asked} times)"));
     let is_final = cut_off || matches!(rejection, Rejection::NotFound(_)) && !reasks.not_found;
     question.refused.push(RejectedAnswer { answer: shortened(&text), rejection });

@@ -17,6 +17,10 @@ use super::question_kind::{PromptStamp, QuestionKind};
 pub struct PromptSet {
     /// In the order of [`QuestionKind::ALL`].
     prompts: Vec<Prompt>,
+    /// For [`PromptVariant::Turned`].
+    turned: Prompt,
+    /// For [`PromptVariant::FineCell`].
+    fine_cell: Prompt,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -61,15 +65,30 @@ const BUILT_IN: [(&str, &str); 7] = [
     ("check.md", include_str!("../../prompts/check.md")),
 ];
 
+/// Variant of a question.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum PromptVariant {
+    /// As published.
+    #[default]
+    Plain,
+    /// [`QuestionKind::PointToPoint`] with a turn of the object.
+    Turned,
+    /// [`QuestionKind::PointToPoint`] on a finer grid.
+    FineCell,
+}
+
+const TURNED: (&str, &str) = ("place_turned.md", include_str!("../../prompts/place_turned.md"));
+const FINE_CELL: (&str, &str) = ("fine_cell.md", include_str!("../../prompts/fine_cell.md"));
+
 impl PromptSet {
     /// Loads the built-in prompts; files of the same name in `folder` replace them.
     ///
     /// # Errors
     /// Fails if a file cannot be read or has no valid front matter.
     pub fn load(folder: Option<&Path>) -> Result<Self, PromptError> {
-        let prompt = |(name, built_in): &(&str, &str)| {
+        let prompt = |(name, built_in): (&str, &str)| {
             let path = folder.map(|folder| folder.join(name)).filter(|path| path.exists());
-            let file = path.as_ref().map_or_else(|| (*name).to_owned(), |path| path.display().to_string());
+            let file = path.as_ref().map_or_else(|| name.to_owned(), |path| path.display().to_string());
             let wrong = |message: String| PromptError { file: file.clone(), message };
             match &path {
                 None => Prompt::parse(built_in).map_err(wrong),
@@ -79,12 +98,17 @@ impl PromptSet {
                 }
             }
         };
-        Ok(Self { prompts: BUILT_IN.iter().map(prompt).collect::<Result<_, _>>()? })
+        let prompts = BUILT_IN.into_iter().map(prompt).collect::<Result<_, _>>()?;
+        Ok(Self { prompts, turned: prompt(TURNED)?, fine_cell: prompt(FINE_CELL)? })
     }
 
     /// Fills in the prompt of a kind of question.
-    pub(crate) fn fill(&self, stage: QuestionKind, inputs: Inputs) -> (PromptStamp, String) {
-        let Prompt { stamp, text } = &self.prompts[stage as usize];
+    pub(crate) fn fill(&self, stage: QuestionKind, variant: PromptVariant, inputs: Inputs) -> (PromptStamp, String) {
+        let Prompt { stamp, text } = match variant {
+            PromptVariant::Plain => &self.prompts[stage as usize],
+            PromptVariant::Turned => &self.turned,
+            PromptVariant::FineCell => &self.fine_cell,
+        };
         (stamp.clone(), filled(text, inputs))
     }
 }
@@ -147,7 +171,8 @@ mod tests {
         std::fs::write(folder.path().join("check.md"), "+++\nid = \"mine\"\nversion = 3\n+++\nDone: {instruction}?\n")
             .unwrap();
         let mine = PromptSet::load(Some(folder.path())).unwrap();
-        let (stamp, text) = mine.fill(QuestionKind::Check, Inputs { instruction: "x", ..Inputs::default() });
+        let (stamp, text) =
+            mine.fill(QuestionKind::Check, PromptVariant::Plain, Inputs { instruction: "x", ..Inputs::default() });
         assert_eq!((stamp.id.as_str(), stamp.version, text.as_str()), ("mine", 3, "Done: x?"));
         let built_in = PromptSet::load(None).unwrap();
         assert_eq!(mine.prompts[0], built_in.prompts[0]);

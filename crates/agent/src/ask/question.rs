@@ -71,6 +71,8 @@ pub enum Marks {
         targets: BTreeMap<Cell, DVec3>,
         /// Mask of the moved object.
         moved: Mask,
+        /// True if the answer also says how far the object is turned.
+        turns: bool,
     },
 }
 
@@ -94,7 +96,7 @@ impl Question {
                 "This answer cannot be used: {rejection}. Answer again with the JSON object alone."
             )));
         }
-        let reply_schema = Some(ReplySchema { name: self.stage.name().into(), schema: self.schema() });
+        let reply_schema = Some(ReplySchema::new(self.stage.name(), self.schema()));
         Ok(ChatRequest { model: model.into(), messages, reply_schema, parameters: parameters.clone() })
     }
 
@@ -135,7 +137,13 @@ impl Question {
             }
             QuestionKind::PointToPoint => {
                 let kind = json!({"type": "string", "enum": ["grid"]});
-                object(json!({"selected_point": strict(json!({"type": kind, "label": text}))}))
+                let point = strict(json!({"type": kind, "label": text}));
+                match self.marks {
+                    Marks::Grid { turns: true, .. } => {
+                        object(json!({"selected_point": point, "turn_deg": {"type": "number"}}))
+                    }
+                    _ => object(json!({"selected_point": point})),
+                }
             }
             QuestionKind::Check => object(json!({
                 "scene_description": text,

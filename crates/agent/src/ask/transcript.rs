@@ -6,6 +6,8 @@ use genmanip_core::{Document, FailedStage};
 use genmanip_llm::Usage;
 use serde::{Deserialize, Serialize};
 
+use super::answer::Answer;
+use super::chosen;
 use super::question::Question;
 use super::question_kind::{PromptStamp, QuestionKind};
 use crate::image::RgbImage;
@@ -76,6 +78,9 @@ pub struct Exchange {
     pub instruction: String,
     /// File names of the images sent.
     pub pictures: Vec<String>,
+    /// File name of the image of the answer, if it names a mark: the chosen mark and the place that it means.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chosen: Option<String>,
     /// Answer, truncated.
     pub answer: String,
     /// Reason for rejecting the answer.
@@ -145,22 +150,44 @@ impl TranscriptRecorder {
         self.lock().transcript.failure = Some(failure.clone());
     }
 
-    pub(crate) fn exchange(&self, question: &Question, answer: &str, refused: Option<&str>, usage: Option<Usage>) {
+    /// Adds a question with its valid answer, and the image of the answer.
+    pub(crate) fn answered(&self, question: &Question, answer: &Answer, text: &str, usage: Option<Usage>) {
+        let keeps = self.lock().keeps_pictures;
+        let picture = keeps.then(|| chosen::picture(question, answer)).flatten();
+        let chosen = picture.map(|picture| (chosen::CHOSEN, Arc::new(picture)));
+        self.exchange(question, text, chosen, None, usage);
+    }
+
+    /// Adds a question with an answer that was rejected.
+    pub(crate) fn refused(&self, question: &Question, text: &str, reason: &str, usage: Option<Usage>) {
+        self.exchange(question, text, None, Some(reason), usage);
+    }
+
+    fn exchange(
+        &self,
+        question: &Question,
+        answer: &str,
+        chosen: Option<(&'static str, Arc<RgbImage>)>,
+        refused: Option<&str>,
+        usage: Option<Usage>,
+    ) {
         let mut kept = self.lock();
-        let mut names = Vec::new();
-        for shown in &question.pictures {
-            let name = format!("{:03}_{}_{}.png", question.ask, question.stage.name(), shown.name);
+        let mut name_of = |name: &str, picture: &Arc<RgbImage>| {
+            let name = format!("{:03}_{}_{name}.png", question.ask, question.stage.name());
             if kept.keeps_pictures {
-                kept.pictures.push((name.clone(), Arc::clone(&shown.picture)));
+                kept.pictures.push((name.clone(), Arc::clone(picture)));
             }
-            names.push(name);
-        }
+            name
+        };
+        let pictures = question.pictures.iter().map(|shown| name_of(shown.name, &shown.picture)).collect();
+        let chosen = chosen.map(|(name, picture)| name_of(name, &picture));
         kept.transcript.moments.push(TranscriptEvent::Asked(Exchange {
             ask: question.ask,
             stage: question.stage,
             prompt: question.prompt.clone(),
             instruction: question.instruction.clone(),
-            pictures: names,
+            pictures,
+            chosen,
             answer: super::shortened::shortened(answer),
             refused: refused.map(Into::into),
             usage,

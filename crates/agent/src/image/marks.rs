@@ -247,6 +247,22 @@ pub fn grid(image: &RgbImage, grid: &Grid, grab: [f64; 2]) -> RgbImage {
     marked
 }
 
+/// Side of an enlarged grid (px), about.
+const ENLARGED_PX: u32 = 576;
+
+/// Enlarges the part of an image that a grid covers; draws the grid and, if it lies inside, a cross at the grab point.
+pub fn enlarged_grid(image: &RgbImage, grid: &Grid, grab: [f64; 2]) -> RgbImage {
+    let Grid { left, top, width, height, .. } = *grid;
+    let scale = (ENLARGED_PX / width.max(height).max(1)).clamp(1, 8);
+    let mut marked = image.cropped([left, top], [width, height], scale);
+    lettered(&mut marked, &Grid { left: 0, top: 0, width: width * scale, height: height * scale, ..*grid });
+    if grid.cell_at(grab[0], grab[1]).is_some() {
+        let enlarged = |at: f64, start: u32| (at + 0.5 - f64::from(start)) * f64::from(scale) - 0.5;
+        cross(&mut marked, [enlarged(grab[0], left), enlarged(grab[1], top)]);
+    }
+    marked
+}
+
 /// Draws the lines and labels of a grid.
 pub fn lettered(image: &mut RgbImage, grid: &Grid) {
     let size = dot(image);

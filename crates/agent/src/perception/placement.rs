@@ -49,9 +49,11 @@ pub struct PlacementTarget {
     pub hollow: bool,
     /// Height of the receiver's rim, world z (m).
     pub rim_m: f64,
+    /// Number of things that stand close to the object on the table; 0 on a receiver.
+    pub neighbours: usize,
 }
 
-/// Placement targets of all cells that can receive the object.
+/// Placement targets of all cells of a grid over the shown image that can receive the object.
 ///
 /// `around` holds the points of everything but the moved object and the table.
 pub fn targets(
@@ -61,11 +63,11 @@ pub fn targets(
     around: &[DVec3],
     table_m: f64,
     settings: &CellSettings,
+    grid: &Grid,
 ) -> BTreeMap<Cell, PlacementTarget> {
     let Some(view) = views.shown() else { return BTreeMap::new() };
-    let grid = Grid::usual(view.image.width(), view.image.height());
     let resolver = Resolver::new(views, view, moved, object, around, table_m, settings);
-    grid.cells().filter_map(|cell| Some((cell, resolver.target(&grid, cell)?))).collect()
+    grid.cells().filter_map(|cell| Some((cell, resolver.target(grid, cell)?))).collect()
 }
 
 struct Resolver<'a> {
@@ -93,6 +95,8 @@ struct Receiver {
     hollow: bool,
 }
 
+/// Gap up to which a thing stands close to a place (m); chosen: half the width of a cell.
+const NEIGHBOUR_M: f64 = 0.05;
 /// Corners of the reachable part of the table, world xy (m).
 const REACH_M: [DVec2; 2] = [DVec2::new(-0.2, -1.0), DVec2::new(1.2, 1.0)];
 /// Clearance levels that rank candidate points (m); more clearance is no better.
@@ -153,7 +157,7 @@ impl<'a> Resolver<'a> {
         let count = self.settings.samples.max(1);
         let at =
             |low: f64, high: f64, index: usize| (low + (high - low) * (index as f64 + 0.5) / count as f64) as usize;
-        let width = grid.width as usize;
+        let width = self.view.image.width() as usize;
         (0..count)
             .flat_map(|row| (0..count).map(move |column| at(top, bottom, row) * width + at(left, right, column)))
             .collect()
@@ -171,7 +175,7 @@ impl<'a> Resolver<'a> {
         let receiver = index.and_then(|index| self.receivers.get(index)?.as_ref());
         let rim_m = receiver.map_or(point.z, |receiver| receiver.top_m);
         let hollow = receiver.is_some_and(|receiver| receiver.hollow);
-        Some(PlacementTarget { point, others: Vec::new(), hollow, rim_m })
+        Some(PlacementTarget { point, others: Vec::new(), hollow, rim_m, neighbours: 0 })
     }
 
     /// Intersection of a pixel's ray with the table plane.
@@ -209,7 +213,8 @@ impl<'a> Resolver<'a> {
             .collect();
         let points: Vec<DVec3> = points.into_iter().map(|(_, point)| point).collect();
         let point = free.first().or(points.first()).copied()?;
-        Some(PlacementTarget { point, others: alternatives(&free), hollow: false, rim_m: self.table_m })
+        let neighbours = self.neighbours(point);
+        Some(PlacementTarget { point, others: alternatives(&free), hollow: false, rim_m: self.table_m, neighbours })
     }
 
     fn on_receiver(&self, index: usize, pixels: &[usize]) -> Option<PlacementTarget> {
@@ -228,7 +233,17 @@ impl<'a> Resolver<'a> {
         let free: Vec<DVec3> =
             choices.iter().copied().map(at).filter(|point| self.is_free(*point, Some(index))).collect();
         let point = free.first().copied().unwrap_or_else(|| at(receiver.middle));
-        Some(PlacementTarget { point, others: alternatives(&free), hollow: receiver.hollow, rim_m: receiver.top_m })
+        let (hollow, rim_m) = (receiver.hollow, receiver.top_m);
+        Some(PlacementTarget { point, others: alternatives(&free), hollow, rim_m, neighbours: 0 })
+    }
+
+    /// Number of things with a gap of at most [`NEIGHBOUR_M`] to the object at a point of the table, by their boxes.
+    fn neighbours(&self, point: DVec3) -> usize {
+        let gap = |other: &Receiver| {
+            let apart = (other.middle - point.truncate()).abs() - other.half - self.object.half;
+            apart.max(DVec2::ZERO).length()
+        };
+        self.receivers.iter().flatten().filter(|other| gap(other) <= NEIGHBOUR_M).count()
     }
 
     /// True if no other object is in the way of the moved object at this point.

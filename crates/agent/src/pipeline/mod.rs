@@ -1,6 +1,7 @@
 //! The agent pipeline as a policy: ask the model, plan, execute, observe again.
 
 mod arm_state;
+mod destination;
 mod pick;
 mod place;
 mod subtask;
@@ -14,11 +15,12 @@ use genmanip_core::{
 use genmanip_motion::{DepthSettings, GeometryError, Planner};
 
 use self::arm_state::ArmState;
+use self::destination::Placement;
 use self::place::HeldObject;
 use self::subtask::Subtask;
 use crate::ask::{
-    Answer, Marks, PromptSet, Question, QuestionImage, QuestionKind, RetryLimits, TAKES, TranscriptRecorder,
-    VisionModel, ask, ask_each,
+    Answer, Marks, PromptSet, PromptVariant, Question, QuestionImage, QuestionKind, RetryLimits, TAKES,
+    TranscriptRecorder, VisionModel, ask, ask_each,
 };
 use crate::image::marks;
 use crate::perception::{RESIDUAL_NOISE, SegmentedViews, View, smoothed};
@@ -62,8 +64,8 @@ pub struct Agent {
     all_picks: u64,
     /// Failures at the current sub-task, one sentence each, for the next questions.
     tried: Vec<String>,
-    /// Valid answer to the placement question of the current sub-task.
-    placement: Option<Answer>,
+    /// Valid answers to the placement questions of the current sub-task.
+    placement: Option<Placement>,
     phase: Phase,
 }
 
@@ -182,10 +184,10 @@ impl Agent {
     }
 
     fn question(&self, view: &View, asked: QuestionDraft) -> Question {
-        let QuestionDraft { stage, instruction, object_name, start_point, pictures, marks, .. } = asked;
+        let QuestionDraft { stage, instruction, object_name, start_point, pictures, marks, variant, .. } = asked;
         let arrows = if self.settings.arrows { marks::ARROWS } else { "" };
         let inputs = crate::ask::Inputs { instruction, object_name, start_point, arrows };
-        let (prompt, mut text) = self.services.prompts.fill(stage, inputs);
+        let (prompt, mut text) = self.services.prompts.fill(stage, variant, inputs);
         text += &self.told_of_failures(stage);
         Question {
             stage,
@@ -467,6 +469,7 @@ struct QuestionDraft<'a> {
     marks: Marks,
     /// True if there is no other view to show when the model answers that nothing fits.
     is_last_view: bool,
+    variant: PromptVariant,
 }
 
 impl<'a> QuestionDraft<'a> {
@@ -479,6 +482,7 @@ impl<'a> QuestionDraft<'a> {
             pictures: Vec::new(),
             marks: Marks::None,
             is_last_view: true,
+            variant: PromptVariant::Plain,
         }
     }
 }

@@ -43,12 +43,17 @@ pub(super) fn hold_width(grasp: &FeasibleGrasp, motion: &MotionSettings) -> f64 
     (grasp.object_from_tcp.width - motion.squeeze_m).max(0.0)
 }
 
-/// Goal poses of the held object at rest: for each yaw change (that of the path's last cell, else `turns_deg` in
-/// order), on the target point and on its alternatives.
+/// Goal poses of the held object at rest: for each yaw change (that of the path's last cell, else the answered one and
+/// `turns_deg` in order), on the target point and on its alternatives. All are tried low before any is tried from higher
+/// up, so that a long object finds the long side of a box.
 pub(super) fn release_goals(agent: &Agent, subtask: &Subtask) -> Vec<PlaceGoal> {
     let turns: Vec<f64> = match subtask.path.last() {
         Some((_, last)) => vec![last.yaw_deg],
-        None => agent.settings.turns_deg.clone(),
+        None => {
+            let asked = subtask.placement.turn_deg();
+            let others = agent.settings.turns_deg.iter().copied().filter(|turn| Some(*turn) != asked);
+            asked.into_iter().chain(others).collect()
+        }
     };
     let points: Vec<DVec3> =
         std::iter::once(subtask.target.point).chain(subtask.target.others.iter().copied()).collect();
@@ -97,7 +102,7 @@ pub(super) fn put_back(
     seed: Seed,
 ) -> Result<Vec<Vec<f32>>, PlanError> {
     let point = held.subtask.object.pose.position;
-    let target = PlacementTarget { point, others: Vec::new(), hollow: false, rim_m: point.z };
+    let target = PlacementTarget { point, others: Vec::new(), hollow: false, rim_m: point.z, neighbours: 0 };
     let release_goals = [release_goal(agent, &target, point, 0.0)];
     let (carry_paths, release, pose) = plan_motions(agent, held, state, &release_goals, &[], seed.fork("back"))?;
     Ok(commands(agent, held, state, &carry_paths, &release, &pose))
@@ -161,24 +166,16 @@ fn plan_motions(
         held_width_m: state.width_m,
         open_width_m: held.grasp.opening_m,
         settings: &motion.feasibility,
-        searches: SEARCHES_PER_PLACE,
+        searches: motion.searches,
+        searches_per_goal: SEARCHES_PER_PLACE,
     };
-    let (mut failure, mut failed_searches) = (None, 0);
+    let mut failure = None;
     let short = motion.short();
     for settings in [&motion.feasibility, &short] {
         let query = PlaceQuery { settings, ..query };
-        for (index, release_goal) in release_goals.iter().enumerate() {
-            if failed_searches >= motion.searches {
-                break;
-            }
-            match query.first(std::slice::from_ref(release_goal), seed.fork("put").fork_index(index as u64)) {
-                Ok(release) => return Ok((carried, release, release_goal.world_from_object)),
-                Err(error) => {
-                    failed_searches += usize::from(matches!(error, Some(PlanError::Exhausted { .. })));
-                    // Keep the last error: the first target is rarely the one that nearly works.
-                    failure = error.or(failure);
-                }
-            }
+        match query.first(release_goals, seed.fork("put").fork_index(0)) {
+            Ok((goal, release)) => return Ok((carried, release, release_goals[goal].world_from_object)),
+            Err(error) => failure = error.or(failure),
         }
     }
     Err(failure.unwrap_or(PlanError::Unreachable { what: "the release pose".into() }))

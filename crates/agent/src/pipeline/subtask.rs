@@ -1,6 +1,5 @@
 //! The model's answers for one sub-task, located in 3D.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use genmanip_core::{AgentStage, FailedStage, Seed, StageCause};
@@ -8,13 +7,13 @@ use glam::DVec3;
 use rand::RngExt;
 
 use super::arm_state::{self, ArmState};
+use super::destination::{Placement, PlacementQuestion, Places, unexpected};
 use super::{Agent, QuestionDraft};
 use crate::ask::{Answer, Marks, PathCell, QuestionImage, QuestionKind};
-use crate::grid::{Cell, Grid};
 use crate::image::{RgbImage, marks};
-use crate::perception::{ObservedObject, PlacementTarget, SegmentedViews, View, targets};
+use crate::perception::{ObservedObject, PlacementTarget, SegmentedViews, View};
 use crate::segmentation::{Mask, SegmentQuestion};
-use crate::settings::{Asks, PathKind};
+use crate::settings::Asks;
 
 /// Number of grab-point candidates sampled in a mask.
 const POINTS: usize = 5;
@@ -36,8 +35,8 @@ pub(super) struct Subtask {
     pub grab: Option<DVec3>,
     /// Pixels of the numbered grab points, and the chosen one, if the model was asked.
     points: Option<(Vec<usize>, usize)>,
-    /// Answer to the placement question.
-    pub placement: Answer,
+    /// Answers to the placement questions.
+    pub placement: Placement,
     /// Placement target.
     pub target: PlacementTarget,
     /// Waypoints of the carry path without its start cell: points on the table below the path with heights and yaw; the
@@ -81,37 +80,42 @@ impl Subtask {
             .map_err(|error| FailedStage::new(AgentStage::Look, StageCause::Unsuited, error.to_string()))?;
         let grasp_mask =
             if settings.ctof { choose_part(agent, view, mask, subtask)? } else { view.masks[mask].clone() };
-        let places = targets(views, mask, &object, &around, settings.table_m, &settings.cells);
+        let places = Places { agent, views, view, mask, object: &object, around: &around };
+        let targets = places.of(&places.grid());
         let is_asked = match settings.asks {
             Asks::Every => true,
             Asks::Needed => !settings.ctof && parts_compete(agent, view, mask, &object)?,
         };
         let grab_question = GrabPointQuestion::new(view, &image, &grasp_mask, &name, seed)?;
-        let placement_question =
-            PlacementQuestion { agent, view, image: &image, mask, name: &name, subtask, places: &places };
+        let placement_question = PlacementQuestion { places, targets: &targets, image: &image, name: &name, subtask };
         let middle = view.masks[mask].middle().unwrap_or(grab_question.points[0]);
         // The place has not changed since the answer, unless it was the place that failed.
         let kept = agent
             .placement
             .clone()
-            .filter(|kept| settings.asks == Asks::Needed && placement_question.place(kept).is_ok());
+            .filter(|kept| settings.asks == Asks::Needed && placement_question.place(&kept.answer).is_ok());
+        let asked = |answer: Answer| Placement { answer, fine: None };
         let (chosen, placement) = match (is_asked, kept) {
             (true, Some(kept)) => (Some(grab_question.chosen(agent.ask(view, grab_question.asked())?)?), kept),
             (true, None) if settings.asks_at_once => {
                 // The placement question does not depend on the grab point.
                 let start = placement_question.start(middle);
                 let [grab, place] = agent.ask_two(view, [grab_question.asked(), placement_question.asked(&start)]);
-                (Some(grab_question.chosen(grab?)?), place?)
+                (Some(grab_question.chosen(grab?)?), asked(place?))
             }
             (true, None) => {
                 let chosen = grab_question.chosen(agent.ask(view, grab_question.asked())?)?;
                 let start = placement_question.start(grab_question.points[chosen]);
-                (Some(chosen), agent.ask(view, placement_question.asked(&start))?)
+                (Some(chosen), asked(agent.ask(view, placement_question.asked(&start))?))
             }
             (false, Some(kept)) => (None, kept),
-            (false, None) => (None, agent.ask(view, placement_question.asked(&placement_question.start(middle)))?),
+            (false, None) => {
+                (None, asked(agent.ask(view, placement_question.asked(&placement_question.start(middle)))?))
+            }
         };
-        let (target, path) = placement_question.place(&placement)?;
+        let (target, path) = placement_question.place(&placement.answer)?;
+        let start = chosen.map_or(middle, |chosen| grab_question.points[chosen]);
+        let (placement, target) = placement_question.refined(placement, target, &placement_question.start(start))?;
         let point = |pixel: usize| view.image.point(pixel).unwrap_or(object.pose.position);
         let grab = match chosen {
             Some(chosen) => Some(point(grab_question.points[chosen])),
@@ -279,81 +283,4 @@ fn sample_points(view: &View, mask: &Mask, seed: Seed) -> Vec<usize> {
         chosen.extend(draws.into_iter().max_by(|a, b| apart(*a).total_cmp(&apart(*b))));
     }
     chosen
-}
-
-/// The placement question.
-struct PlacementQuestion<'a> {
-    agent: &'a Agent,
-    view: &'a View,
-    image: &'a QuestionImage,
-    mask: usize,
-    name: &'a str,
-    subtask: &'a str,
-    places: &'a BTreeMap<Cell, PlacementTarget>,
-}
-
-/// Start of the carry path on the grid: the pixel and its cell label.
-struct Start {
-    at: [f64; 2],
-    cell: String,
-}
-
-impl<'a> PlacementQuestion<'a> {
-    fn grid(&self) -> Grid {
-        Grid::usual(self.view.image.width(), self.view.image.height())
-    }
-
-    fn stage(&self) -> QuestionKind {
-        match self.agent.settings.path {
-            PathKind::P2p => QuestionKind::PointToPoint,
-            PathKind::Grid => QuestionKind::GridPath,
-        }
-    }
-
-    fn start(&self, pixel: usize) -> Start {
-        let width = self.view.image.width() as usize;
-        let at = [(pixel % width) as f64, (pixel / width) as f64];
-        Start { at, cell: self.grid().cell_at(at[0], at[1]).map_or_else(String::new, |cell| cell.to_string()) }
-    }
-
-    fn asked<'b>(&'b self, start: &'b Start) -> QuestionDraft<'b> {
-        let grid = self.grid();
-        let lettered =
-            QuestionImage { name: "grid", picture: Arc::new(marks::grid(&self.view.picture(), &grid, start.at)) };
-        QuestionDraft {
-            object_name: self.name,
-            start_point: &start.cell,
-            pictures: vec![self.image.clone(), lettered],
-            marks: Marks::Grid {
-                grid,
-                targets: self.places.iter().map(|(cell, target)| (*cell, target.point)).collect(),
-                moved: self.view.masks[self.mask].clone(),
-            },
-            ..QuestionDraft::new(self.stage(), self.subtask)
-        }
-    }
-
-    fn place(&self, answer: &Answer) -> Result<(PlacementTarget, Vec<(DVec3, PathCell)>), FailedStage> {
-        let unusable =
-            || FailedStage::new(self.stage(), StageCause::Unusable, format!("{} cannot be put there", self.name));
-        let place = |cell| self.places.get(&cell).cloned().ok_or_else(unusable);
-        match answer {
-            Answer::Point(answer) => Ok((place(answer.cell)?, Vec::new())),
-            Answer::Path(answer) => {
-                let cells = &answer.cells;
-                let last = cells.last().map(|last| last.cell).ok_or_else(unusable)?;
-                let (grid, table_m) = (self.grid(), self.agent.settings.table_m);
-                let path = cells.iter().skip(1).filter_map(|&step| {
-                    let [x, y] = grid.center(step.cell);
-                    Some((crate::perception::on_plane(&self.view.image, [x, y], table_m)?, step))
-                });
-                Ok((place(last)?, path.collect()))
-            }
-            other => Err(unexpected(self.stage(), other)),
-        }
-    }
-}
-
-fn unexpected(stage: QuestionKind, answer: &Answer) -> FailedStage {
-    FailedStage::new(stage, StageCause::Format, format!("got an answer of another stage: {answer:?}"))
 }

@@ -27,6 +27,7 @@ pub fn question(stage: QuestionKind) -> Question {
             // Everywhere but in the last cell.
             targets: grid.cells().filter(|cell| cell.to_string() != "I16").map(|cell| (cell, DVec3::ZERO)).collect(),
             moved: mask(),
+            turns: stage == QuestionKind::PointToPoint,
         },
         QuestionKind::Decompose | QuestionKind::Check => Marks::None,
     };
@@ -98,6 +99,16 @@ fn hostile_answers_are_asked_again_and_then_fail_by_name() {
         (QuestionKind::PointToPoint, r#"{"selected_point": {"type": "grid", "label": "I16"}}"#, "unusable"),
         (QuestionKind::PointToPoint, r#"{"selected_point": {"type": "pixel", "label": "C4"}}"#, "format"),
         (QuestionKind::PointToPoint, r#"{"selected_point": "C4"}"#, "format"),
+        (
+            QuestionKind::PointToPoint,
+            r#"{"selected_point": {"type": "grid", "label": "C4"}, "turn_deg": 900}"#,
+            "format",
+        ),
+        (
+            QuestionKind::PointToPoint,
+            r#"{"selected_point": {"type": "grid", "label": "C4"}, "turn_deg": "x"}"#,
+            "format",
+        ),
         (QuestionKind::GridPath, r#"[]"#, "format"),
         (QuestionKind::GridPath, r#"[{"grid_number": "C4", "height_m": 0.2, "claw_orientation": 0}]"#, "format"),
         (

@@ -5,8 +5,10 @@
 //! 2. `support`: large horizontal planes; only points above them are segmented.
 //! 3. `regions`: oversegmentation into small regions of one surface and one colour.
 //! 4. `merge`: merges neighbouring regions into objects by a classifier on their border.
+//! 5. `handles`: joins arched handles to their bodies.
 
 mod cloud;
+mod handles;
 pub mod merge;
 mod regions;
 mod support;
@@ -74,7 +76,8 @@ impl Segmenter for RgbdSegmenter {
         let mut order: Vec<u32> =
             (0..areas.len() as u32).filter(|object| areas[*object as usize] >= self.settings.min_area_px).collect();
         order.sort_by_key(|object| (std::cmp::Reverse(areas[*object as usize]), *object));
-        Ok(order.iter().map(|object| Mask::of_label(width, height, &object_labels, object)).collect())
+        let masks = order.iter().map(|object| Mask::of_label(width, height, &object_labels, object)).collect();
+        Ok(if question.within.is_some() { masks } else { handles::joined(masks, question.image) })
     }
 }
 
