@@ -10,7 +10,7 @@ use genmanip_agent::ask::TranscriptEvent;
 use genmanip_agent_sim::{AgentChoice, keep};
 use genmanip_benchmark::failure_page;
 use genmanip_benchmark::statistics::{StatisticsSettings, wilson_interval};
-use genmanip_core::{AgentFailure, EpisodeResult, Seed, Task, TaskKind, World};
+use genmanip_core::{AgentFailure, EpisodeResult, Relation, Seed, Task, TaskKind, World};
 use genmanip_rollout::collect::{PipelineSettings, Resources};
 use genmanip_rollout::{RolloutError, Stage, run_episode};
 use genmanip_workspace::Progress;
@@ -41,6 +41,8 @@ pub struct Measured {
     pub oracle: bool,
     /// By kind of task.
     pub kinds: BTreeMap<&'static str, Counted>,
+    /// Episodes by relation: every one whose goal has a condition of this relation.
+    pub relations: BTreeMap<&'static str, Counted>,
     /// All kinds but `long_horizon` together.
     pub single_step: Counted,
     /// All kinds.
@@ -92,6 +94,8 @@ pub struct AgentArguments {
     pub names: [&'static str; 2],
     /// Kinds of tasks.
     pub kinds: Vec<TaskKind>,
+    /// Relation that a condition of each task's goal has; any if `None`.
+    pub relation: Option<Relation>,
     /// Number of tasks, the kinds in turn.
     pub count: usize,
     /// Folder for transcripts and images of every episode.
@@ -117,7 +121,10 @@ pub fn measure(
     seed: Seed,
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
-    let tasks = episodes::tasks(&arguments.kinds, arguments.count, seed)?;
+    let tasks = match arguments.relation {
+        Some(relation) => episodes::tasks_about(relation, &arguments.kinds, arguments.count, seed)?,
+        None => episodes::tasks(&arguments.kinds, arguments.count, seed)?,
+    };
     let settings = PipelineSettings::in_world(world.clone());
     let planner = worlds::planner(world, &settings.planner)?;
     let resources = Resources::builtin(&planner);
@@ -131,6 +138,7 @@ pub fn measure(
         path: name(serde_json::to_value(arguments.choice.settings.path).unwrap_or_default()),
         preset: arguments.choice.settings.preset.name().into(),
         kinds: BTreeMap::new(),
+        relations: BTreeMap::new(),
         single_step: Counted::default(),
         total: Counted::default(),
         not_laid_out: 0,
@@ -150,6 +158,9 @@ pub fn measure(
                     measured.single_step.add(&played);
                 }
                 measured.kinds.entry(task.kind.name()).or_default().add(&played);
+                for relation in episodes::goal_relations(task) {
+                    measured.relations.entry(relation.name()).or_default().add(&played);
+                }
                 measured.total.add(&played);
                 if let Some(AgentFailure { class: Some(class), evidence, .. }) = &played.result.agent_failure {
                     progress.note(&format!("{} {}: {evidence}", played.result.id, class.name()));
@@ -242,7 +253,7 @@ pub fn describe(measured: &Measured) -> String {
     let head = ["kind", "episodes", "success", "95 %", "score", "asks", "per pick", "CPU s", "failures"];
     let mut rows = vec![head.map(String::from).to_vec()];
     let all = [(&"single step", &measured.single_step), (&"all", &measured.total)];
-    for (kind, counted) in measured.kinds.iter().chain(all) {
+    for (kind, counted) in measured.kinds.iter().chain(all).chain(&measured.relations) {
         let failures: Vec<String> = counted.failures.iter().map(|(class, count)| format!("{class} {count}")).collect();
         let [low, high] = counted.success_interval;
         rows.push(vec![

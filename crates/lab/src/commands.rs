@@ -10,7 +10,7 @@ use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
 use genmanip_agent_sim::{AgentChoice, GraspChoice, MaskChoice, ModelChoice, OracleSegmenter};
 use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, Families, panda};
-use genmanip_core::{FailureClass, Seed, Task, TaskKind};
+use genmanip_core::{FailureClass, Relation, Seed, Task, TaskKind};
 use genmanip_import::robots;
 use genmanip_lab::agent::AgentArguments;
 use genmanip_lab::answers::Amount;
@@ -336,12 +336,18 @@ fn agent_arguments(arguments: &args::AgentArguments) -> Result<AgentArguments, F
     let mut choice =
         AgentChoice { keeps_pictures: arguments.transcripts.is_some() || arguments.page.is_some(), ..choice };
     choice.settings.ctof = arguments.ctof;
+    let known = Relation::ALL.map(Relation::name);
+    let relation = |name: &String| {
+        Relation::named(name).ok_or_else(|| WorkspaceError::unknown("relation", "relations", name, &known))
+    };
+    let relation = arguments.relation.as_ref().map(relation).transpose()?;
     for error in &arguments.error {
         choice.add_error(error)?;
     }
     Ok(AgentArguments {
         names: [choice.model.name(), choice.masks.name()],
         kinds: kinds(&arguments.agent)?,
+        relation,
         count: arguments.count,
         transcripts: arguments.transcripts.clone(),
         page: arguments.page.clone(),

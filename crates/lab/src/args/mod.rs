@@ -54,7 +54,8 @@ pub enum LabCommand {
     /// Run the agent on fresh tasks from RGB-D images, its questions answered by an oracle or a model
     #[command(after_help = "Examples:\n  \
                       genmanip-lab agent --seed 7 --count 240 --vlm oracle --masks oracle --json\n  \
-                      genmanip-lab agent --seed 7 --count 40 --kinds spatial,long_horizon --path grid --preset paper\n\n\
+                      genmanip-lab agent --seed 7 --count 40 --kinds spatial,long_horizon --path grid --preset paper\n  \
+                      genmanip-lab agent --seed 7 --count 60 --relation between\n\n\
                       One thread; CPU time covers perception, questions, planning and physics, not the layout.")]
     Agent(AgentArguments),
     /// Inject one error per episode, and test if the failure analysis attributes the failure to it
@@ -458,6 +459,9 @@ pub struct AgentArguments {
     pub count: usize,
     #[command(flatten)]
     pub agent: AgentChoiceArguments,
+    /// Only tasks whose goal has a condition of this relation
+    #[arg(long, value_name = "RELATION")]
+    pub relation: Option<String>,
     /// Also ask for the part to hold
     #[arg(long)]
     pub ctof: bool,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use genmanip_agent::perception::{ObservedObject, SegmentedViews};
-use genmanip_agent::segmentation::Segmenter;
+use genmanip_agent::segmentation::{Mask, Segmenter};
 use genmanip_assets::Catalogue;
 use genmanip_core::{Aabb, Seed, World};
 use genmanip_workspace::{Progress, task_files, text_table};
@@ -47,11 +47,17 @@ pub struct Measured {
     pub all: Errors,
     /// By category.
     pub strata: BTreeMap<Stratum, Errors>,
+    /// Visible objects with a handle.
+    pub handles: usize,
+    /// Those of them that are not cut: no other mask covers more than 3 % of their pixels.
+    pub handles_joined: usize,
     /// Largest errors of the centre: scene, camera and object, for the text summary.
     #[serde(skip)]
     pub worst: Vec<(f64, String)>,
 }
 
+/// Share of an object's visible pixels in other masks from which it is cut.
+const CUT_SHARE: f64 = 0.03;
 /// Number of largest errors in the text summary.
 const WORST: usize = 8;
 
@@ -72,6 +78,7 @@ pub fn measure(
     let tasks = task_files::designed_tasks(arguments.count * SPARE, seed.value(), Catalogue::builtin())?;
     let mut scenes = Scenes::new(world, seed, &CAMERAS)?;
     let (mut made, mut visible, mut images) = (0, 0, 0);
+    let (mut handles, mut handles_joined) = (0, 0);
     let mut misses: Vec<Miss> = Vec::new();
     progress.begin("locating", arguments.count);
     for (index, task) in tasks.iter().enumerate() {
@@ -84,7 +91,10 @@ pub fn measure(
             arguments.disturb(view, seed, images);
             images += 1;
         }
-        visible += located(views, segmenter, &mut misses)?;
+        let found = located(views, segmenter, &mut misses)?;
+        visible += found.visible;
+        handles += found.handles;
+        handles_joined += found.handles_joined;
         progress.advance();
     }
     progress.end();
@@ -94,21 +104,35 @@ pub fn measure(
     worst.sort_by(|a, b| b.0.total_cmp(&a.0));
     worst.truncate(WORST);
     let all = errors(misses.iter());
-    Ok(Measured { scenes: made, visible, all, strata: strata.into_iter().map(|it| (it, of(it))).collect(), worst })
+    let strata = strata.into_iter().map(|it| (it, of(it))).collect();
+    Ok(Measured { scenes: made, visible, all, strata, handles, handles_joined, worst })
 }
 
-/// Adds the errors of the objects of a scene; returns the number of visible ones.
-fn located(views: Vec<SegmentView>, segmenter: &dyn Segmenter, misses: &mut Vec<Miss>) -> Result<usize, LabError> {
+/// Numbers of objects of a scene.
+#[derive(Default)]
+struct Found {
+    visible: usize,
+    handles: usize,
+    handles_joined: usize,
+}
+
+/// Adds the errors of the objects of a scene; returns the numbers of visible ones.
+fn located(views: Vec<SegmentView>, segmenter: &dyn Segmenter, misses: &mut Vec<Miss>) -> Result<Found, LabError> {
     let ignore: Vec<Vec<bool>> = views.iter().map(|view| view.ignore.clone()).collect();
     let images = views.iter().map(|view| (view.name.clone(), Arc::new(view.image.clone()))).collect();
     let seen = SegmentedViews::new(images, &ignore, segmenter)
         .map_err(|error| LabError::broken("a scene cannot be segmented", error))?;
-    let (Some(shown), Some(truth)) = (seen.shown(), views.first()) else { return Ok(0) };
-    let mut visible = 0;
+    let (Some(shown), Some(truth)) = (seen.shown(), views.first()) else { return Ok(Found::default()) };
+    let mut found = Found::default();
     for object in truth.objects.iter().filter(|object| object.mask.area() >= MIN_PIXELS) {
-        visible += 1;
+        found.visible += 1;
         let overlaps = shown.masks.iter().map(|mask| mask.iou(&object.mask)).enumerate();
-        let Some((mask, iou)) = overlaps.max_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
+        let best = overlaps.max_by(|a, b| a.1.total_cmp(&b.1));
+        if object.has_handle {
+            found.handles += 1;
+            found.handles_joined += usize::from(best.is_some_and(|(own, _)| !is_cut(&object.mask, own, &shown.masks)));
+        }
+        let Some((mask, iou)) = best else { continue };
         if iou < FOUND_IOU {
             continue;
         }
@@ -117,7 +141,14 @@ fn located(views: Vec<SegmentView>, segmenter: &dyn Segmenter, misses: &mut Vec<
         let Some(observed) = ObservedObject::new(seen.points(mask), &around, 0.0) else { continue };
         misses.push((object.stratum, miss_mm(&observed, &object.bounds), format!("{}: {}", truth.name, object.name)));
     }
-    Ok(visible)
+    Ok(found)
+}
+
+/// True if another mask than its own covers a part of an object.
+fn is_cut(object: &Mask, own: usize, masks: &[Mask]) -> bool {
+    let covered = |mask: &Mask| object.indices().filter(|index| mask.pixels[*index]).count();
+    let others = masks.iter().enumerate().filter(|(index, _)| *index != own);
+    others.map(|(_, mask)| covered(mask)).max().is_some_and(|most| most as f64 > CUT_SHARE * object.area() as f64)
 }
 
 /// Error of the centre in the plane, and the largest one of the sizes, mm.
@@ -161,11 +192,13 @@ pub fn describe(measured: &Measured) -> String {
     }
     row("all".into(), &measured.all);
     let mut text = format!(
-        "{}\n{} scenes; {} of {} visible objects have a mask\n",
+        "{}\n{} scenes; {} of {} visible objects have a mask; {} of {} with a handle are not cut\n",
         text_table(&rows),
         measured.scenes,
         measured.all.objects,
-        measured.visible
+        measured.visible,
+        measured.handles_joined,
+        measured.handles
     );
     for (error, name) in &measured.worst {
         text += &format!("  {error:.1} mm  {name}\n");

@@ -61,6 +61,8 @@ pub struct TrueObject {
     pub stratum: Stratum,
     /// Bounds of its posed geometry, world frame.
     pub bounds: Aabb,
+    /// True if its card says that its shape has a handle.
+    pub has_handle: bool,
 }
 
 /// Generator of scenes.
@@ -153,7 +155,9 @@ impl Scenes {
                     Stratum::Free
                 };
                 let bounds = object.model.world_bounds(&object.pose, &object.joint_positions);
-                found.push(TrueObject { name: object.model.card.name.clone(), mask, stratum, bounds });
+                let card = &object.model.card;
+                let has_handle = card.shape.contains("handle");
+                found.push(TrueObject { name: card.name.clone(), mask, stratum, bounds, has_handle });
             }
         }
         found
