@@ -1,7 +1,7 @@
 //! Command-line arguments.
 
 use genmanip_assets::CATALOGUES;
-use genmanip_terminal::{GlobalArguments, UrdfArguments, parse};
+use genmanip_terminal::{GlobalArguments, parse};
 use std::path::PathBuf;
 
 use clap::builder::{ArgPredicate, TypedValueParser};
@@ -18,6 +18,7 @@ pub use edit::*;
 pub use evaluate::*;
 pub use export::*;
 pub use launch::*;
+pub use plan::*;
 pub use render::*;
 pub use review::*;
 pub use robot::*;
@@ -37,6 +38,7 @@ mod evaluate;
 mod export;
 mod launch;
 mod parse_values;
+mod plan;
 mod render;
 mod review;
 mod robot;
@@ -482,59 +484,6 @@ pub struct LayoutArguments {
     /// Worker threads; results do not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
-}
-
-/// Arguments of `plan`.
-#[derive(Debug, Args)]
-#[command(group = clap::ArgGroup::new("goal").required(true))]
-pub struct PlanArguments {
-    /// Scenario file, as `layout` and `collect` write them; without one, the arm moves in the built-in world without objects
-    #[arg(required_unless_present_any = ["robot", "world"])]
-    pub scenario: Option<PathBuf>,
-    /// World whose tables and walls the arm avoids: TOML or JSON [default without a scenario: the built-in one]
-    #[arg(long, value_name = "FILE", conflicts_with = "scenario")]
-    pub world: Option<PathBuf>,
-    /// To a grasp of this object: its uid or name
-    #[arg(long, value_name = "OBJECT", group = "goal")]
-    pub pick: Option<String>,
-    /// To a point between the fingertips, hand pointing down, metres; of a URDF z of the tool frame points down
-    #[arg(long, value_name = "X,Y,Z", group = "goal", value_delimiter = ',', allow_hyphen_values = true,
-          value_parser = parse::number)]
-    pub to: Option<Vec<f64>>,
-    /// To joint positions, rad
-    #[arg(long, value_name = "Q1,…", group = "goal", value_delimiter = ',', allow_hyphen_values = true,
-          value_parser = parse::number)]
-    pub joints: Option<Vec<f64>>,
-    /// Turn of the hand about the vertical for --to, degrees
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_hyphen_values = true, value_parser = parse::number)]
-    pub yaw: f64,
-    /// Joint positions to start from, rad [default: the robot's home]
-    #[arg(long, value_name = "Q1,…", value_delimiter = ',', allow_hyphen_values = true, value_parser = parse::number)]
-    pub from: Option<Vec<f64>>,
-    /// Opening of the gripper, metres; a grasp brings its own [default: 0.08, or the widest]
-    #[arg(long, value_name = "WIDTH", value_parser = parse::number)]
-    pub gripper: Option<f64>,
-    /// Seed of the search
-    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
-    pub seed: u64,
-    /// Longest edge of the search tree, rad
-    #[arg(long, value_name = "RAD", value_parser = parse::edge)]
-    pub rrt_range: Option<f64>,
-    /// Draw the motion: the arm at several moments and the way of the hand, PNG or JPEG
-    #[arg(long, alias = "image", value_name = "FILE")]
-    pub picture: Option<PathBuf>,
-    /// Record the motion as a video, MP4
-    #[arg(long, value_name = "FILE")]
-    pub animation: Option<PathBuf>,
-    /// Camera of image and video, one of the scenario's [default: a view of the whole arm]
-    #[arg(long, value_name = "NAME")]
-    pub camera: Option<String>,
-    /// Robot without a scenario, or the URDF of any arm; scenarios laid out for another robot are refused
-    #[arg(long, value_name = "NAME")]
-    pub robot: Option<String>,
-    /// Folders of the meshes of a URDF, and choices of its reader
-    #[command(flatten)]
-    pub urdf: UrdfArguments,
 }
 
 /// The policies of the registry, and an example.

@@ -32,6 +32,7 @@ use arguments::{AGENT_ARGUMENTS, LEARNED_ARGUMENTS, OPENPI_ARGUMENTS, PYTHON_ARG
 pub use label::InLabel;
 pub(crate) use label::label;
 use label::{MAX_LABEL, fits};
+use watched::{BeforeTurn, Watched};
 
 use crate::policy_spec::check_robot;
 pub use crate::policy_spec::{mistaken, read_spec};
@@ -458,7 +459,10 @@ impl PolicyFactory {
     /// it returns false, the episode ends there and counts as not run.
     #[must_use]
     pub fn watched(mut self, before_turn: impl Fn(f64) -> bool + Send + Sync + 'static) -> Self {
-        self.prepared.make = watched::watched(self.prepared.make, Arc::new(before_turn));
+        let (make, before_turn): (_, BeforeTurn) = (self.prepared.make, Arc::new(before_turn));
+        self.prepared.make = Box::new(move |context| {
+            Ok(Box::new(Watched { policy: make(context)?, before_turn: Arc::clone(&before_turn) }))
+        });
         self
     }
 

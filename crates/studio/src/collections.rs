@@ -282,7 +282,7 @@ fn copies_of(file: &Path) -> Option<PathBuf> {
 
 /// Scenario of a file; `None` if it holds something else.
 fn scenario_in(path: &Path) -> Result<Option<Scenario>, WorkspaceError> {
-    /// What tells a document's type; its other keys are passed over.
+    /// The key that names a document's type; its other keys are skipped.
     #[derive(Deserialize)]
     struct Head {
         schema: String,

@@ -20,8 +20,8 @@ const MAX_WORDS: usize = 30;
 const MAX_UNANSWERED: u32 = 3;
 /// Maximum length of the violation list (bytes).
 const MAX_VIOLATION_BYTES: usize = 16 << 10;
-/// Share of common words from which a repaired answer has hardly changed; chosen: small models that mend nothing keep
-/// more, and a mended condition in an answer of usual length changes less only if the rest of the flaws is gone too.
+/// Share of common words from which a repaired answer has hardly changed; chosen: small models that repair nothing keep
+/// more, and a repaired condition in an answer of usual length changes less only if the rest of the flaws is gone too.
 const UNCHANGED_SHARE: f64 = 0.9;
 
 /// Generates `count` tasks of one kind with objects from `cards`; one outcome per task, in order.

@@ -1,4 +1,4 @@
-//! Where the object goes: the placement questions, and their answers located in 3D.
+//! Destination of an object: the placement questions, and their answers located in 3D.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -10,7 +10,7 @@ use crate::suites::candidates::{need, traits};
 /// Values by axis.
 pub type Axes = BTreeMap<String, Vec<String>>;
 
-/// Most steps that are told apart.
+/// Largest number of steps with a value of its own.
 const MOST_STEPS: usize = 4;
 
 /// Values of a task on all axes that it has: those of a suite's entry ([`crate::suite_format::balanced_traits`]), and

@@ -4,22 +4,13 @@ use std::sync::Arc;
 
 use genmanip_core::{ActionChunk, AgentFailure, EpisodeStart, Frame, Observation, Policy, PolicyError, PolicySpec};
 
-use super::{Make, PolicyContext};
-use genmanip_workspace::WorkspaceError;
-
 /// Callback with the time of the episode, s; false ends the episode.
 pub(super) type BeforeTurn = Arc<dyn Fn(f64) -> bool + Send + Sync>;
 
-/// Policies of `make`, each calling `before_turn` before each of its turns.
-pub(super) fn watched(make: Make, before_turn: BeforeTurn) -> Make {
-    Box::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
-        Ok(Box::new(Watched { policy: make(episode)?, before_turn: Arc::clone(&before_turn) }))
-    })
-}
-
-struct Watched {
-    policy: Box<dyn Policy>,
-    before_turn: BeforeTurn,
+/// A policy that calls `before_turn` before each of its turns.
+pub(super) struct Watched {
+    pub policy: Box<dyn Policy>,
+    pub before_turn: BeforeTurn,
 }
 
 impl Watched {

@@ -1,4 +1,4 @@
-//! What suites already hold: the reviews of `review.json`, read once, and the expert's certificates.
+//! Reviews and certificates that suites already hold: the reviews of `review.json`, read once, and the expert's certificates.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

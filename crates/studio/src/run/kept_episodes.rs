@@ -55,7 +55,7 @@ pub struct EpisodeRow {
     pub oracle: bool,
     /// True if the goal holds at the end.
     pub success: bool,
-    /// How it ended; null if it never began.
+    /// Outcome; null if it never began.
     pub ending: Option<Ending>,
     /// Most decisive cause of the failure, with the evidence of all; absent on success.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -23,7 +23,7 @@ use super::room::{Revision, Room};
 use super::studio::Studio;
 use crate::run::{EpisodeJob, EpisodeRow, KeptEpisode, Moments, kept_episodes, track};
 
-/// What the page of a transcript may load: its own images and styles.
+/// Sources that the page of a transcript may load: its own images and styles.
 const TRANSCRIPT_POLICY: &str = "default-src 'none'; img-src 'self' data:; style-src 'unsafe-inline'";
 
 /// Routes of runs and episodes.

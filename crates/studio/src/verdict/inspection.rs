@@ -340,7 +340,7 @@ impl<'a> Inspection<'a> {
         for alternative in moves(&self.scenario.task.judged_goal(), scene) {
             let infeasible = |seed: Seed| self.check(scene, &known, seed).infeasible(&alternative);
             let mut rejections = self.seeds().map(infeasible);
-            // One feasible stream suffices; the first reason is told.
+            // One feasible stream suffices; the first reason is reported.
             let first = rejections.next().flatten();
             if first.is_none() || rejections.any(|rejection| rejection.is_none()) {
                 return Ok(Vec::new());

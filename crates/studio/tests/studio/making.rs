@@ -43,7 +43,7 @@ fn a_sentence_becomes_a_scenario_once_its_words_are_clear() {
     assert_eq!(unknown["phrases"][0]["is_known"], json!(false), "{unknown}");
 }
 
-/// What the page does with a camera is a command of the log, and the world goes out as a file that the program reads.
+/// Each change of a camera in the page is a command of the log, and the world goes out as a file that the program reads.
 #[test]
 fn cameras_are_edited_and_the_world_is_a_file() {
     let studio = Studio::new();
