@@ -13,7 +13,7 @@ use genmanip_studio::verdict::Equipment;
 use rand::seq::SliceRandom;
 use rand::{Rng, RngExt};
 
-use super::faults::{Planted, Site};
+use super::site::{Planted, Site};
 
 /// Gap between the object and its neighbour, m.
 const GAP_M: [f64; 2] = [0.001, 0.006];

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use genmanip_assets::Catalogue;
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Atom, GraphEdge, ObjectCard, Pose, Scenario, Seed, named_enum};
-use genmanip_layout::{GoalOrder, GoalSearch, Move, hidden, moves, overlaps, posed};
-use genmanip_relations::{PosedScene, Rest, ShapeCache, judge_atom, judge_goal, outlines_apart};
+use genmanip_layout::{GoalOrder, GoalSearch, hidden, moves, overlaps};
+use genmanip_relations::{judge_atom, outlines_apart};
 use genmanip_studio::edit::{ChosenAsset, Operation, Placement};
 use genmanip_studio::verdict::{Equipment, ProblemCode, edge_between};
 use genmanip_tasks::wording;
@@ -15,6 +15,7 @@ use rand::seq::SliceRandom;
 use rand::{Rng, RngExt};
 
 use super::blocked;
+use super::site::{Planted, Site};
 
 named_enum! {
     /// Kind of a planted fault.
@@ -37,16 +38,6 @@ named_enum! {
         /// A neighbour is in the way of every grasp.
         GraspBlocked = "grasp_blocked",
     }
-}
-
-/// A scenario with a fault.
-pub struct Planted {
-    /// The scenario.
-    pub scenario: Arc<Scenario>,
-    /// Ids of the objects of which one has to be named.
-    pub objects: Vec<String>,
-    /// Id of the neighbour that has to be named too.
-    pub neighbour: Option<String>,
 }
 
 /// Gap that a moved object keeps from all others, m.
@@ -73,7 +64,7 @@ impl Fault {
 
     /// The scenario with the fault; `None` if it has no place in this scene.
     pub fn plant(self, scenario: &Arc<Scenario>, equipment: &Equipment, seed: Seed) -> Option<Planted> {
-        let scene = posed(scenario, equipment.assets, &mut ShapeCache::default()).ok()?;
+        let scene = equipment.scene(scenario).ok()?;
         // Where the goal has alternatives, a fault of one of them leaves the others.
         let step = match moves(&scenario.task.judged_goal(), &scene).as_slice() {
             [only] => only.iter().find(|step| step.state().is_none()).cloned(),
@@ -92,15 +83,6 @@ impl Fault {
             Self::GraspBlocked => blocked::plant(&site, rng),
         }
     }
-}
-
-/// A scenario in which a fault is planted.
-pub(super) struct Site<'a> {
-    pub scenario: &'a Scenario,
-    pub scene: PosedScene,
-    pub equipment: &'a Equipment,
-    /// First object that the goal has carried; `None` for a goal with alternatives.
-    pub step: Option<Move>,
 }
 
 impl Site<'_> {
@@ -295,70 +277,5 @@ impl Site<'_> {
                 [add, Operation::Edges { edges, description: None }, Operation::Instruction { text: text.clone() }];
             self.planted(&operations, vec![self.id(index), other.uid.clone()])
         })
-    }
-
-    pub fn count(&self) -> usize {
-        self.scenario.objects.len()
-    }
-
-    pub fn id(&self, index: usize) -> String {
-        self.scenario.objects[index].id.clone()
-    }
-
-    pub fn target(&self) -> Option<usize> {
-        self.step.as_ref().map(|step| step.object)
-    }
-
-    /// The scenario after some operations.
-    pub fn planted(&self, operations: &[Operation], objects: Vec<String>) -> Option<Planted> {
-        let mut changed = self.scenario.clone();
-        for operation in operations {
-            changed = operation.apply(&changed, self.equipment.assets).ok()?.scenario;
-        }
-        Some(Planted { scenario: Arc::new(changed), objects, neighbour: None })
-    }
-
-    /// The operation that shifts an object.
-    pub fn shifted(&self, index: usize, by: DVec3) -> Operation {
-        let pose = self.scenario.objects[index].pose;
-        let pose = Pose { position: pose.position + by, ..pose };
-        Operation::Place { objects: vec![Placement { id: self.id(index), pose, joint_positions: None }] }
-    }
-
-    /// The scene with a shifted object.
-    pub fn moved(&self, index: usize, by: DVec3) -> PosedScene {
-        let mut moved = self.scene.clone();
-        moved.shift(index, by);
-        moved
-    }
-
-    /// True if no support edge names the object, so that it stands on the table alone.
-    pub fn is_alone(&self, index: usize) -> bool {
-        let id = &self.scenario.objects[index].id;
-        let mut supports = self.scenario.task.scene_graph.edges.iter().filter(|edge| edge.relation.is_support());
-        !supports.any(|edge| edge.subject == *id || edge.reference == *id)
-    }
-
-    pub fn is_clear(&self, moved: &PosedScene, index: usize, gap_m: f64) -> bool {
-        (0..self.count()).all(|other| other == index || outlines_apart(moved, index, other, gap_m))
-    }
-
-    /// True if no edge is false and the goal is not reached.
-    pub fn keeps_the_rest(&self, moved: &PosedScene) -> bool {
-        self.keeps_edges(moved) && !self.is_reached(moved)
-    }
-
-    fn keeps_edges(&self, moved: &PosedScene) -> bool {
-        self.false_edges(moved).is_empty()
-    }
-
-    fn false_edges(&self, moved: &PosedScene) -> Vec<Atom> {
-        let edges = self.scenario.task.scene_graph.edges.iter().map(GraphEdge::atom);
-        edges.filter(|edge| !judge_atom(moved, edge, &self.scenario.world.relations).holds).collect()
-    }
-
-    fn is_reached(&self, moved: &PosedScene) -> bool {
-        let goal = self.scenario.task.judged_goal();
-        judge_goal(moved, &goal, &Rest::default(), &self.scenario.world.relations).success
     }
 }

@@ -5,6 +5,7 @@ mod edits;
 mod faults;
 mod measured;
 mod repairs;
+mod site;
 
 use std::sync::Arc;
 

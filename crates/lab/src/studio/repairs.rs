@@ -6,8 +6,9 @@ use genmanip_core::{Scenario, Seed};
 use genmanip_studio::verdict::{Equipment, Inspection, Problem, RepairedScenario, repair_all};
 use genmanip_workspace::Progress;
 
-use super::faults::{Fault, Planted};
+use super::faults::Fault;
 use super::measured::Measured;
+use super::site::Planted;
 use super::{blocking, is_solved};
 use crate::LabError;
 use crate::clock::cpu_clock;
