@@ -472,7 +472,7 @@ withMock("an earlier revision shows as ghosts and as a list", async () => {
   await page.keyboard.press("Control+Enter");
   await untilRevision(page, 7);
   await page.keyboard.press("Escape");
-  await page.keyboard.press("Shift+G");
+  await page.keyboard.press("Shift+C");
   await page.waitForSelector("ul[aria-label=Differences] li:has-text('moved by 6.0 cm')");
   assert.ok(/instruction was/.test(await page.textContent("ul[aria-label=Differences]")));
   await page.waitForTimeout(500);
@@ -485,7 +485,7 @@ withMock("an earlier revision shows as ghosts and as a list", async () => {
   assert.notEqual(await picture(), ghosts, "no ghost was drawn");
   await page.keyboard.press("Escape");
   await page.evaluate(() => document.activeElement.blur());
-  await page.keyboard.press("Shift+G");
+  await page.keyboard.press("Shift+C");
   await page.waitForSelector("ul[aria-label=Differences]", { state: "detached" });
   assert.deepEqual(page.failures, []);
   await page.context().close();
@@ -493,7 +493,7 @@ withMock("an earlier revision shows as ghosts and as a list", async () => {
 
 withMock("a sentence becomes a scenario after its words are asked back", async () => {
   const page = await openPage();
-  await page.keyboard.press("Shift+I");
+  await page.keyboard.press("Shift+A");
   const say = async (text) => {
     await page.fill("#sentence", text);
     await page.keyboard.press("Enter");
@@ -695,7 +695,7 @@ test("no serious finding of axe, in light and dark, with every tab and dialogue"
       await page.waitForTimeout(150);
       await look(tab);
     }
-    for (const [key, name] of [["?", "keys"], ["i", "instruction"], ["o", "goal"], ["u", "graph"], ["a", "catalogue"], ["Shift+I", "new"], ["Control+s", "snapshot"], ["Shift+c", "sheet"], ["z", "balance"]]) {
+    for (const [key, name] of [["?", "keys"], ["i", "instruction"], ["o", "goal"], ["u", "graph"], ["a", "catalogue"], ["Shift+A", "new"], ["Control+s", "snapshot"], ["Shift+z", "sheet"], ["z", "balance"]]) {
       // A key in the moment in which the last dialogue hands the focus back is not heard.
       await until(`the dialogue ${name} is open`, async () => {
         await page.keyboard.press(key);
@@ -724,10 +724,10 @@ test("two people review by keyboard alone, and see each other's answer only afte
   await page.click("#tab-review");
   await standing("not reviewed");
   await page.keyboard.press("1");
-  await page.keyboard.press("Shift+A");
+  await page.keyboard.press("Shift+Y");
   await page.waitForSelector(".notice:has-text('marked as wrong')");
   await page.keyboard.press("1");
-  await page.keyboard.press("Shift+A");
+  await page.keyboard.press("Shift+Y");
   await page.waitForSelector(".said:has-text('approved')");
   await page.waitForSelector(".review:has-text('solved it 5 of 5')");
   await as("bo");
@@ -744,7 +744,7 @@ test("two people review by keyboard alone, and see each other's answer only afte
   await page.focus(".review textarea");
   await page.keyboard.type("It is plausible.");
   await page.keyboard.press("Escape");
-  await page.keyboard.press("Shift+A");
+  await page.keyboard.press("Shift+Y");
   await page.waitForSelector(".said li:has-text('decided: approved')");
   await standing("approved");
   const key = page.url();
@@ -767,7 +767,7 @@ test("two people review by keyboard alone, and see each other's answer only afte
 
 test("the contact sheet rejects several at once, and the balance names who helps", async () => {
   const page = await openPage();
-  await page.keyboard.press("Shift+C");
+  await page.keyboard.press("Shift+Z");
   await page.waitForSelector(".sheet .alike");
   assert.equal(await page.locator(".sheet .alike").count(), 2);
   await page.waitForFunction(() => [...document.querySelectorAll(".sheet img")].slice(0, 3).every((image) => image.complete && image.naturalWidth > 0));

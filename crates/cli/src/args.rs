@@ -218,25 +218,8 @@ pub enum Command {
         command: WorldCommand,
     },
     /// Change a scenario by operations that can be undone, judge it, and repair it
-    #[command(after_help = "Examples:\n  \
-                      genmanip edit my.json --op '{\"op\": \"swap\", \"args\": {\"object\": \"020\", \"uid\": \"027\"}}'\n  \
-                      genmanip edit my.json --verdict\n  \
-                      genmanip edit my.json --repair --author ada\n  \
-                      genmanip edit my.json --undo\n  \
-                      genmanip edit my.json --history --json\n  \
-                      genmanip edit suites/genmanip-200-rc/scenarios/009_appearance-000.json --copy-to mine --verdict\n\n\
-                      Operations: place, state, add, remove, duplicate, swap, instruction, goal, edges, kind, camera,\n\
-                      remove_camera; docs/formats/edits.md has their arguments.")]
     Edit(EditArguments),
     /// Review scenarios independently, measure agreement and balance, and write a suite of what was approved
-    #[command(after_help = "Examples:\n  \
-                      genmanip review suites/mine --queue --reviewer ada\n  \
-                      genmanip review suites/mine --reviewer ada --approve spatial-7-00003-000 --certify spatial-7-00003-000\n  \
-                      genmanip review suites/mine --reviewer bo --reject spatial-7-00003-000 --reason ambiguous\n  \
-                      genmanip review suites/mine --agreement --balance --json\n  \
-                      genmanip review suites/mine --build suites/reviewed --per-kind 5\n\n\
-                      Reviews are kept in --out, where the studio keeps them too. A reviewer sees the other's review\n\
-                      when both have said; an edit of the scenario voids all of them.")]
     Review(ReviewArguments),
     /// List, change and preview the cameras of worlds and scenarios
     Camera {

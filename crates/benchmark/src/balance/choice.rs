@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::axes::Axes;
 use super::distribution::{Balance, balance};
-use crate::suite_format::{Candidate, Targets, choose, gains, template};
+use crate::suite_format::{Candidate, Targets, choose, template};
 
 /// A scenario offered for a suite.
 #[derive(Clone, Debug)]
@@ -88,19 +88,40 @@ pub fn choice(offered: &[Offered], per_kind: usize, targets: &Targets) -> Choice
 
 /// Candidates that would improve the balance of the scenarios already decided on, the most helpful first: index, gain
 /// and reason. `decided` are indices of the scenarios that are in; refused ones are out.
+///
+/// The gain is the mean over the axes of the relative shortfall of the candidate's values, each within -1 and 1: 1 if all
+/// of them are missing, 0 if all are at their targets.
 pub fn helpful(offered: &[Offered], decided: &BTreeSet<usize>, targets: &Targets) -> Vec<(usize, f64, String)> {
-    let candidates: Vec<Candidate> = offered.iter().map(|one| one.candidate.clone()).collect();
     let taken: Vec<&Axes> = decided.iter().map(|&index| &offered[index].candidate.traits).collect();
     let all: Vec<&Axes> = offered.iter().map(|one| &one.candidate.traits).collect();
     let now = balance(&taken, &all, targets);
-    let ranked = gains(&candidates, decided, targets).into_iter();
-    let ranked = ranked.filter(|(index, _)| offered[*index].refused.is_none());
-    ranked
-        .map(|(index, gain)| {
-            let rarest = extreme(&offered[index].candidate.traits, &now, |share, wanted| wanted - share);
-            (index, gain, rarest.map_or_else(String::new, |(words, _)| words))
+    let is_free = |index: &usize| !decided.contains(index) && offered[*index].refused.is_none();
+    let mut ranked: Vec<(usize, f64, String)> = (0..offered.len())
+        .filter(is_free)
+        .map(|index| {
+            let axes = &offered[index].candidate.traits;
+            let rarest = extreme(axes, &now, |share, wanted| wanted - share);
+            (index, shortfall(axes, &now), rarest.map_or_else(String::new, |(words, _)| words))
         })
-        .collect()
+        .collect();
+    ranked.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    ranked
+}
+
+fn shortfall(axes: &Axes, now: &Balance) -> f64 {
+    let mut shortfalls = Vec::new();
+    for known in now.axes.iter().filter(|known| known.values.len() > 1) {
+        let own = axes.get(&known.axis).into_iter().flatten();
+        let relative = |value: &String| {
+            let found = known.values.iter().find(|share| share.value == *value)?;
+            Some(if found.wanted > 0.0 { (1.0 - found.share / found.wanted).max(-1.0) } else { -1.0 })
+        };
+        let of_axis: Vec<f64> = own.filter_map(relative).collect();
+        if !of_axis.is_empty() {
+            shortfalls.push(of_axis.iter().sum::<f64>() / of_axis.len() as f64);
+        }
+    }
+    shortfalls.iter().sum::<f64>() / shortfalls.len().max(1) as f64
 }
 
 /// The value of a scenario for which a measure of (share, wanted) is largest, in words, with that measure.

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 pub use review::{Review, ReviewFile, ReviewVerdict};
-pub use select::{Candidate, Marginal, Targets, choose, gains, marginals, select};
+pub use select::{Candidate, Marginal, Targets, choose, marginals, select};
 pub use template::template;
 
 /// The file `suite.json` of a suite's folder.

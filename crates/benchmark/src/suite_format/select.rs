@@ -112,24 +112,6 @@ pub fn choose(candidates: &[Candidate], per_kind: usize, targets: &Targets) -> B
     }
 }
 
-/// Reduction of the cost of a selection by each candidate outside of it, the most helpful first; equal ones in their
-/// order. Negative where a candidate makes the balance worse.
-pub fn gains(candidates: &[Candidate], chosen: &BTreeSet<usize>, targets: &Targets) -> Vec<(usize, f64)> {
-    let mut tally = Tally::of(candidates, targets);
-    chosen.iter().for_each(|&index| tally.add(&candidates[index], 1.0));
-    let before = tally.cost();
-    let outside = (0..candidates.len()).filter(|index| !chosen.contains(index));
-    let gain = |index: usize| {
-        tally.add(&candidates[index], 1.0);
-        let cost = tally.cost();
-        tally.add(&candidates[index], -1.0);
-        (index, before - cost)
-    };
-    let mut gains: Vec<(usize, f64)> = outside.map(gain).collect();
-    gains.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    gains
-}
-
 /// Indices of `per_kind` candidates of each kind, ascending, such that the values of every trait have about their target
 /// shares; fewer if a kind has fewer candidates.
 ///

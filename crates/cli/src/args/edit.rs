@@ -6,6 +6,15 @@ use clap::{ArgGroup, Args};
 
 /// Arguments of `edit`.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+                  genmanip edit my.json --op '{\"op\": \"swap\", \"args\": {\"object\": \"020\", \"uid\": \"027\"}}'\n  \
+                  genmanip edit my.json --verdict\n  \
+                  genmanip edit my.json --repair --author ada\n  \
+                  genmanip edit my.json --undo\n  \
+                  genmanip edit my.json --history --json\n  \
+                  genmanip edit suites/genmanip-200-rc/scenarios/009_appearance-000.json --copy-to mine --verdict\n\n\
+                  Operations: place, state, add, remove, duplicate, swap, instruction, goal, edges, kind, camera,\n\
+                  remove_camera; docs/formats/edits.md has their arguments.")]
 #[command(override_usage = "genmanip edit [OPTIONS] <SCENARIO> <ACTION>…")]
 #[command(group(ArgGroup::new("action").required(true).multiple(true).args([
     "op", "undo", "redo", "revert", "repair", "snapshot", "history", "verdict", "difference", "copy_to",

@@ -8,6 +8,14 @@ use genmanip_terminal::parse;
 
 /// Arguments of `review`.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+                  genmanip review suites/mine --queue --reviewer ada\n  \
+                  genmanip review suites/mine --reviewer ada --approve spatial-7-00003-000 --certify spatial-7-00003-000\n  \
+                  genmanip review suites/mine --reviewer bo --reject spatial-7-00003-000 --reason ambiguous\n  \
+                  genmanip review suites/mine --agreement --balance --json\n  \
+                  genmanip review suites/mine --build suites/reviewed --per-kind 5\n\n\
+                  Reviews are kept in --out, where the studio keeps them too. A reviewer sees the other's review\n\
+                  when both have said; an edit of the scenario voids all of them.")]
 #[command(override_usage = "genmanip review [OPTIONS] [RUN|SUITE|TASKS|SCENARIO]… <ACTION>…")]
 #[command(group(ArgGroup::new("action").required(true).multiple(true).args([
     "queue", "show", "approve", "reject", "send_back", "take_back", "certify", "agreement", "balance", "build",

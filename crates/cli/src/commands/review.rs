@@ -251,7 +251,8 @@ fn describe_balance(dashboard: &Dashboard) -> String {
     }
     let standings: Vec<String> = dashboard.standings.iter().map(|(name, count)| format!("{count} {name}")).collect();
     let mut text = format!("{}\n\n{}", standings.join(", "), text_table(&rows));
-    let most = dashboard.helpful.first().map(|one| format!("\nhelps most: {} ({})\n", one.key, one.reason));
+    let most = dashboard.helpful.first().filter(|one| one.gain > 0.0);
+    let most = most.map(|one| format!("\nhelps most: {} ({})\n", one.key, one.reason));
     text += &most.unwrap_or_default();
     text
 }

@@ -3,6 +3,7 @@
 mod blocked;
 mod edits;
 mod faults;
+mod judged;
 mod measured;
 mod repairs;
 mod site;
@@ -13,13 +14,12 @@ use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{Scenario, Seed, TaskKind, World};
 use genmanip_layout::{LayoutSettings, lay_out};
 use genmanip_rollout::collect::PipelineSettings;
-use genmanip_rollout::expert::Expert;
-use genmanip_rollout::{Stage, run_episode};
-use genmanip_studio::verdict::{Equipment, Inspection, Problem};
+use genmanip_studio::verdict::Equipment;
 use genmanip_tasks::designer::{DesignSettings, Series};
 use genmanip_workspace::Progress;
 
 use crate::LabError;
+use judged::{blocking, is_solved};
 pub use measured::Measured;
 
 /// Amounts of a measurement.
@@ -102,26 +102,6 @@ fn fresh(
     }
     progress.end();
     Ok(scenarios)
-}
-
-/// True if the expert solves a scenario; one episode.
-fn is_solved(scenario: &Arc<Scenario>, equipment: &Equipment, seed: Seed) -> Result<bool, LabError> {
-    let broken =
-        |error: &dyn std::fmt::Display| LabError::broken(format!("cannot run {}", scenario.id), error.to_string());
-    let planner = &equipment.planner;
-    let stage = Stage::open(Arc::clone(scenario), equipment.assets, planner.robot()).map_err(|error| broken(&error))?;
-    let settings = PipelineSettings::in_world(scenario.world.clone());
-    let expert = Expert::new(&stage, planner, equipment.grasps, settings.expert);
-    let mut expert = expert.map_err(|error| broken(&error))?;
-    let episode = run_episode(&stage, &mut expert, &scenario.id, seed, &settings.rollout);
-    Ok(episode.map_err(|error| broken(&error))?.result.success)
-}
-
-/// The blocking problems of a scenario.
-fn blocking(scenario: &Arc<Scenario>, equipment: &Equipment) -> Result<Vec<Problem>, LabError> {
-    let verdict = Inspection::new(Arc::clone(scenario), equipment).verdict(0);
-    let verdict = verdict.map_err(|error| LabError::broken(format!("cannot judge {}", scenario.id), error))?;
-    Ok(verdict.blocking().cloned().collect())
 }
 
 /// Text summary.

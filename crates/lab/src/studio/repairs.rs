@@ -7,9 +7,9 @@ use genmanip_studio::verdict::{Equipment, Inspection, Problem, RepairedScenario,
 use genmanip_workspace::Progress;
 
 use super::faults::Fault;
+use super::judged::{blocking, is_solved};
 use super::measured::Measured;
 use super::site::Planted;
-use super::{blocking, is_solved};
 use crate::LabError;
 use crate::clock::cpu_clock;
 use crate::quantile::Spread;

@@ -140,7 +140,7 @@ pub struct Helpful {
     pub key: String,
     /// Id.
     pub id: String,
-    /// Reduction of the balance's cost; negative where it makes it worse.
+    /// Mean relative shortfall of its values, -1 to 1; negative where they are frequent already.
     pub gain: f64,
     /// Value that it brings, with its share.
     pub reason: String,

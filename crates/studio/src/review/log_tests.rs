@@ -142,7 +142,7 @@ fn a_damaged_log_names_its_line() {
     }
 }
 
-/// A review that is given after both have said, with the other's answer in view, does not count.
+/// Words that a reviewer says after both have said, with the other's answer in view, do not count.
 #[test]
 fn agreement_counts_independent_words() {
     // Reviews, raw agreement of the decisions.

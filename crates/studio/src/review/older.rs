@@ -1,4 +1,4 @@
-//! Reviews and certificates that suites already hold: the reviews of `review.json`, read once, and the expert's certificates.
+//! Reviews and certificates that suites already hold: `review.json`, read once, and the trials of the expert.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

@@ -112,8 +112,8 @@ async fn certify(State(studio): Shared, Path(key): Path<String>, request: HttpRe
                 Ok(())
             };
             let never = AtomicBool::new(false);
-            let work = review::certify(&[item], &at, workers::workers(None), &NoProgress, &never, keep);
-            work.map_err(|error: WorkspaceError| Refusal::of_work(&error))?;
+            let done = review::certify(&[item], &at, workers::workers(None), &NoProgress, &never, keep);
+            done.map_err(|error: WorkspaceError| Refusal::of_work(&error))?;
             for trials in tried {
                 studio.at_desk(|desk| desk.log_mut().add_trials(trials).map_err(refused))?;
             }
