@@ -13,7 +13,6 @@ use std::sync::Arc;
 use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{Scenario, Seed, TaskKind, World};
 use genmanip_layout::{LayoutSettings, lay_out};
-use genmanip_rollout::collect::PipelineSettings;
 use genmanip_studio::verdict::Equipment;
 use genmanip_tasks::designer::{DesignSettings, Series};
 use genmanip_workspace::Progress;
