@@ -126,8 +126,8 @@ impl Painter {
         let camera = Camera { intrinsics: camera.intrinsics.filling(width, height), ..camera.clone() };
         let pinhole = sensor::pinhole(&camera).map_err(not_drawn)?;
         let whole = self.state(scenario, None)?;
-        let channels = Channels { rgb: true, ..Channels::GEOMETRY };
-        let image = self.render(&whole, &pinhole, channels)?;
+        let wanted = Channels { instance: true, ..Channels::RGB };
+        let image = self.render(&whole, &pinhole, sensor::needed(&camera, wanted))?;
         let visible = pixels(&image, self.models.len());
         let mut visible_shares = BTreeMap::new();
         for (index, placed) in scenario.objects.iter().enumerate() {
@@ -136,8 +136,7 @@ impl Painter {
                 visible_shares.insert(placed.id.clone(), (visible[index] as f64 / outline as f64).min(1.0));
             }
         }
-        let developed =
-            sensor::developed(&self.renderer, &camera, channels, image, scenario.seed).map_err(not_drawn)?;
+        let developed = sensor::developed(&self.renderer, &camera, wanted, image, scenario.seed).map_err(not_drawn)?;
         let jpeg = jpeg_rgb(developed.width, developed.height, &developed.rgb, QUALITY)
             .map_err(|error| WorkspaceError::broken(format!("cannot encode the image of camera {name}"), error))?;
         Ok(CameraImage { jpeg, visible_shares })
