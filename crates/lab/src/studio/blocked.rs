@@ -25,8 +25,9 @@ const DIRECTIONS: u32 = 8;
 const ADDED: usize = 6;
 /// Largest extent of an added neighbour in the plane, m.
 const MAX_EXTENT_M: f64 = 0.3;
-/// Random streams in which a grasp is looked for before there is none.
-const STREAMS: u64 = 5;
+/// Random streams in which a grasp is looked for before there is none: many, since the place is the worst of those that
+/// are tried.
+const STREAMS: u64 = 24;
 
 /// An object of the scene moved beside the target, or an added one.
 pub(super) fn plant(site: &Site, rng: &mut impl Rng) -> Option<Planted> {

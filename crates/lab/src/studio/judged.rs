@@ -1,4 +1,4 @@
-//! Judgement of a scenario: by the studio's verdict, and by the expert.
+//! One scenario judged: by the expert, and by the verdict.
 
 use std::sync::Arc;
 

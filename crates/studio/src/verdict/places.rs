@@ -30,11 +30,15 @@ pub(super) struct Group {
 impl Group {
     /// The group of an object.
     pub fn of(scene: &PosedScene, world: &World, object: usize) -> Self {
-        let below: Vec<Below> = (0..scene.objects().len()).map(|index| support(scene, world, index).below).collect();
+        // What is sunk deep into another object overlaps it, and is not carried.
+        let below: Vec<Option<Below>> = (0..scene.objects().len())
+            .map(|index| support(scene, world, index))
+            .map(|own| (own.gap_m >= -world.relations.sinking_m).then_some(own.below))
+            .collect();
         let mut members = vec![object];
         let mut next = 0;
         while let Some(&carrier) = members.get(next) {
-            let carried = (0..below.len()).filter(|&other| below[other] == Below::Object(carrier));
+            let carried = (0..below.len()).filter(|&other| below[other] == Some(Below::Object(carrier)));
             let new: Vec<usize> = carried.filter(|other| !members.contains(other)).collect();
             members.extend(new);
             next += 1;

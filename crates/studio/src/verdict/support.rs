@@ -48,7 +48,8 @@ pub(super) fn support(scene: &PosedScene, world: &World, object: usize) -> Suppo
             let over = contact_below(scene, other, object, &world.relations);
             over.is_none_or(|over| over.gap_m < contact.gap_m)
         };
-        let is_below = contact.gap_m > -MAX_SUNK_M && (contact.rise_m > 0.0 || is_under());
+        let touches = contact.gap_m >= -world.relations.sinking_m;
+        let is_below = contact.gap_m > -MAX_SUNK_M && (contact.rise_m > 0.0 || (touches && is_under()));
         is_below.then_some(Support { below: Below::Object(other), gap_m: contact.gap_m, is_inside: true })
     });
     let nearest = surfaces.chain(others).min_by(|one, other| one.gap_m.total_cmp(&other.gap_m));
