@@ -1,4 +1,4 @@
-//! Destination of an object: the placement questions, and their answers located in 3D.
+//! Placement questions, and their answers located in 3D.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
