@@ -281,11 +281,13 @@ impl<'a> Inspection<'a> {
             }
         }
         let fewest = hits.iter().map(Vec::len).filter(|&count| count > 0).min().unwrap_or(0);
-        // Grasps that would be free without the named neighbour, or nearly so.
-        let freed = |other: usize| hits.iter().filter(|hits| hits.len() == fewest && hits.contains(&other)).count();
+        // The nearest neighbour without which a grasp would be free, or nearly so.
+        let is_in_the_way = |other: usize| hits.iter().any(|hits| hits.len() == fewest && hits.contains(&other));
         let gap_m = |other: usize| planar_gap(scene, object, other).unwrap_or(f64::INFINITY);
-        let worse = |one: &usize, two: &usize| freed(*two).cmp(&freed(*one)).then(gap_m(*one).total_cmp(&gap_m(*two)));
-        let Some(other) = others.into_iter().min_by(worse) else { return Ok(None) };
+        let rank = |one: &usize, two: &usize| {
+            is_in_the_way(*two).cmp(&is_in_the_way(*one)).then(gap_m(*one).total_cmp(&gap_m(*two)))
+        };
+        let Some(other) = others.into_iter().min_by(rank) else { return Ok(None) };
         let (gap_mm, limit_mm) = (gap_m(other) * 1e3, self.equipment.settings.min_gap_m * 1e3);
         let more = if fewest == 1 { "" } else { " and others" };
         let other = self.id(other);
