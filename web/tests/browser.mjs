@@ -566,7 +566,7 @@ withMock("a policy is run, and its episode is played back by mouse and by keys",
     await page.keyboard.press("s");
     await until(`the time is ${at} s`, async () => Math.abs((await time()) - at) < 1e-3);
   }
-  assert.ok(/loses the/.test(await page.textContent(".happening")));
+  assert.ok(/loses the .*, held for 1.2 s/.test(await page.textContent(".happening")));
   await page.waitForTimeout(400);
   assert.notEqual(await picture(), before, "the view shows another state");
   await shot(page, "episode");

@@ -13,7 +13,7 @@ export function DifferenceList({ lines }: { lines: HistoryLine[] }) {
   const start = store.scene.value?.parent ? "0, the parent" : "0, the start";
   const earlier = Array.from({ length: state.revision }, (_, index) => index);
   const found = compared.value;
-  const rows = found ? changesOf(found.changes, { objects: [...state.objects, ...found.before] }) : [];
+  const rows = found ? changesOf(found.changes, { objects: [...state.objects, ...found.before] }, found.cameras, state.cameras.map((camera) => camera.name)) : [];
   return (
     <div class="difference">
       <label>
@@ -56,7 +56,7 @@ export function DifferenceList({ lines }: { lines: HistoryLine[] }) {
 
 type Row = [what: string, words: string, id?: string];
 
-function changesOf(changes: Difference, named: Parameters<typeof nameOf>[1]): Row[] {
+function changesOf(changes: Difference, named: Parameters<typeof nameOf>[1], camerasBefore: string[], camerasNow: string[]): Row[] {
   const rows: Row[] = [];
   const ofObject = (id: string, words: string) => {
     const known = rows.find((row) => row[2] === id);
@@ -75,6 +75,6 @@ function changesOf(changes: Difference, named: Parameters<typeof nameOf>[1]): Ro
   const edge = (one: Difference["edges_added"][number]) => `${nameOf(one.subject, named)} ${edgeWords(one, named)}`;
   for (const one of changes.edges_added) rows.push(["scene graph", `has now: ${edge(one)}`]);
   for (const one of changes.edges_removed) rows.push(["scene graph", `had: ${edge(one)}`]);
-  for (const name of changes.cameras) rows.push([`camera ${name}`, "changed, is new or is gone"]);
+  for (const name of changes.cameras) rows.push([`camera ${name}`, !camerasBefore.includes(name) ? "is new" : camerasNow.includes(name) ? "changed" : "is gone"]);
   return rows;
 }

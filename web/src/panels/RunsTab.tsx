@@ -88,7 +88,9 @@ const WORDS: Record<Moment["kind"], string> = {
 /** Words of a moment, e.g. `loses the Orange, held for 1.2 s`. */
 export function momentWords({ kind, object, peak_n, text }: Moment, named: Parameters<typeof nameOf>[1]): string {
   const of = kind === "contact" ? (peak_n === undefined ? "" : ` of ${peak_n.toFixed(0)} N`) : object ? ` the ${nameOf(object, named)}` : "";
-  return `${WORDS[kind]}${of}${text ? `${WORDS[kind] && ", "}${text}` : ""}`;
+  // A contact names links; the object of one has a name.
+  const more = kind === "contact" && object ? text?.replace(/ on .*/, ` on the ${nameOf(object, named)}`) : text;
+  return `${WORDS[kind]}${of}${more ? `${WORDS[kind] && ", "}${more.replace("robot/", "").replaceAll("_", " ")}` : ""}`;
 }
 
 function Details({ episode }: { episode: playback.Episode }) {

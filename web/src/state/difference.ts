@@ -11,6 +11,8 @@ interface Compared {
   changes: Difference;
   /** Objects as they were. */
   before: SceneObject[];
+  /** Names of the cameras that there were. */
+  cameras: string[];
 }
 
 const known = signal<Compared | null>(null);
@@ -34,7 +36,7 @@ effect(() => {
   let isGone = false;
   void Promise.all([requests.difference(key, from, to), requests.sceneAt(key, from)])
     .then(([changes, scene]) => {
-      if (!isGone) known.value = { from, to, changes, before: scene.state.objects };
+      if (!isGone) known.value = { from, to, changes, before: scene.state.objects, cameras: scene.state.cameras.map((camera) => camera.name) };
     })
     .catch((error: Error) => {
       if (!isGone) notify("The revisions cannot be compared.", { hint: error.message, isError: true });
