@@ -60,7 +60,7 @@ fn all_faults_are_reported_with_their_path() {
     check(&[("target_m = [0.46, 0.0, 0.08]", "")], &["cameras[0]"]);
     check(
         &[("vertical_fov_deg = 58.0", "vertical_fov_deg = 58.0\nmount_from_camara = 1")],
-        &["cameras[0].mount_from_camara"],
+        &["cameras[4].mount_from_camara"],
     );
 }
 
