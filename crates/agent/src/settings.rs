@@ -86,10 +86,11 @@ pub enum Preset {
 #[serde(rename_all = "snake_case")]
 pub enum Asks {
     /// All, as published: a grab point for every pick, a check after every placement, everything again after a failure.
+    /// Placements are tried one by one, each from all heights, as when the answers that exist were recorded.
     Every,
     /// Those whose answer matters: a grab point if several parts of the object compete for the grasp, a check if the
     /// next sub-task names the object that was placed or none is left, no new placement after a failed grasp. Questions
-    /// after a failure say what was tried.
+    /// after a failure say what was tried. All placements are tried low before any is tried from higher up.
     Needed,
 }
 

@@ -11,7 +11,7 @@ use super::Agent;
 use super::arm_state::{self, ArmState, OBJECT};
 use super::subtask::Subtask;
 use crate::perception::PlacementTarget;
-use crate::settings::MotionSettings;
+use crate::settings::{Asks, MotionSettings};
 
 /// Maximum failed motion searches per placement pose; further arm configurations rarely help. Chosen by hand.
 const SEARCHES_PER_PLACE: usize = 2;
@@ -169,13 +169,26 @@ fn plan_motions(
         searches: motion.searches,
         searches_per_goal: SEARCHES_PER_PLACE,
     };
-    let mut failure = None;
+    // As before `asks` existed, so that recorded answers meet the same scenes: each goal from all heights, one by one.
+    let at_once = match agent.settings.asks {
+        Asks::Needed => release_goals.len().max(1),
+        Asks::Every => 1,
+    };
+    let (mut failure, mut exhausted) = (None, 0);
     let short = motion.short();
     for settings in [&motion.feasibility, &short] {
         let query = PlaceQuery { settings, ..query };
-        match query.first(release_goals, seed.fork("put").fork_index(0)) {
-            Ok((goal, release)) => return Ok((carried, release, release_goals[goal].world_from_object)),
-            Err(error) => failure = error.or(failure),
+        for (index, goals) in release_goals.chunks(at_once).enumerate() {
+            if exhausted >= motion.searches {
+                break;
+            }
+            match query.first(goals, seed.fork("put").fork_index(index as u64)) {
+                Ok((goal, release)) => return Ok((carried, release, goals[goal].world_from_object)),
+                Err(error) => {
+                    exhausted += usize::from(matches!(error, Some(PlanError::Exhausted { .. })));
+                    failure = error.or(failure);
+                }
+            }
         }
     }
     Err(failure.unwrap_or(PlanError::Unreachable { what: "the release pose".into() }))

@@ -135,7 +135,7 @@ impl Inspection<'_> {
             ProblemCode::Outside | ProblemCode::Unreachable => {
                 found.extend(index.into_iter().flat_map(|index| self.moved(index, None)));
             }
-            ProblemCode::Hidden => found.extend(index.into_iter().flat_map(|index| self.into_view(index))),
+            ProblemCode::Hidden => found.extend(index.into_iter().flat_map(|index| self.moved_into_view(index))),
             ProblemCode::GoalHolds => {
                 let freed = [index, other].into_iter().flatten().map(|index| self.moved(index, None));
                 let by_edges = index.into_iter().map(|index| self.by_edges(index));
@@ -234,7 +234,7 @@ impl Inspection<'_> {
     }
 
     /// The object in view: moved, or what stands near it moved or removed.
-    fn into_view(&self, index: usize) -> Vec<Repair> {
+    fn moved_into_view(&self, index: usize) -> Vec<Repair> {
         let Some(scene) = self.scene() else { return Vec::new() };
         let near = self.neighbours(scene, index, HIDING_M);
         let mut lists = vec![self.moved(index, None), self.uncovered(index)];
