@@ -141,7 +141,7 @@ fn older_reviews_and_certificates_of_a_suite_count() {
     suites::review(&suite, ids[1], "bo", genmanip_benchmark::suite_format::ReviewVerdict::Flawed, "odd").unwrap();
     let out = folder.path().join("out");
     let open = || {
-        let collection = Collection::open(&[suite.clone()], &out, &NoProgress).unwrap();
+        let collection = Collection::open(std::slice::from_ref(&suite), &out, &NoProgress).unwrap();
         read_desk(&collection, &out).unwrap().0
     };
     let mut desk = open();
