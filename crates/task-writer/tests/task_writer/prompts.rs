@@ -13,7 +13,12 @@ const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/prompts");
 fn every_prompt_file_is_used() {
     let set = PromptSet::load(None).unwrap();
     let kinds = TaskKind::ALL.map(|kind| (format!("kind_{}.md", kind.name()), set.kinds.of(kind)));
-    let others = [("system.md", &set.system), ("request.md", &set.request), ("repair.md", &set.repair)];
+    let others = [
+        ("system.md", &set.system),
+        ("request.md", &set.request),
+        ("repair.md", &set.repair),
+        ("restart.md", &set.restart),
+    ];
     let prompts: Vec<(String, &Prompt)> =
         kinds.into_iter().chain(others.map(|(file, prompt)| (file.to_owned(), prompt))).collect();
     for (file, prompt) in &prompts {
@@ -47,6 +52,7 @@ fn all_placeholders_are_filled() {
     };
     check(set.system_text(123_456), &["at most 123456 words"]);
     check(set.repair_text("- the mug flies"), &["- the mug flies"]);
+    check(set.restart_text("- the mug sings"), &["- the mug sings"]);
     for kind in TaskKind::ALL {
         let kind_text = &set.kinds.of(kind).text;
         let surface = NamedSurface { id: "side_table".into(), name: "side table".into() };
@@ -63,7 +69,7 @@ fn all_placeholders_are_filled() {
         check(text, &["at least 123456 of", kind_text, &cards[1].description, "uid \"side_table\": side table."]);
         let ids: Vec<String> = set.stamps(kind).into_iter().map(|stamp| stamp.id).collect();
         let kind_id = format!("tosg.kind.{}", kind.name());
-        assert_eq!(ids, ["tosg.system", "tosg.request", kind_id.as_str(), "tosg.repair"]);
+        assert_eq!(ids, ["tosg.system", "tosg.request", kind_id.as_str(), "tosg.repair", "tosg.restart"]);
     }
 }
 
