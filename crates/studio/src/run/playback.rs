@@ -57,7 +57,7 @@ fn bodies(scene: &SceneMessage, robot: &RobotModel, models: &[Arc<ObjectModel>])
     of_robot.chain(of_objects).collect()
 }
 
-/// States of an episode, at most [`RATE_HZ`] per second, the last one included; links in the order of `scene`, which is
+/// States of an episode, at most `RATE_HZ` per second, the last one included; links in the order of `scene`, which is
 /// that of the episode's scenario.
 pub fn track(episode: &Episode, scene: &SceneMessage, robot: &RobotModel, models: &[Arc<ObjectModel>]) -> Track {
     let bodies = bodies(scene, robot, models);
