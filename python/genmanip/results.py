@@ -158,7 +158,7 @@ class Evaluation(Record):
         return self.report[name]
 
     def __str__(self) -> str:
-        rate = f"{100 * self.success:.1f} % ({100 * self.low:.1f} to {100 * self.high:.1f} %)"
+        rate = _rate(self.success, self.low, self.high)
         if any(left.get("mistake") for left in self.not_run):
             rate = "no rate, a mistake of the policy left episodes out"
         left = f", {len(self.not_run)} not run" if self.not_run else ""
@@ -183,7 +183,7 @@ class EnvironmentEvaluation(Record):
     results: list[dict[str, Any]] = dataclasses.field(repr=False)
 
     def __str__(self) -> str:
-        rate = f"{100 * self.success:.1f} % ({100 * self.low:.1f} to {100 * self.high:.1f} %)"
+        rate = _rate(self.success, self.low, self.high)
         return f"{self.label}: {rate} of {self.episodes} episodes"
 
     def pandas(self) -> Any:
@@ -201,6 +201,11 @@ class Evaluations(list[Evaluation]):
         """A pandas DataFrame, a row per policy."""
         keys = ("label", "success", "low", "high", "score", "episodes", "oracle")
         return frame({key: getattr(one, key) for key in keys} | {"not_run": len(one.not_run)} for one in self)
+
+
+def _rate(value: float, low: float, high: float) -> str:
+    """A rate with the ends of its interval, such as `50.0 % (20.0 to 80.0 %)`."""
+    return f"{100 * value:.1f} % ({100 * low:.1f} to {100 * high:.1f} %)"
 
 
 def _episodes(rows: Iterable[Mapping[str, Any]]) -> Any:
