@@ -229,7 +229,8 @@ function Footer() {
 
 function OpenDialog() {
   const name = store.dialog.value;
-  const close = () => (store.dialog.value = null);
+  // The close event of a dialogue comes late: by then another one may be open.
+  const close = () => store.dialog.peek() === name && (store.dialog.value = null);
   // An object that somebody else removed takes its dialogue with it.
   const isLost = name === "swap" && !store.selected.value;
   useEffect(() => {

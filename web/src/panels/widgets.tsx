@@ -1,7 +1,7 @@
 // Parts that several panels use.
 
 import type { ComponentChildren, TargetedKeyboardEvent } from "preact";
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useLayoutEffect, useRef, useState } from "preact/hooks";
 import { formatNumber, parseNumber, type Unit } from "../logic/numbers.ts";
 import { keyLabel } from "../logic/keys.ts";
 
@@ -80,7 +80,8 @@ interface DialogProps {
 export function Dialog({ title, wide, onClose, children }: DialogProps) {
   const own = useRef<HTMLDialogElement>(null);
   const isLeaving = useRef(false);
-  useEffect(() => {
+  // Before the next key: an effect after painting would let it reach the page below.
+  useLayoutEffect(() => {
     const dialog = own.current!;
     const before = document.activeElement as HTMLElement | null;
     dialog.showModal();
