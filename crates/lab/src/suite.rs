@@ -17,10 +17,10 @@ use serde::Serialize;
 use crate::LabError;
 use crate::clock::cpu_clock;
 
-/// Results.
+/// Validity of a suite, and results of the expert on it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// Number of scenarios.
+    /// Number of scenarios that were checked.
     pub scenarios: usize,
     /// Number by kind.
     pub per_type: BTreeMap<String, usize>,
@@ -34,7 +34,7 @@ pub struct Report {
     pub necessity_rejected: usize,
     /// CPU time of checking the suite, s.
     pub check_s: f64,
-    /// Faults of the suite.
+    /// Faults found by the check, a text each; empty for a valid suite.
     pub faults: Vec<String>,
 }
 

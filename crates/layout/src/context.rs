@@ -9,16 +9,16 @@ use genmanip_relations::{RelationSettings, Window, placement_window};
 use crate::LayoutSettings;
 use crate::order::Step;
 
-/// Data shared by all attempts for one task.
+/// Layout problem of one task: distractors and their gap change from attempt to attempt, all else is fixed.
 pub(crate) struct Context<'a> {
     pub task: &'a Task,
-    /// The task's goal as it is evaluated.
+    /// Goal expanded by permutations of interchangeable copies, see [`Task::judged_goal`].
     pub goal: &'a Goal,
     /// Models of the graph's nodes in order, followed by distractors.
     pub models: Vec<Arc<ObjectModel>>,
     /// Joint positions of each object's initial state.
     pub joints: Vec<Vec<f64>>,
-    /// Edges of the graph with the indices of their objects, subject first, without surfaces.
+    /// Edges of the graph with the indices of their objects, subject first; surfaces have no index.
     pub edges: Vec<(Atom, Vec<usize>)>,
     pub steps: Vec<Step>,
     /// Per object, the index of the support surface below it, directly or through its carriers.

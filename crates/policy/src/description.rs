@@ -15,7 +15,7 @@ pub struct PolicyDescription {
     pub privileged: bool,
     /// Sizes of the network.
     pub model: ModelSettings,
-    /// Inputs of the network.
+    /// Layout of the network's input tokens and images.
     pub inputs: Inputs,
     /// Contract of the predicted actions, that of the demonstrations.
     pub contract: ActionContract,
@@ -23,7 +23,7 @@ pub struct PolicyDescription {
     pub execute: usize,
     /// Means and deviations of inputs and actions over the demonstrations.
     pub normalisation: Normalisation,
-    /// Facts of the training.
+    /// Provenance of the weights: data, seed, settings.
     pub training: TrainingFacts,
     /// SHA-256 of all tensors in the order of their names, hexadecimal.
     pub tensors_sha256: String,
@@ -61,7 +61,7 @@ named_enum! {
     pub enum Preset {
         /// Poses of the objects as the simulator knows them; a privileged policy without images.
         State = "state",
-        /// Images of two cameras and the instruction, small enough for a processor.
+        /// Images of two cameras and the instruction; small enough to train and run on a CPU.
         Tiny = "tiny",
     }
 }
@@ -76,9 +76,9 @@ pub struct ModelSettings {
     pub heads: usize,
     /// Width of the feed-forward layers.
     pub feed_forward: usize,
-    /// Encoder layers.
+    /// Number of transformer encoder layers, which read the input tokens.
     pub encoder_layers: usize,
-    /// Decoder layers.
+    /// Number of transformer decoder layers, which predict the chunk.
     pub decoder_layers: usize,
     /// Actions predicted at once.
     pub chunk: usize,
@@ -88,8 +88,8 @@ pub struct ModelSettings {
     /// Keypoints per camera, which become a quarter as many tokens; 0 without cameras.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub keypoints: usize,
-    /// Points whose position is learned along from simulator labels, at most [`ModelSettings::keypoints`]; 0 without
-    /// labels. Nothing reads the labels after training.
+    /// Keypoints supervised by an auxiliary loss with positions from the simulator, at most
+    /// [`ModelSettings::keypoints`]; 0 for none. Only training reads these labels.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub labelled_points: usize,
 }
@@ -187,7 +187,7 @@ impl Inputs {
     }
 }
 
-/// Normalisation of inputs and actions.
+/// Means and standard deviations that normalise inputs and actions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Normalisation {
@@ -195,11 +195,11 @@ pub struct Normalisation {
     pub robot: Scale,
     /// Of the objects' tokens; over filled slots.
     pub object: Scale,
-    /// Of actions.
+    /// Of actions, per entry of the action contract.
     pub action: Scale,
 }
 
-/// Settings of a training.
+/// Hyperparameters of a training run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingSettings {
@@ -211,13 +211,13 @@ pub struct TrainingSettings {
     pub warm_up: u64,
     /// Decoupled weight decay of matrices.
     pub weight_decay: f64,
-    /// Largest norm of all gradients together; larger ones are scaled down.
+    /// Gradient clipping: largest global L2 norm.
     pub max_gradient_norm: f64,
     /// Decay of the exponential moving average of the weights, which is what is evaluated.
     pub average_decay: f64,
-    /// Weight of the loss of the end of the episode.
+    /// Weight of the loss of the predicted end of the episode, relative to the L1 loss of actions.
     pub end_weight: f64,
-    /// Copies of a row within a chunk of a change of the gripper; other rows have one.
+    /// Oversampling: samples per row when the gripper opens or closes within the row's chunk; 1 for other rows.
     pub transition_copies: usize,
     /// Copies of the rows of the first chunk, where only images and instruction tell what is to be done: later, the
     /// motion under way does.
@@ -225,7 +225,7 @@ pub struct TrainingSettings {
     pub start_copies: usize,
     /// Weight of the loss of labelled points.
     pub label_weight: f64,
-    /// Random changes of the samples.
+    /// Data augmentation of samples.
     pub augmentation: Augmentation,
 }
 
@@ -265,19 +265,19 @@ impl Default for TrainingSettings {
 pub struct TrainingFacts {
     /// Hash of the run of the demonstrations.
     pub run: String,
-    /// Number of demonstrations.
+    /// Number of demonstrations trained on.
     pub demonstrations: usize,
-    /// Number of rows.
+    /// Number of rows (control steps) of all demonstrations.
     pub rows: usize,
     /// Seed of initial weights and samples.
     pub seed: Seed,
-    /// Number of steps.
+    /// Number of optimiser steps.
     pub steps: u64,
-    /// Settings.
+    /// Hyperparameters that were used.
     pub settings: TrainingSettings,
     /// L1 error of normalised actions in the last hundredth of the steps.
     pub final_l1: f64,
-    /// Number of parameters.
+    /// Number of trainable scalars of the network.
     pub parameters: usize,
     /// Version of the program.
     pub genmanip_version: String,

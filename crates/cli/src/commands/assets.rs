@@ -1,4 +1,4 @@
-//! `genmanip assets`.
+//! `genmanip assets`: search, show, draw, import, export, audit and freeze objects.
 
 use genmanip_workspace::documents;
 use genmanip_workspace::workers;
@@ -29,7 +29,7 @@ use crate::args::{
 use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
 
-/// Most objects that a search names unless asked otherwise.
+/// Default maximum number of results of `assets search`.
 const FOUND: usize = 20;
 /// Pixels per side of the views of `show` and `audit`.
 const VIEW_PX: u32 = 320;
@@ -134,7 +134,8 @@ fn show(arguments: &ShowAssetArguments, printer: &Printer) -> Result<ExitStatus,
     Ok(ExitStatus::Done)
 }
 
-/// From the robot's left, its right, behind and above; in each named state instead where there are some.
+/// Images of an object from the robot's left and right, from behind and above with all joints at 0, and one of each
+/// named state.
 fn views(model: &Arc<ObjectModel>, path: &Path) -> Result<Vec<u8>, WorkspaceError> {
     let at = Pose::from_position(DVec3::new(0.5, 0.0, 0.0));
     let closed = vec![0.0; model.joint_count()];
@@ -182,7 +183,8 @@ fn sheet(arguments: &SheetArguments, printer: &Printer) -> Result<ExitStatus, Fa
     Ok(ExitStatus::Done)
 }
 
-/// Objects of consecutive seeds of a family, or of each; or of families and seeds that are drawn by chance.
+/// New objects: `count` consecutive seeds from `seed` of the named family, or of every family for `all`; for `random`
+/// as many of families and seeds drawn by chance.
 fn new_objects(families: &Families, name: &str, seed: u64, count: usize) -> Result<Vec<Arc<ObjectModel>>, Failed> {
     let wanted = families.all().filter(|family| name == "all" || family.family == name).collect::<Vec<_>>();
     let consecutive = || (seed..seed + count as u64).map(Seed::new);

@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 use super::{feasibility, object, objects, task, world};
 use crate::{DocumentError, Upgrade};
 
-/// From `genmanip.run/1`.
+/// Upgrade of a run of version 1 to version 2.
 pub const FROM_1: Upgrade = Upgrade { schema: "genmanip.run/1", upgrade: from_1 };
 
 fn from_1(run: &mut Map<String, Value>) -> Result<(), DocumentError> {

@@ -56,7 +56,7 @@ struct DirtyTiles {
     estimated: Vec<bool>,
     /// Tiles with other surfaces, raw shadow mask or AO than in the last frame.
     changed: Vec<bool>,
-    /// Their bilateral filters.
+    /// Bilateral filters of shadow mask and ambient occlusion.
     blurred: Vec<bool>,
     /// AO upsampling and shading.
     shaded: Vec<bool>,
@@ -65,7 +65,7 @@ struct DirtyTiles {
 }
 
 impl FrameCache {
-    /// Number of pixels.
+    /// Number of pixels of the cached frame, which is padded to whole tiles.
     pub fn pixels(&self) -> usize {
         self.colors.len()
     }
@@ -210,7 +210,7 @@ impl FrameCache {
         }
     }
 
-    /// Writes the requested channels of the first columns and rows.
+    /// Writes the requested channels, cropped to `size` (width, height; pixels), since the frame is padded to whole tiles.
     pub fn write(&mut self, assets: &RenderAssets, channels: Channels, size: [usize; 2], out: &mut FrameBuffers) {
         out.rgb.clear();
         for row in self.rgb.chunks_exact(3 * self.view.camera.width).take(size[1]) {

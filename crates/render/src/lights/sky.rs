@@ -1,6 +1,7 @@
 //! Sky light: a studio environment of a gradient, a reflecting ground and three large area lights.
 //!
-//! Spherical Gaussians, whose blurred versions for rough surfaces have closed forms: arithmetic is cheaper than tables.
+//! The area lights are spherical Gaussians, which are prefiltered for a roughness in closed form: arithmetic is cheaper
+//! than tables.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -45,7 +46,7 @@ pub struct Sky {
 pub(crate) struct Glossy {
     sky: [f32; 3],
     ground: [f32; 3],
-    /// Half the inverse width of the horizon.
+    /// Inverse width of the transition from ground to sky, in z of the unit direction.
     sharpness: f32,
     /// Direction, sharpness and brightness of the area lights.
     lamps: [([f32; 3], f32, f32); 3],
@@ -174,7 +175,7 @@ impl Studio {
         }
     }
 
-    /// Radiance from a direction above a ground colour.
+    /// Radiance from a unit direction, with this ground radiance below the horizon.
     fn radiance(&self, direction: Vec3A, ground: Vec3A) -> Vec3A {
         let above = smooth_step((direction.z / 0.06 + 1.0) * 0.5);
         let overhead = HORIZON + (ZENITH - HORIZON) * direction.z.max(0.0);
@@ -186,7 +187,7 @@ impl Studio {
     }
 }
 
-/// Spherical-harmonics projection above a ground that depends on the direction.
+/// Spherical-harmonics coefficients of irradiance over π, for a ground radiance that depends on the direction.
 fn project(studio: &Studio, ground: impl Fn(Vec3A) -> Vec3A) -> [Vec3A; 9] {
     const DIRECTIONS: usize = 2048;
     let mut sums = [Vec3A::ZERO; 9];

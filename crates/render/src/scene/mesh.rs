@@ -73,7 +73,7 @@ impl Mesh {
             out += area.dot(from_middle);
             all += area.length() * from_middle.length();
         }
-        // A flat rim faces neither inwards nor outwards.
+        // More than 0, since a flat part such as a rim faces neither inwards nor outwards.
         out > 0.25 * all
     }
 
@@ -171,7 +171,8 @@ impl Mesh {
         let positions: Vec<[f32; 3]> = self.positions.iter().map(Vec3::to_array).collect();
         let normals: Vec<f32> = self.normals.iter().flat_map(Vec3::to_array).collect();
         let extent_m = simplify_scale_decoder(&positions);
-        // Errors are relative to the mesh extent.
+        // meshopt measures positions relative to the extent and adds weighted errors of normals: with this weight an
+        // error of `normal_error` counts as much as one of `error_m`.
         let weight = if extent_m > 0.0 { error_m / extent_m / normal_error } else { 0.0 };
         let mut kept = simplify_with_attributes_and_locks_decoder(
             &corners,
@@ -206,7 +207,7 @@ impl Mesh {
 impl Face {
     /// Computed in double precision: small triangles have steep gradients.
     fn new(corners: [Vec3; 3], normals: [Vec3; 3], uvs: [Vec2; 3]) -> Self {
-        /// Height below which a triangle counts as degenerate [m]: single precision at one metre.
+        /// Height below which a triangle counts as degenerate [m]: about ten times the spacing of single-precision numbers at one metre.
         const LINE_M: f64 = 1e-6;
         let [a, b, c] = corners.map(Vec3::as_dvec3);
         let (ab, ac, bc) = (b - a, c - a, c - b);

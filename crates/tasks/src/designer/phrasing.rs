@@ -29,11 +29,11 @@ pub(super) struct Phrases {
     pub alternatives: Vec<String>,
     /// Same, for an object that is described by a whole clause.
     pub alternatives_described: Vec<String>,
-    /// For needs that decide the moved object.
+    /// Noun phrases for a moved object that a common-sense need decides: `what I need`.
     pub needed: Vec<String>,
-    /// For needs that decide the destination, if the object goes into it.
+    /// Noun phrases for a destination that a need decides, if the object goes into it: `the right place`.
     pub needed_hollow: Vec<String>,
-    /// For needs that decide the destination, in all other relations.
+    /// The same for all other relations.
     pub needed_place: Vec<String>,
     /// Several steps.
     pub steps: Steps,
@@ -96,7 +96,7 @@ impl Phrases {
         place(prepositions, first, second, rng)
     }
 
-    /// `that stands` for objects at least as tall as wide, `that lies` for others.
+    /// `that stands` for objects taller than three quarters of their longer horizontal side, `that lies` for others.
     pub fn which(&self, card: &ObjectCard, rng: &mut impl Rng) -> &str {
         let is_tall = card.size_m.z > 0.75 * card.size_m.x.max(card.size_m.y);
         choose(if is_tall { &self.which.tall } else { &self.which.flat }, rng)
@@ -116,7 +116,7 @@ fn place(prepositions: &[&str], first: &str, second: &str, rng: &mut impl Rng) -
     format!("{preposition} {first}{second}")
 }
 
-/// A random template.
+/// A random template; empty if there is none.
 pub(super) fn choose<'t>(templates: &'t [String], rng: &mut impl Rng) -> &'t str {
     templates.choose(rng).map_or("", String::as_str)
 }
