@@ -77,7 +77,7 @@ pub struct Measured {
     pub cpu_s: f64,
     /// CPU time of the slowest call that ended normally, s.
     pub slowest_s: f64,
-    /// That slowest call, as text.
+    /// Command line of that slowest call.
     pub slowest: String,
     /// Cost of every reader on files at its size limit, if requested.
     pub readers: Vec<Reader>,

@@ -39,7 +39,7 @@ pub struct Moment {
     /// Peak force of a contact, N; `None` for other kinds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub peak_n: Option<f64>,
-    /// What the robot touched with the largest force, or evidence of the event; `None` if there is none.
+    /// Body that the robot touched with the largest force, or evidence of the event; `None` if there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub text: Option<String>,
 }
