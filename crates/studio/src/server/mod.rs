@@ -1,4 +1,4 @@
-//! The studio's server: the page, scenes and edits over HTTP, and one WebSocket per tab.
+//! HTTP server of the studio: the page, the API, and one WebSocket per tab.
 
 mod access;
 mod answer;
@@ -39,11 +39,11 @@ use studio::Studio;
 pub struct StudioSettings {
     /// Listening address; port 0 picks a free one.
     pub address: SocketAddr,
-    /// Folder for copies of read-only scenarios.
+    /// Folder for copies of read-only scenarios, reviews and suites.
     pub out: PathBuf,
-    /// Author of tabs that name none.
+    /// Author of tabs that give no name.
     pub author: String,
-    /// Secret that every request must hold; none on loopback.
+    /// Secret that every request must contain; `None` for a server on a loopback address.
     pub token: Option<Token>,
     /// Policies that the page may run.
     pub policies: OfferedPolicies,
@@ -74,7 +74,7 @@ fn router(studio: Arc<Studio>, listens_on_loopback: bool) -> Router {
         .with_state(studio)
 }
 
-/// Refuses requests of other sites and those without the token.
+/// Refuses requests of other sites, and requests without the token.
 async fn guard(studio: &Studio, listens_on_loopback: bool, request: Request, next: Next) -> Response {
     let refused = |status: StatusCode, message: &str, hint: &str| {
         (status, Json(json!({ "error": { "message": message, "hint": hint } }))).into_response()
