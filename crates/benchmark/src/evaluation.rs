@@ -21,7 +21,7 @@ pub struct EvaluationReport {
     pub suite: String,
     /// [`suite_hash`] of its scenarios.
     pub suite_hash: String,
-    /// Change of the suite; `None` if it is not a perturbed suite.
+    /// Change of the suite; absent if it is not a perturbed suite.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub perturbation: Option<Perturbation>,
     /// Name of the policy.

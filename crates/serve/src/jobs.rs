@@ -38,16 +38,16 @@ pub(crate) struct JobView {
     pub job: String,
     /// State of the job.
     pub state: State,
-    /// Planned motions, or the planning failure; `None` before the end and for a failed job.
+    /// Planned motions, or the planning failure; absent before the end and for a failed job.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acted: Option<Acted>,
-    /// Transcript of all questions and answers, a document `genmanip.agent_transcript`; `None` before the end.
+    /// Transcript of all questions and answers, a document `genmanip.agent_transcript`; absent before the end.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transcript: Option<serde_json::Value>,
     /// Names of the images shown to the model; each is served at `…/pictures/NAME` of the job.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub pictures: Vec<String>,
-    /// Error message; `None` unless the job failed.
+    /// Error message; absent unless the job failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
 }

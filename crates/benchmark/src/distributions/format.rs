@@ -84,13 +84,13 @@ pub struct Role {
 pub struct BySplit<T> {
     /// Value of `train`, `validation` and `familiar`.
     pub train: T,
-    /// Value of `instance`; that of `train` if `None`.
+    /// Value of `instance`; that of `train` if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub instance: Option<T>,
-    /// Value of `category`; that of `train` if `None`.
+    /// Value of `category`; that of `train` if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub category: Option<T>,
-    /// Value of `relation`; that of `train` if `None`.
+    /// Value of `relation`; that of `train` if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relation: Option<T>,
 }

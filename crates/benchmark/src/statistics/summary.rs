@@ -24,7 +24,7 @@ pub struct SuiteSummary {
     /// Fraction of the goal reached, 0 to 1.
     pub score: Mean,
     /// Success weighted by path length (SPL) over the episodes whose scenario has a reference path; `count` is their
-    /// number. `None` if no scenario has one.
+    /// number. Absent if no scenario has one.
     pub spl: Option<Mean>,
     /// Path length of the tool, m.
     pub tcp_path_m: Mean,
@@ -32,7 +32,7 @@ pub struct SuiteSummary {
     pub duration_s: Mean,
     /// Share of episodes with a stray contact force of at least [`StatisticsSettings::collision_n`].
     pub collisions: Rate,
-    /// Share of successes judged on point clouds of the final scene, among the episodes judged this way; `None` without
+    /// Share of successes judged on point clouds of the final scene, among the episodes judged this way; absent without
     /// any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cloud_success: Option<Rate>,

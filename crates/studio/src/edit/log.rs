@@ -51,10 +51,10 @@ pub struct CommandLine {
     pub stamp: Stamp,
     /// Revision that the author had seen when giving the command.
     pub base_revision: u64,
-    /// Revision of the command that this one undoes; `None` for other commands.
+    /// Revision of the command that this one undoes; absent for other commands.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub undoes: Option<u64>,
-    /// Revision of the undone command that this one applies again; `None` for other commands.
+    /// Revision of the undone command that this one applies again; absent for other commands.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub redoes: Option<u64>,
     /// SHA-256 of the scenario's file after this command.

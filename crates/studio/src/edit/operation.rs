@@ -21,10 +21,10 @@ pub enum Operation {
     State {
         /// Id of the object.
         object: String,
-        /// Name of the state; `None` removes the state from the graph.
+        /// Name of the state; absent to remove it from the graph.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         state: Option<String>,
-        /// Joint positions, rad or m; the nominal ones of the state if `None`.
+        /// Joint positions, rad or m; the nominal ones of the state if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         joint_positions: Option<Vec<f64>>,
     },
@@ -32,7 +32,7 @@ pub enum Operation {
     Add {
         /// The asset, or its uid.
         asset: ChosenAsset,
-        /// Id of the new instance; the first free one of the asset if `None`.
+        /// Id of the new instance; the first free one of the asset if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         id: Option<String>,
         /// Pose of the object, `world_from_object`.
@@ -55,10 +55,10 @@ pub enum Operation {
     Duplicate {
         /// Id of the object.
         object: String,
-        /// Pose of the new instance, `world_from_object`; a free place beside the original if `None`.
+        /// Pose of the new instance, `world_from_object`; a free place beside the original if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pose: Option<Pose>,
-        /// Id of the new instance; the first free one of the asset if `None`.
+        /// Id of the new instance; the first free one of the asset if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         id: Option<String>,
     },
@@ -68,7 +68,7 @@ pub enum Operation {
         object: String,
         /// The new asset, or its uid.
         uid: ChosenAsset,
-        /// New id; the first free one of the new asset if `None`.
+        /// New id; the first free one of the new asset if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         id: Option<String>,
     },
@@ -93,7 +93,7 @@ pub enum Operation {
     Edges {
         /// All edges of the graph, which replace the present ones.
         edges: Vec<GraphEdge>,
-        /// Description of the scene; kept if `None`.
+        /// Description of the scene; kept if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         description: Option<String>,
     },
@@ -106,7 +106,7 @@ pub enum Operation {
     Camera {
         /// The camera.
         camera: Box<Camera>,
-        /// Index of a new camera in the list; the end if `None`.
+        /// Index of a new camera in the list; the end if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         index: Option<usize>,
     },
@@ -125,7 +125,7 @@ pub struct Placement {
     pub id: String,
     /// New pose, `world_from_object`.
     pub pose: Pose,
-    /// Joint positions, rad or m; kept if `None`.
+    /// Joint positions, rad or m; kept if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint_positions: Option<Vec<f64>>,
 }
@@ -148,16 +148,16 @@ pub struct Instance {
     pub object: PlacedObject,
     /// Index in the list of objects.
     pub index: usize,
-    /// Node in the scene graph, and card; `None` for a distractor.
+    /// Node in the scene graph, and card; absent for a distractor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub node: Option<NodeWithCard>,
     /// Edges that name the object, each with its index in the list.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub edges: Vec<(usize, GraphEdge)>,
-    /// Groups of interchangeable instances; `None` if they are derived from the instruction.
+    /// Groups of interchangeable instances; absent if they are derived from the instruction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interchangeable: Option<Vec<Vec<String>>>,
-    /// The alternative request; `None` if it does not name the object.
+    /// The alternative request; absent if it does not name the object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub other_request: Option<Request>,
 }

@@ -57,10 +57,10 @@ pub struct ExpertTrials {
     pub episodes: usize,
     /// Number of verified episodes.
     pub verified: usize,
-    /// Shortest tool path of a verified episode, m; `None` without one.
+    /// Shortest tool path of a verified episode, m; absent without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shortest_path_m: Option<f64>,
-    /// Shortest simulated duration of a verified episode, s; `None` without one.
+    /// Shortest simulated duration of a verified episode, s; absent without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shortest_s: Option<f64>,
     /// Simulated time available to a policy, s.

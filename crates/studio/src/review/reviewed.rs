@@ -27,7 +27,7 @@ pub struct Review {
     /// True if the review adjudicates between two reviews that differ.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub adjudicates: bool,
-    /// Time spent on the review, s; `None` if not measured.
+    /// Time spent on the review, s; absent if not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub duration_s: Option<f64>,
     /// Id that the client chose, so that a repeated request is stored once; empty for none.
@@ -50,7 +50,7 @@ pub struct Reviewer {
     pub name: String,
     /// Person, model or script.
     pub kind: ReviewerKind,
-    /// Version of the model or script; `None` for a person.
+    /// Version of the model or script; absent for a person.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub version: Option<String>,
 }
