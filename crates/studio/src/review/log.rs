@@ -92,6 +92,15 @@ pub enum ReviewError {
     Log(#[from] LogError),
 }
 
+impl From<ReviewError> for WorkspaceError {
+    fn from(error: ReviewError) -> Self {
+        match error {
+            ReviewError::Log(error) => error.into(),
+            error => Self::input(error.to_string()),
+        }
+    }
+}
+
 /// The log, as last read.
 #[derive(Debug)]
 pub struct ReviewLog {
