@@ -12,11 +12,11 @@ use genmanip_core::{AgentFailure, FailureClass};
 use super::made_agent::MadeAgent;
 use super::{GroundTruthFeed, Oracle};
 
-/// Episode to be resumed with a corrected answer.
+/// Episode to be resumed with one corrected answer.
 pub struct Counterfactual {
     /// Turn before which the episode resumes, from 0.
     pub turn: usize,
-    /// Agent before that turn; the answers before the blamed one are replayed.
+    /// Agent as it was before that turn; it replays the answers before the blamed one.
     pub policy: GroundTruthFeed,
     is_same: Arc<AtomicBool>,
 }
@@ -54,7 +54,8 @@ impl MadeAgent {
     }
 }
 
-/// Model that replays the answers up to an ask, takes that one from the oracle and later ones from another model.
+/// Model that replays the recorded answers up to number `last`, takes answer number `replaced` from the oracle, and
+/// later ones from another model.
 struct Corrected {
     told: BTreeMap<usize, String>,
     last: usize,

@@ -14,14 +14,14 @@ const SHORT_M: f64 = 0.06;
 pub(super) struct FlawedGrasps {
     pub source: Arc<dyn GraspSource>,
     pub truth: GroundTruth,
-    /// Recorder of the agent's questions; an error is attributed to the last one asked.
+    /// Transcript of the agent's questions; an error is attributed to the last question.
     pub asks: genmanip_agent::ask::TranscriptRecorder,
 }
 
 impl GraspSource for FlawedGrasps {
     fn grasps(&self, question: &GraspQuestion) -> Result<Vec<Grasp>, GraspError> {
         let mut grasps = self.source.grasps(question)?;
-        // A repeated question after the same ask gets the same error.
+        // Repeated requests for grasps after the same question get the same error.
         let last = self.asks.asks().saturating_sub(1);
         let injected = self.truth.injected();
         if grasps.is_empty() || injected.first().is_some_and(|injected| injected.ask != last) {

@@ -22,7 +22,7 @@ const RECORDS: &str = include_str!("../data/catalog.json");
 /// Name of the built-in file in error messages.
 const FILE: &str = "records";
 
-/// Objects by uid. Models are built on first use and cached; the hash maps are never iterated.
+/// Catalogue of objects by uid. Models are built on first use and cached; the hash maps are never iterated.
 #[derive(Debug)]
 pub struct Catalogue {
     cards: Vec<ObjectCard>,
@@ -98,7 +98,7 @@ impl Catalogue {
         }
     }
 
-    /// Train/test split of an object.
+    /// Train/test split of an object; `Train` for hand-written, imported and unknown objects.
     pub fn split(&self, uid: &str) -> Split {
         generated_instances().iter().find(|one| one.card.uid == uid).map_or(Split::Train, |one| one.split)
     }
@@ -148,20 +148,20 @@ impl Catalogue {
         })
     }
 
-    /// All cards, sorted by uid.
+    /// Cards of all objects: hand-written ones, then listed instances of families, then imported ones.
     pub fn cards(&self) -> &[ObjectCard] {
         &self.cards
     }
 
-    /// The card of an object.
+    /// Card of an object by uid; `None` for an unknown uid.
     pub fn card(&self, uid: &str) -> Option<&ObjectCard> {
         self.cards.iter().find(|card| card.uid == uid)
     }
 
-    /// The model of an object; the same `Arc` every time.
+    /// Model of an object by uid; the same `Arc` every time.
     ///
     /// # Errors
-    /// [`AssetError::UnknownUid`] or [`AssetError::NotYetGenerated`].
+    /// [`AssetError::UnknownUid`], [`AssetError::NotYetGenerated`], or an error of generating or loading the object.
     pub fn build(&self, uid: &str) -> Result<Arc<ObjectModel>, AssetError> {
         let card = self
             .card(uid)
@@ -179,7 +179,7 @@ impl Catalogue {
         Ok(Arc::clone(model))
     }
 
-    /// Generates an object of a family, or a [`variant`] of a built-in object if `params` is just `of`.
+    /// Generates an object of a family, or a [`variant`] of a built-in object if the only parameter is `of`, its uid.
     fn generate(
         &self,
         family: &str,
@@ -308,7 +308,8 @@ pub(crate) fn check_parts(file: &str, owner: &str, parts: &[Part]) -> Result<(),
     }
 }
 
-/// Seed of a built-in object: its number, so that the seed in a scenario is meaningful.
+/// Seed of a built-in object: its uid if that is a number, so that the seed in a scenario is meaningful; otherwise
+/// derived from the uid.
 fn seed_of(uid: &str) -> Seed {
     uid.parse().map_or_else(|_| Seed::new(0).fork(uid), Seed::new)
 }

@@ -19,21 +19,21 @@ use crate::{AssetError, AssetSource, Catalogue};
 pub struct FrozenAsset {
     /// Description for people and language models.
     pub card: ObjectCard,
-    /// Asset reference.
+    /// Reference by which scenarios name the object.
     pub asset: AssetRef,
-    /// Family that generated it.
+    /// Family of the object, e.g. `mug`.
     pub family: String,
-    /// Physics hash.
+    /// Hash of everything that affects the simulation.
     pub physics_hash: String,
-    /// Hash of further judging inputs.
+    /// Hash of everything else that affects the judgement of success, such as cavities and states.
     pub judging_hash: String,
-    /// Appearance hash.
+    /// Hash of the rendered meshes and materials.
     pub looks_hash: String,
-    /// Sliding friction coefficient against the same surface.
+    /// Sliding friction coefficient against a surface of the same kind.
     pub friction: f64,
-    /// Links, without visuals.
+    /// Links with collision geometry, without visuals; the root link is first.
     pub links: Vec<FrozenLink>,
-    /// Joint intervals of each state of the card.
+    /// Joint positions of each state named on the card.
     pub states: Vec<JointState>,
     /// Recipe of the visuals, as in `data/catalog.json`, with all expressions evaluated.
     pub recipe: Value,
@@ -45,12 +45,12 @@ pub struct FrozenAsset {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrozenLink {
-    /// Name.
+    /// Name of the link.
     pub name: String,
-    /// Joint to the parent.
+    /// Joint to the parent link; `None` for the root.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint: Option<Joint>,
-    /// Convex collision pieces.
+    /// Convex collision pieces, in the link's frame.
     pub pieces: Vec<Piece>,
     /// Convex regions in which something counts as in the object.
     pub cavity: Vec<Piece>,
@@ -63,7 +63,7 @@ impl Document for FrozenAsset {
 }
 
 impl FrozenAsset {
-    /// Freezes an object as the catalogue currently builds it.
+    /// Freezes an object as the catalogue currently generates it.
     ///
     /// # Errors
     /// If there is no such object, or it was imported (packs already store those).
@@ -145,7 +145,8 @@ impl FrozenAsset {
         Ok(model)
     }
 
-    /// Paths of at most `most` fields that differ from another version of the asset, e.g. `links[0].pieces[3]`.
+    /// Paths of fields that differ from another version of the asset, e.g. `links[0].pieces[3]`; at most `most` of
+    /// them.
     pub fn differences(&self, other: &Self, most: usize) -> Vec<String> {
         let mut places = Vec::new();
         differ(&self.to_value(), &other.to_value(), String::new(), &mut places);

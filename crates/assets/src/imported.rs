@@ -25,28 +25,28 @@ pub struct Origin {
 
 /// A set of opened packs.
 pub trait Packs: AssetSource {
-    /// Provenance of an object; `None` for an unknown hash.
+    /// Provenance of an object by its hash; `None` for an unknown hash.
     fn origin(&self, hash: &str) -> Option<Origin>;
 }
 
 static OPENED: OnceLock<Arc<dyn Packs>> = OnceLock::new();
 
-/// Registers packs for the whole program; returns `false` and changes nothing if packs were registered before.
+/// Registers packs for the whole process; returns `false` and changes nothing if packs were registered before.
 pub fn open(packs: Arc<dyn Packs>) -> bool {
     OPENED.set(packs).is_ok()
 }
 
-/// The registered packs.
+/// Registered packs; `None` before [`open`].
 pub(crate) fn source() -> Option<&'static Arc<dyn Packs>> {
     OPENED.get()
 }
 
-/// Cards of the registered packs' objects.
+/// Cards of the registered packs' objects; empty without packs.
 pub(crate) fn cards() -> &'static [ObjectCard] {
     OPENED.get().map_or(&[], |packs| packs.cards())
 }
 
-/// Provenance of an imported object.
+/// Provenance of an imported object by its hash; `None` if no registered pack contains it.
 pub(crate) fn origin(hash: &str) -> Option<Origin> {
     OPENED.get()?.origin(hash)
 }

@@ -8,16 +8,16 @@ use crate::solid::{Moments, Solid};
 /// Geometry of a link accumulated from its parts, in the object's frame.
 #[derive(Debug, Default)]
 pub struct LinkBuilder {
-    /// Rendered surfaces.
+    /// Rendered surfaces with their materials.
     pub visual: Vec<VisualPart>,
-    /// Collision pieces with their moments.
+    /// Convex collision pieces with their volume and moments.
     pub solids: Vec<Solid>,
-    /// Regions in which something counts as in the link.
+    /// Convex regions in which something counts as inside the link.
     pub cavity: Vec<Piece>,
 }
 
 impl LinkBuilder {
-    /// Translates everything, m.
+    /// Translates all geometry by a vector, m.
     pub fn shift(&mut self, by: DVec3) {
         for part in &mut self.visual {
             part.link_from_part.position += by;

@@ -22,10 +22,10 @@ pub fn default_world() -> Arc<World> {
     Arc::clone(DEFAULT.get_or_init(read))
 }
 
-/// A world and its robot from TOML or JSON text.
+/// Parses a world from TOML or JSON text, with its robot from the registry.
 ///
 /// # Errors
-/// All faults found.
+/// All faults of the text.
 pub fn read(text: &str) -> Result<(World, Arc<RobotModel>), Vec<WorldFault>> {
     let file = WorldFile::from_text(text).map_err(|fault| vec![fault])?;
     let name = file.robot_name().unwrap_or_default();

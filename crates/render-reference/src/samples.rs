@@ -5,7 +5,7 @@
 
 use glam::Vec2;
 
-/// Sample generator of one path.
+/// Sample generator of one path; each call of `one` or `two` serves one random decision of the path.
 #[derive(Clone, Debug)]
 pub(crate) struct Samples {
     /// Seed of the pixel.
@@ -69,7 +69,7 @@ fn mixed(mut x: u32) -> u32 {
 mod tests {
     use super::*;
 
-    /// Each cell of any 64-cell grid holds one of 64 points; decisions differ.
+    /// 64 points fill every grid of 64 equal cells with one point per cell; two decisions get different points.
     #[test]
     fn places_fill_the_square_evenly() {
         for seed in [0, 1, 77, u32::MAX] {

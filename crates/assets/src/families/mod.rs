@@ -35,7 +35,7 @@ const FILES: [(&str, &str); 10] = [
     ("articulated", include_str!("../../data/families/articulated.json")),
 ];
 
-/// All families with their shared shapes and palettes.
+/// All families, with the shapes and colour palettes they share.
 #[derive(Debug)]
 pub struct Families {
     families: BTreeMap<String, Family>,
@@ -86,12 +86,12 @@ impl Families {
         self.families.values()
     }
 
-    /// A family by its name.
+    /// Family with this name; `None` if there is none.
     pub fn get(&self, name: &str) -> Option<&Family> {
         self.families.get(name)
     }
 
-    /// Generates an object of a family, with some parameters fixed.
+    /// Generates an object of a family from a seed; `params` fixes some of its parameters.
     ///
     /// ```
     /// use genmanip_assets::Families;
@@ -112,7 +112,8 @@ impl Families {
         self.instance_of(family, u32::MAX, params, seed)
     }
 
-    /// [`Families::instance`] for an earlier version of the family; the current one if there is no such version.
+    /// [`Families::instance`] with an earlier version of the family; with the current version if `version` does not
+    /// exist.
     ///
     /// # Errors
     /// As [`Families::instance`].
@@ -152,7 +153,7 @@ impl Families {
         })
     }
 
-    /// The card of a family's object.
+    /// Card of the object that a family generates from a seed; the object is generated for it.
     ///
     /// # Errors
     /// As [`Families::instance`].
@@ -160,12 +161,12 @@ impl Families {
         self.instance(family, &BTreeMap::new(), seed).map(|model| model.card)
     }
 
-    /// The first family of a category.
+    /// First family of a category; `None` if there is none.
     pub fn of_category(&self, category: &str) -> Option<&Family> {
         self.families.values().find(|family| family.category() == category)
     }
 
-    /// The family that generated an asset.
+    /// Family that generated an asset; `None` if no family did.
     pub fn of(&self, asset: &AssetRef) -> Option<&Family> {
         match asset {
             AssetRef::Generated { family, .. } => self.get(family),

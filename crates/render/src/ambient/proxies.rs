@@ -28,7 +28,7 @@ const LAMP_BEYOND: f32 = 0.21;
 const LAMP_BLUR: f32 = 0.3;
 /// Smallest half axis (m). Chosen.
 const THINNEST_M: f32 = 0.005;
-/// Smallest form factor that counts. Chosen: an invisible step.
+/// Smallest form factor that counts; it defines the reach of a proxy. Chosen by hand so that the cut-off is invisible.
 const LEAST: f32 = 0.01;
 /// Slope of the fade-out over squared distance / squared reach: it begins at three quarters of the squared reach.
 /// Chosen.
@@ -120,7 +120,7 @@ impl Proxy {
     }
 }
 
-/// Multiplies the ambient light at points by what an ellipsoid leaves.
+/// Multiplies each point's ambient light by the share that an ellipsoid does not occlude.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn occlude(proxy: &Proxy, points: &Points, share: &mut BatchColumn) {
     let (center, per_reach) = (proxy.center, 1.0 / (proxy.reach * proxy.reach));
@@ -134,7 +134,7 @@ pub(super) fn occlude(proxy: &Proxy, points: &Points, share: &mut BatchColumn) {
     }
 }
 
-/// Share of the sky above a point that all bodies but one leave, as if they occluded independently.
+/// Share of the sky above a point that no body except `but` occludes; bodies occlude independently of each other.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn unoccluded_sky(bodies: &[Proxy], but: usize, place: [f32; 3], normal: [f32; 3]) -> f32 {
     let mut left = 1.0;
@@ -147,7 +147,7 @@ pub(super) fn unoccluded_sky(bodies: &[Proxy], but: usize, place: [f32; 3], norm
     left
 }
 
-/// Share of the key light at a position that all bodies but one leave.
+/// Share of the key light at a position that no body except `but` occludes, with a soft shadow border.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn unoccluded_lamp(bodies: &[Proxy], but: usize, [x, y, z]: [f32; 3]) -> f32 {
     let mut left = 1.0;
@@ -226,7 +226,7 @@ pub(super) mod tests {
         points
     }
 
-    /// A light overhead with a ball above the point, far above, below and beside it.
+    /// Occlusion of a broad overhead light at a point by a ball above it, far above it, below it and beside it.
     #[test]
     fn balls_veil_a_broad_lamp() {
         let up = [0.0, 0.0, 1.0];
@@ -241,7 +241,7 @@ pub(super) mod tests {
         }
     }
 
-    /// A small light overhead: fully, half and not occluded by a ball.
+    /// Unoccluded share of a small overhead light: 0, 0.5 and 1, depending on the place of a ball.
     #[test]
     fn balls_hold_back_a_small_lamp() {
         for (center, expected) in

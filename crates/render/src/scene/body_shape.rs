@@ -10,8 +10,8 @@ pub(crate) struct BodyShape {
     /// Corners (m).
     pub low: Vec3,
     pub high: Vec3,
-    /// True if some of the surface faces the centre (`has_inside`), or a large share of it, as in a bowl
-    /// (`is_concave`).
+    /// True if some of the surface faces the centre (`has_inside`), or at least the share [`HOLLOW`] of it, as in a
+    /// bowl (`is_concave`).
     pub has_inside: bool,
     pub is_concave: bool,
 }
@@ -57,7 +57,7 @@ mod tests {
 
     use crate::RenderAssets;
 
-    /// Catalogue objects by category.
+    /// Shape classes of catalogue objects of several categories.
     #[test]
     fn bowls_are_told_by_their_meshes() {
         let catalogue = Catalogue::builtin();

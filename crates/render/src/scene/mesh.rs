@@ -9,7 +9,7 @@ use meshopt::{SimplifyOptions, simplify_scale_decoder, simplify_with_attributes_
 
 /// Largest surface error of each level of detail (m).
 pub(crate) const ERRORS_M: [f32; 5] = [0.0005, 0.001, 0.002, 0.004, 0.008];
-/// Largest surface error of shadow casters in large and in small images [m]: half a texel of the shadow map.
+/// Largest surface error of shadow casters in large and in small images (m): half a texel of the shadow map.
 const CASTER_ERRORS_M: [f32; 2] = [0.001, 0.004];
 /// Same error as a share of the mesh radius, in large images. Measured: with 1 mm for all meshes, shadows of small
 /// objects show corners and a bowl shadows itself.
@@ -50,12 +50,12 @@ pub struct Face {
     pub columns: [Vec4; 4],
     /// Texture coordinate v as a dot product with `[x, y, z, 1]`.
     pub v: Vec4,
-    /// Unit normal (zero for a degenerate triangle), and texture area per surface area [1/m²].
+    /// Unit normal (zero for a degenerate triangle), and texture area per surface area (1/m²).
     pub plane: Vec4,
 }
 
 impl Mesh {
-    /// Surface area [m²].
+    /// Surface area (m²).
     pub fn area(&self) -> f32 {
         let area = |triangle| {
             let [a, b, c] = self.corners(triangle);
@@ -186,7 +186,7 @@ impl Mesh {
             options | SimplifyOptions::ErrorAbsolute,
             None,
         );
-        // Renumbers the remaining vertices.
+        // Renumbers the vertices that are still in use.
         let mut numbers = vec![0; positions.len()];
         kept.iter().for_each(|&corner| numbers[corner as usize] = 1);
         let own: Vec<usize> = (0..positions.len()).filter(|&corner| numbers[corner] > 0).collect();
@@ -205,9 +205,10 @@ impl Mesh {
 }
 
 impl Face {
-    /// Computed in double precision: small triangles have steep gradients.
+    /// Attributes of a triangle. Computed in double precision, since small triangles have steep gradients.
     fn new(corners: [Vec3; 3], normals: [Vec3; 3], uvs: [Vec2; 3]) -> Self {
-        /// Height below which a triangle counts as degenerate [m]: about ten times the spacing of single-precision numbers at one metre.
+        /// Height below which a triangle counts as degenerate (m): about ten times the spacing of single-precision
+        /// numbers at one metre.
         const LINE_M: f64 = 1e-6;
         let [a, b, c] = corners.map(Vec3::as_dvec3);
         let (ab, ac, bc) = (b - a, c - a, c - b);
@@ -237,7 +238,7 @@ impl Face {
     }
 }
 
-/// One of 150 direction codes: cube face and one of 5×5 cells on it, each about 20 degrees wide.
+/// Code 0-149 of a normal's direction: a face of the cube, and one of 5×5 cells on it, each about 20 degrees wide.
 fn direction_code(normal: Vec3) -> u8 {
     let size = normal.abs();
     let axis = if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) };
@@ -274,7 +275,7 @@ fn is_closed(mesh: &TriMesh) -> bool {
         }
         joined[*corner as u32 as usize] = place;
     }
-    // The lowest bit stores the direction.
+    // Each edge is stored once per use, with its direction in the lowest bit.
     let mut edges: Vec<u64> = mesh
         .triangles
         .iter()

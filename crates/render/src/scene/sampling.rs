@@ -11,8 +11,8 @@ use crate::scene::walls::{Room, Wall};
 /// Largest translation (m) and rotation (rad) of a camera per axis, by its mount. Chosen: a tripod repositioned by
 /// hand, and a bracket with some play.
 const TREMBLE: [(CameraMount, f64, f64); 2] = [(CameraMount::World, 0.02, 0.017), (CameraMount::Hand, 0.004, 0.012)];
-/// Largest relative change of an object's colour channels, roughness and metallic parameter. Chosen: visible side by
-/// side, but no colour changes its name.
+/// Largest relative change of an object's colour channels, roughness and metallic parameter. Chosen by hand: visible
+/// side by side, but no colour changes its name.
 const PAINT: [f32; 3] = [0.10, 0.15, 0.1];
 
 /// A variation of the named parts sampled from a seed; the rest keeps the defaults.
@@ -29,7 +29,7 @@ pub fn varied(usual: &RenderVariation, look: &AppearanceRandomisation) -> Render
     let mut variation = usual.clone();
     let share = look.strength as f32;
     for &part in &look.vary {
-        // Each part has its own stream, so that varying another one changes nothing here.
+        // Each factor has its own stream, so that varying another factor does not change this one.
         let own = look.seed.fork(part.name());
         let rng = &mut own.rng();
         match part {
@@ -94,7 +94,7 @@ fn mix(from: f32, to: f32, share: f32) -> f32 {
     (1.0 - share) * from + share * to
 }
 
-/// Wall colour: any hue, low saturation, rarely dark.
+/// Background colour: any hue, low saturation, rarely dark.
 fn background(rng: &mut impl Rng) -> [u8; 3] {
     let (hue, saturation, value) = (between(rng, 0.0, 6.0), between(rng, 0.0, 0.3), between(rng, 0.45, 1.0));
     [5.0, 3.0, 1.0].map(|offset: f32| {
@@ -111,7 +111,8 @@ fn room(rng: &mut impl Rng) -> Option<Room> {
     (rng.random::<f32>() < 0.75).then_some(Room { wall, floor })
 }
 
-/// sRGB of a black body, brightest channel 1: the fit by T. Helland, "How to convert temperature (K) to RGB" (2012).
+/// sRGB colour of a black body with 1 as its largest channel: fit by T. Helland, "How to convert temperature (K) to
+/// RGB" (2012).
 fn lamp(kelvin: f32) -> [f32; 3] {
     let t = kelvin / 100.0;
     let red = if t <= 66.0 { 255.0 } else { 329.7 * (t - 60.0).powf(-0.133_2) };

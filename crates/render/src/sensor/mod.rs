@@ -23,7 +23,8 @@ use crate::job::{Channels, FrameBuffers};
 use crate::lights::sky::luminance;
 use crate::scene::material::Material;
 
-/// Pinhole camera whose image contains everything visible through a camera's lens; the camera itself without a lens.
+/// Pinhole camera whose image contains everything that a camera sees through its lens; the camera itself if it has no
+/// lens.
 ///
 /// # Errors
 /// A lens whose distortion is not invertible.

@@ -13,7 +13,7 @@ use crate::simd::{BatchColumn, CHUNK};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Covered {
     pub pixel: u32,
-    /// Index among the edge pixels.
+    /// Index of the pixel in the list of edge pixels; `None` if it is not one.
     pub edge_pixel: Option<u32>,
     pub layers: [LayerSample; 2],
 }
@@ -22,16 +22,16 @@ pub(super) struct Covered {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct LayerSample {
     pub point: ShadingPoint,
-    /// Share of the pixel that it covers.
+    /// Share of the pixel that the interface covers, 0-1.
     pub coverage: f32,
 }
 
 /// Interfaces of one surface in front of a batch of pixels.
 #[derive(Debug, Default)]
 pub(super) struct Interface {
-    /// True if its mesh is closed (a solid object).
+    /// True if the mesh is closed, so that light passes through a solid object.
     pub is_solid: bool,
-    /// Image position (px), depth (m) and coverage.
+    /// Image position (px), depth (m) and coverage (0-1).
     pub place: [BatchColumn; 2],
     pub depth: BatchColumn,
     pub coverage: BatchColumn,
