@@ -22,7 +22,7 @@ pub struct RenderAssets {
     robot: Option<Arc<RobotModel>>,
     objects: Vec<Arc<ObjectModel>>,
     body_count: usize,
-    /// Shape of each body's opaque parts, by body index.
+    /// Shape of each body's opaque parts, by body index; `None` for a body without opaque parts.
     shapes: Vec<Option<BodyShape>>,
     supports: Vec<SupportTop>,
 }
@@ -30,23 +30,24 @@ pub struct RenderAssets {
 /// One mesh with one material, in the frame of its body.
 #[derive(Debug)]
 pub struct Part {
-    /// Index into the frame's body poses; `None` is fixed in the world.
+    /// Index into the frame's body poses; `None` for a fixture, whose frame is the world.
     pub body: Option<usize>,
-    /// Instance id of its pixels.
+    /// Instance id of the part's pixels.
     pub instance: u16,
     /// Mesh in full detail.
     pub mesh: Arc<Mesh>,
-    /// Known to be convex: has no ambient occlusion by itself.
+    /// True if the mesh is known to be convex, so that it causes no ambient occlusion on itself.
     pub convex: bool,
-    /// True if it casts shadows.
+    /// True if the part casts shadows.
     pub casts_shadow: bool,
-    /// A transparent part whose surface faces away from its centre (the outside of a cup, not its inside or rim).
+    /// True for a transparent part whose surface faces away from its centre (the outside of a cup, not its inside or
+    /// rim).
     pub faces_out: bool,
-    /// Material without a variation.
+    /// Material before a variation is applied.
     pub material: Material,
 }
 
-/// Low bits of a visibility id: the triangle. The high bits hold the part number plus one.
+/// Number of low bits of a visibility id that hold the triangle index; the high bits hold the part number plus one.
 pub(crate) const TRIANGLE_BITS: u32 = 20;
 
 impl RenderAssets {
@@ -63,7 +64,7 @@ impl RenderAssets {
         Self::collect(Some(robot), objects, world)
     }
 
-    /// Objects without a robot, e.g. for thumbnails; a frame then poses the objects' links only.
+    /// Assets of objects without a robot, e.g. for thumbnails; a frame then poses only the objects' links.
     ///
     /// # Errors
     /// As [`RenderAssets::new`].
@@ -107,7 +108,7 @@ impl RenderAssets {
         Ok(Arc::new(Self { parts, robot, objects: objects.to_vec(), body_count: body, shapes, supports }))
     }
 
-    /// Parts in the order of their numbers; see [`crate::internals`].
+    /// All parts in the order of their numbers; see [`crate::internals`].
     #[doc(hidden)]
     pub fn parts(&self) -> &[Part] {
         &self.parts
@@ -118,7 +119,7 @@ impl RenderAssets {
         self.body_count
     }
 
-    /// Shape of a body's opaque parts; `None` without any.
+    /// Shape of a body's opaque parts; `None` if it has none.
     pub(crate) fn shape_of(&self, body: usize) -> Option<&BodyShape> {
         self.shapes[body].as_ref()
     }
@@ -128,7 +129,8 @@ impl RenderAssets {
         &self.supports
     }
 
-    /// Height of the support surface below a position (m): the highest of those under it, or else the highest beside it.
+    /// Height (world z, m) of the support surface below a position: the highest one under it, or else the highest lower
+    /// one beside it; `None` if no support surface is lower.
     pub(crate) fn ground_below(&self, place: DVec3) -> Option<f32> {
         let place = place.as_vec3a();
         let below = self.supports.iter().filter(|top| top.height < place.z);
@@ -136,7 +138,7 @@ impl RenderAssets {
         ranked.max_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))).map(|(_, height)| height)
     }
 
-    /// Mean linear colour of the support surfaces, by area; see [`crate::internals`].
+    /// Area-weighted mean linear colour of the support surfaces, `None` without any; see [`crate::internals`].
     #[doc(hidden)]
     pub fn ground_color(&self, materials: &[Material]) -> Option<Vec3A> {
         let area: f32 = self.supports.iter().map(SupportTop::area).sum();
