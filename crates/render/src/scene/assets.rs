@@ -191,7 +191,7 @@ impl RenderAssets {
         self.frame_state(&frame.joint_position, frame.gripper_width, objects)
     }
 
-    /// `world_from_hand` at a frame, the mount of wrist cameras; the identity without a robot.
+    /// Pose `world_from_hand` at a frame, to which wrist cameras are mounted; the identity without a robot.
     pub fn world_from_hand(&self, frame: &FrameState) -> Pose {
         let hand = self.robot.as_ref().and_then(|robot| frame.body_poses.get(robot.hand));
         hand.copied().unwrap_or_default()
@@ -231,12 +231,12 @@ impl Part {
         Ok(Self { body, instance, mesh, convex: false, casts_shadow: true, faces_out, material })
     }
 
-    /// True if back faces of the mesh can be culled.
+    /// True if the mesh's back faces are never visible, so that they can be culled.
     pub fn hides_back(&self, mesh: &Mesh) -> bool {
         mesh.closed && !self.is_transparent()
     }
 
-    /// True if light passes it.
+    /// True if the material transmits light.
     pub fn is_transparent(&self) -> bool {
         self.material.opacity < 1.0
     }
