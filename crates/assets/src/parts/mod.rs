@@ -1,4 +1,4 @@
-//! Kinds of parts: each builds a surface, exact convex pieces and, if hollow, a cavity.
+//! Kinds of parts: each builds a surface, exact convex collision pieces and, if hollow, a cavity.
 
 mod block;
 mod capsules;
@@ -48,7 +48,7 @@ pub enum Part {
     Prism(Prism),
     /// A horizontal ring.
     Ring(Ring),
-    /// Collision-only capsules.
+    /// Capsules that collide and are not rendered.
     Capsules(Capsules),
     /// A triangle mesh.
     Mesh(Mesh),
@@ -80,7 +80,7 @@ impl Part {
         }
     }
 
-    /// Cavity of a part that is open at the top.
+    /// Cavity of a part that is open at the top; `None` for other parts.
     pub fn cavity(&self) -> Option<Piece> {
         match self {
             Self::Vessel(part) => Some(part.cavity()),

@@ -1,4 +1,4 @@
-//! Robots from data: an arm and a gripper, each a file, and a third that mounts one on the other.
+//! Robots from data files: an arm, a gripper, and a robot file that mounts the gripper on the arm.
 
 mod check;
 mod data;
@@ -10,7 +10,7 @@ use crate::AssetError;
 use crate::data_file::read;
 use data::{ArmData, GripperData, LimitsData, LinkData, RobotData, WristCameraData};
 
-/// Means every link of the gripper in a robot's `never_colliding`.
+/// Name in a robot's `never_colliding` that stands for every link of the gripper.
 const GRIPPER: &str = "gripper";
 
 /// Kinds of robot files.
@@ -25,7 +25,7 @@ pub enum PartKind {
 }
 
 impl PartKind {
-    /// Schema of its files.
+    /// Schema name of files of this kind.
     pub const fn schema(self) -> &'static str {
         match self {
             Self::Robot => "genmanip.robot/1",
@@ -34,7 +34,7 @@ impl PartKind {
         }
     }
 
-    /// Word for messages.
+    /// Name of this kind in messages.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Robot => "robot",
@@ -44,7 +44,7 @@ impl PartKind {
     }
 }
 
-/// Finds the file text of the arm or gripper with a name.
+/// Function that finds the text of an arm or gripper file by name.
 pub type PartFinder<'a> = dyn Fn(PartKind, &str) -> Result<String, AssetError> + 'a;
 
 /// Builds a robot from the text of a robot file; `file` names it in errors, `find` reads its arm and gripper.
@@ -175,7 +175,8 @@ fn assemble(robot: &RobotData, arm: &ArmData, gripper: &GripperData) -> RobotMod
     }
 }
 
-/// The named pairs, neighbouring links and the two fingers; each pair and the list in ascending order.
+/// Pairs of links that cannot collide: the listed ones, neighbouring links and the two fingers. Each pair and the list
+/// are in ascending order.
 fn never_colliding(
     links: &[RobotLink],
     fingers: [usize; 2],
@@ -199,7 +200,7 @@ fn never_colliding(
     pairs
 }
 
-/// Number of joints among links.
+/// Number of joints of the links.
 fn joints(links: &[LinkData]) -> usize {
     links.iter().filter(|link| link.joint.is_some()).count()
 }
