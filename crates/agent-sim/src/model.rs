@@ -163,6 +163,7 @@ pub struct UsageAccount {
 
 impl UsageAccount {
     /// Stops new requests once the cost reaches `limit`; pending requests are completed.
+    ///
     /// # Errors
     /// A model without a price, since its cost is unknown.
     pub fn set_limit(&self, limit: f64) -> Result<(), WorkspaceError> {

@@ -207,7 +207,7 @@ pub fn smooth_profile(points: &[[f64; 2]], steps: usize) -> Vec<DVec2> {
     smooth_curve(&points, steps).into_iter().map(DVec3::truncate).collect()
 }
 
-/// Profile subdivided into segments of at most [`PATCH_M`], so that textures are mapped onto nearly square patches.
+/// Profile subdivided into segments of at most 12 mm, so that textures are mapped onto nearly square patches.
 pub fn subdivided(profile: &[DVec2]) -> Vec<DVec2> {
     let mut fine: Vec<DVec2> = profile.first().copied().into_iter().collect();
     for pair in profile.windows(2) {

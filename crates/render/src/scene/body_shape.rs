@@ -10,7 +10,7 @@ pub(crate) struct BodyShape {
     /// Corners (m).
     pub low: Vec3,
     pub high: Vec3,
-    /// True if some of the surface faces the centre (`has_inside`), or at least the share [`HOLLOW`] of it, as in a
+    /// True if some of the surface faces the centre (`has_inside`), or at least the share `HOLLOW` of it, as in a
     /// bowl (`is_concave`).
     pub has_inside: bool,
     pub is_concave: bool,
