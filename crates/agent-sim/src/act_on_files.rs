@@ -17,10 +17,10 @@ use crate::{AgentChoice, keep};
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
-/// Size limit of a colour or depth image file.
+/// Maximum size of a colour or depth image file: 64 MiB.
 const PICTURE: Limit = Limit { what: "a picture", bytes: 64 << 20 };
 
-/// Input files, robot state and instruction of `genmanip agent act`.
+/// Input of `genmanip agent act`: files, robot state and instruction.
 #[derive(Clone, Debug)]
 pub struct ActFiles {
     /// Colour image: 8-bit PNG.

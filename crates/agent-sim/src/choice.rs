@@ -30,13 +30,13 @@ const MAX_DEPTH_ERROR_M: f64 = 0.05;
 pub struct AgentChoice {
     /// Settings of the agent itself.
     pub settings: AgentSettings,
-    /// Vision-language model.
+    /// Vision-language model that answers the agent's questions.
     pub model: ModelChoice,
-    /// Segmentation source.
+    /// Source of object masks.
     pub masks: MaskChoice,
-    /// Grasp source.
+    /// Source of grasp proposals.
     pub grasps: GraspChoice,
-    /// Error injection of the oracle.
+    /// Errors that the oracle injects; without effect on other models.
     pub dials: ErrorInjection,
     /// True to judge answers against the ground truth even if no oracle is used (with an oracle they always are);
     /// results are then labelled `oracle`.

@@ -40,7 +40,7 @@ pub struct EpisodeJudgements {
 }
 
 impl EpisodeJudgements {
-    /// Objects placed since the latest decomposition.
+    /// Indices of the objects placed since the latest decomposition.
     fn sent_last(&self) -> impl Iterator<Item = usize> + '_ {
         let split = self.judgements.iter().rev().find(|judgement| judgement.stage == AgentStage::Decompose);
         self.sent.range(split.map_or(0, |split| split.ask)..).map(|(_, &object)| object)

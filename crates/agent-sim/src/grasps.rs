@@ -7,7 +7,7 @@ use genmanip_core::{FailureClass, Grasp};
 
 use super::GroundTruth;
 
-/// Offset (m) of a wrong grasp against its approach direction: a depth error of half a mug.
+/// Offset (m) of a wrong grasp against its approach direction, as by a depth error: half the height of a mug.
 const SHORT_M: f64 = 0.06;
 
 /// Grasp source whose first proposals of an episode all close short of the object, as with a depth error.

@@ -47,7 +47,7 @@ impl Recording {
 }
 
 impl Recording {
-    /// Recorded answer to a question; `None` if the model has to answer it.
+    /// Recorded answer to a question, or the error of a differing question; `None` if the model has to answer it.
     fn recorded(&self, question: &Question) -> Option<Result<ModelReply, ServiceError>> {
         let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let is_known = kept.answers.iter().any(|answer| answer.ask == question.ask);

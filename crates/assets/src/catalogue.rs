@@ -1,4 +1,4 @@
-//! Catalogue of objects: cards for all, models built on demand.
+//! Catalogue of objects: cards of all objects, and models that are built on demand.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -19,7 +19,7 @@ use serde_json::Value;
 
 const RECORDS: &str = include_str!("../data/catalog.json");
 
-/// Name of the built-in file in error messages.
+/// Name of the catalogue's built-in data file in error messages.
 const FILE: &str = "records";
 
 /// Catalogue of objects by uid. Models are built on first use and cached; the hash maps are never iterated.
@@ -37,7 +37,7 @@ pub struct Catalogue {
 pub const CATALOGUES: [&str; 4] = ["builtin", "full", "imported", "all"];
 
 impl Catalogue {
-    /// The hand-written objects that ship with the program.
+    /// Catalogue of the hand-written objects that ship with the program.
     ///
     /// # Panics
     /// Never in a tested build: the data files are compiled in.
@@ -46,8 +46,8 @@ impl Catalogue {
         BUILTIN.get_or_init(|| Self::from_json(RECORDS).expect("built-in data files are tested"))
     }
 
-    /// The hand-written objects and the listed instances of the families: 1,000 rigid and 120 articulated objects in
-    /// total.
+    /// Catalogue of the hand-written objects and the listed instances of the families: 1,000 rigid and 120 articulated
+    /// objects in total.
     ///
     /// # Panics
     /// Never in a tested build: the data files are compiled in.
@@ -60,7 +60,7 @@ impl Catalogue {
         })
     }
 
-    /// The objects of the opened packs, see [`imported::open`]; empty if no pack is open.
+    /// Catalogue of the objects in the opened packs, see [`imported::open`]; empty if no pack is open.
     ///
     /// # Panics
     /// As [`Catalogue::builtin`].
@@ -73,7 +73,7 @@ impl Catalogue {
         })
     }
 
-    /// [`Catalogue::full`] and [`Catalogue::imported`] together.
+    /// Catalogue of the objects of [`Catalogue::full`] and [`Catalogue::imported`].
     ///
     /// # Panics
     /// As [`Catalogue::builtin`].
@@ -87,7 +87,7 @@ impl Catalogue {
         })
     }
 
-    /// A catalogue by name: `builtin`, `full`, `imported` or `all`.
+    /// Catalogue by name: `builtin`, `full`, `imported` or `all`; `None` for another name.
     pub fn named(name: &str) -> Option<&'static Self> {
         match name {
             "builtin" => Some(Self::builtin()),
@@ -103,7 +103,7 @@ impl Catalogue {
         generated_instances().iter().find(|one| one.card.uid == uid).map_or(Split::Train, |one| one.split)
     }
 
-    /// Search index over the cards and their splits.
+    /// Index for keyword search over the cards, with their train/test splits.
     pub fn index(&self) -> Index {
         let splits: BTreeMap<&str, Split> =
             generated_instances().iter().map(|one| (one.card.uid.as_str(), one.split)).collect();
@@ -111,7 +111,7 @@ impl Catalogue {
         Index::new(self.cards.iter().map(|card| (card.clone(), split(card))))
     }
 
-    /// A catalogue from a JSON list of records.
+    /// Parses a catalogue from a JSON list of records.
     ///
     /// # Errors
     /// [`AssetError::Data`] with the position of the error.
@@ -204,10 +204,10 @@ impl Catalogue {
         Ok(variant(&base, seed))
     }
 
-    /// The recipe of an object with all expressions evaluated, and the seed of its remaining randomness.
+    /// Recipe of an object with all expressions evaluated, and the seed of its remaining randomness.
     ///
     /// # Errors
-    /// If there is no such object, or it has no recipe of its own (imported objects and variants).
+    /// If there is no such object, or it is imported or a variant, which have no recipe of their own.
     pub(crate) fn recipe(&self, asset: &AssetRef) -> Result<(Value, Seed), AssetError> {
         match asset {
             AssetRef::Builtin { uid, .. } => {
@@ -293,12 +293,12 @@ impl AssetSource for Catalogue {
         }
         let model = self.model(asset)?.with_full_meshes();
         let looks = model.looks_hash();
-        // If two threads built it concurrently, both return the one that was inserted.
+        // If two threads built the same model concurrently, both return the one that was inserted first.
         Ok(known().entry(asset.clone()).or_insert((Arc::new(model), looks)).clone())
     }
 }
 
-/// Rejects parts that cannot be built.
+/// Returns an error for the first part that cannot be built.
 pub(crate) fn check_parts(file: &str, owner: &str, parts: &[Part]) -> Result<(), AssetError> {
     match parts.iter().enumerate().find_map(|(index, part)| Some((index, part.flaw()?))) {
         Some((index, flaw)) => {

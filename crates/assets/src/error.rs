@@ -10,7 +10,7 @@ pub enum AssetError {
     UnknownUid {
         /// The requested uid.
         got: String,
-        /// Similar uids and names, best first.
+        /// Similar objects as `uid (name)`, best first.
         near: Vec<String>,
     },
     /// No robot of the registry has this name.
@@ -23,7 +23,7 @@ pub enum AssetError {
         /// Names of all robots.
         known: Vec<String>,
     },
-    /// The world was made for a different version of its robot.
+    /// The world was made for a version of its robot with other physics or another number of joints.
     #[error(
         "world field {field}: expected {expected}, got {got}; the world was made for a different version of its robot"
     )]
@@ -32,7 +32,7 @@ pub enum AssetError {
         field: &'static str,
         /// Value stated in the world.
         expected: String,
-        /// Value of the robot.
+        /// Value that the current robot has.
         got: String,
     },
     /// The object has a card but no recipe yet.
@@ -59,13 +59,13 @@ pub enum AssetError {
         /// Value that this version produces.
         got: String,
     },
-    /// An object without a recipe of its own.
+    /// The object has no recipe of its own, so it cannot be frozen.
     #[error("{asset} cannot be frozen: it was imported, or is a variant of another object")]
     NoRecipe {
         /// Reference of the object that was to be frozen.
         asset: AssetRef,
     },
-    /// A frozen object with inconsistent contents.
+    /// A frozen object is inconsistent.
     #[error("the frozen object {asset}: {message}")]
     NotFrozen {
         /// Reference of the frozen object.
@@ -87,7 +87,7 @@ pub enum AssetError {
         /// Hash in the object's reference.
         hash: String,
     },
-    /// Grasps that were tried with different physics than this version produces.
+    /// The grasps were tried with different physics than this version produces.
     #[error(
         "the tried grasps of object {uid} are stale: expected physics hash {expected}, got {got}; regenerate them with \
          `genmanip grasps bake`"
@@ -100,7 +100,7 @@ pub enum AssetError {
         /// Current physics hash of the object.
         got: String,
     },
-    /// An invalid data file.
+    /// A data file is invalid.
     #[error("{file}: {message}")]
     Data {
         /// Name of the file.

@@ -32,7 +32,7 @@ pub struct Finish {
     /// Width of the painted area divided by its height, needed to make discs round.
     #[serde(default = "one")]
     pub aspect: f32,
-    /// Width and height of the texture, pixels.
+    /// Width and height of the texture (texels).
     #[serde(default = "default_pixels")]
     pub pixels: [u32; 2],
 }

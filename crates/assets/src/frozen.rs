@@ -13,11 +13,11 @@ use crate::parts::Part;
 use crate::recipe::Recipe;
 use crate::{AssetError, AssetSource, Catalogue};
 
-/// An object of a frozen suite.
+/// Frozen object of a suite.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrozenAsset {
-    /// Description for people and language models.
+    /// Card of the object: description for people and language models.
     pub card: ObjectCard,
     /// Reference by which scenarios name the object.
     pub asset: AssetRef,
@@ -37,11 +37,11 @@ pub struct FrozenAsset {
     pub states: Vec<JointState>,
     /// Recipe of the visuals, as in `data/catalog.json`, with all expressions evaluated.
     pub recipe: Value,
-    /// Seed of the recipe's randomness.
+    /// Seed of random textures in the recipe.
     pub recipe_seed: Seed,
 }
 
-/// A link of a frozen object; see [`ObjectLink`].
+/// Link of a frozen object; see [`ObjectLink`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrozenLink {
@@ -52,9 +52,9 @@ pub struct FrozenLink {
     pub joint: Option<Joint>,
     /// Convex collision pieces, in the link's frame.
     pub pieces: Vec<Piece>,
-    /// Convex regions in which something counts as in the object.
+    /// Convex regions, in the link's frame, in which an object counts as inside this one.
     pub cavity: Vec<Piece>,
-    /// Mass, centre of mass and inertia.
+    /// Mass, centre of mass and inertia of the link.
     pub mass: MassProperties,
 }
 
@@ -93,8 +93,8 @@ impl FrozenAsset {
         })
     }
 
-    /// The object: stored physics, cavities and states, with visuals built from the stored recipe, at full resolution
-    /// if the appearance hash asks for it.
+    /// Model of the object: stored physics, cavities and states, with visuals built from the stored recipe. Visuals
+    /// have full resolution if the appearance hash is that of full-resolution meshes.
     ///
     /// # Errors
     /// [`AssetError::NotFrozen`] if recipe and links do not match, or the hashes differ.
@@ -155,7 +155,7 @@ impl FrozenAsset {
     }
 }
 
-/// Collects the paths at which two values differ.
+/// Adds to `places` the paths at which two values differ; `place` is the path of the values.
 fn differ(a: &Value, b: &Value, place: String, places: &mut Vec<String>) {
     match (a, b) {
         (Value::Object(a), Value::Object(b)) if a.len() == b.len() && a.keys().all(|key| b.contains_key(key)) => {
@@ -164,7 +164,7 @@ fn differ(a: &Value, b: &Value, place: String, places: &mut Vec<String>) {
                 differ(value, &b[key], format!("{place}{dot}{key}"), places);
             }
         }
-        // Report a vector or quaternion as one path.
+        // A list of numbers, such as a vector or a quaternion, is reported as one path.
         (Value::Array(a), Value::Array(b)) if a.len() == b.len() && !a.iter().all(Value::is_number) => {
             for (index, (a, b)) in a.iter().zip(b).enumerate() {
                 differ(a, b, format!("{place}[{index}]"), places);

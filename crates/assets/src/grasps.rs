@@ -1,7 +1,7 @@
 //! Grasps that were tried in physics beforehand and ship as object data.
 //!
-//! A file records how it was made and, per object, the physics hash that the grasps were tried with; grasps of an
-//! object that has changed since are not used.
+//! A file records how the grasps were made and, per object, the physics hash that they were tried with. If the object
+//! has changed since, its grasps are not used.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -131,8 +131,8 @@ impl GraspLibrary {
 /// Grasps tried at run time, by the physics hashes of robot and object.
 static CACHE: Mutex<BTreeMap<(String, String), &'static [VerifiedGrasp]>> = Mutex::new(BTreeMap::new());
 
-/// Caches grasps tried at run time for every [`GraspLibrary`], for objects missing from its files; existing entries
-/// are kept. Leaks at most one list per object for the lifetime of the program.
+/// Caches grasps tried at run time, so that every [`GraspLibrary`] finds them for objects missing from its files.
+/// Existing entries are kept. At most one list per object is leaked for the lifetime of the process.
 pub fn cache_grasps(robot_hash: &str, physics_hash: &str, grasps: Vec<VerifiedGrasp>) {
     let mut known = CACHE.lock().unwrap_or_else(PoisonError::into_inner);
     known.entry((robot_hash.to_owned(), physics_hash.to_owned())).or_insert_with(|| grasps.leak());
@@ -213,7 +213,8 @@ impl GraspFile {
     }
 }
 
-/// Row format of a grasp: position (m), rotation vector (rad), width (m), score, successes, trials.
+/// Rows of numbers in which grasps are stored: position (m), rotation vector (rad), width (m), score, successes,
+/// trials.
 mod rows {
     use genmanip_core::glam::{DQuat, DVec3};
     use serde::de::Error;
@@ -235,7 +236,7 @@ mod rows {
     fn to_row(tried: &VerifiedGrasp) -> Row {
         let Grasp { pose, width, score } = &tried.grasp;
         let ([x, y, z], [rx, ry, rz]) = (pose.position.to_array(), pose.rotation.to_scaled_axis().to_array());
-        // Rounded to 0.01 mm; reading and writing again gives the same bytes.
+        // Numbers are rounded to five decimals (0.01 mm), so that reading and writing again gives the same bytes.
         let rounded = [x, y, z, rx, ry, rz, *width, *score].map(|value| (value * 1e5).round() / 1e5 + 0.0);
         let [x, y, z, rx, ry, rz, width, score] = rounded;
         [x, y, z, rx, ry, rz, width, score, f64::from(tried.held), f64::from(tried.trials)]

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use crate::solid::{Moments, Solid};
 
-/// Geometry of a link accumulated from its parts, in the object's frame.
+/// Geometry of a link, in the object's frame, to which parts are added.
 #[derive(Debug, Default)]
 pub struct LinkBuilder {
     /// Rendered surfaces with their materials.
@@ -31,7 +31,7 @@ impl LinkBuilder {
         }
     }
 
-    /// The finished link, with its mass spread uniformly over the volume of its solids.
+    /// Link with this geometry; its mass is spread uniformly over the volume of its solids.
     pub fn into_link(self, name: &str, mass_kg: f64, joint: Option<Joint>) -> ObjectLink {
         ObjectLink {
             name: name.to_owned(),

@@ -16,12 +16,12 @@ const OWN_LICENCE: &str = "CC0-1.0";
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Split {
-    /// Used for training.
+    /// The object is used for training.
     #[default]
     Train,
-    /// Held out for testing; other objects of its family are used for training.
+    /// The object is held out for testing; other objects of its family are used for training.
     UnseenInstance,
-    /// Held out for testing together with its whole family.
+    /// The object is held out for testing together with its whole family.
     UnseenFamily,
 }
 
@@ -77,9 +77,9 @@ pub struct GeometryMetadata {
     pub pieces: usize,
 }
 
-/// Metadata of a card's asset.
+/// Metadata of the asset that a card describes.
 ///
-/// Built-in objects use the metadata of the family of their category.
+/// Built-in objects have the metadata of the first family of their category.
 pub fn asset_metadata(card: &ObjectCard) -> AssetMetadata {
     let families = Families::builtin();
     let family = families.of(&card.asset).or_else(|| families.of_category(&card.category));

@@ -16,7 +16,7 @@ use crate::color::Color;
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Paint {
-    /// Soft irregular noise.
+    /// Soft irregular noise; `scale` is the number of features along u and v, `amount` the largest opacity.
     Noise { color: Color, scale: [f32; 2], amount: f32 },
     /// Wood grain along u (or along v with `upright`).
     Wood {
@@ -106,9 +106,9 @@ pub enum Paint {
         #[serde(default = "one")]
         repeat: f32,
     },
-    /// Randomly coloured squares on a grid.
+    /// Randomly coloured squares on a grid of `cells`; `gap` is the unpainted margin on each side of a cell, as a fraction of the cell.
     Squares { colors: Vec<Color>, cells: [u32; 2], gap: f32 },
-    /// Seam of a tennis ball, on a spherical surface.
+    /// Seam of a tennis ball, for a texture on a sphere.
     Seam { color: Color, width: f32 },
 }
 

@@ -13,7 +13,7 @@ const ROOT: &str = "body";
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
-    /// Family, e.g. `mug`.
+    /// Family of the object, e.g. `mug`.
     pub family: String,
     /// Sliding friction coefficient against a surface of the same kind.
     pub friction: f64,
@@ -27,7 +27,7 @@ pub struct Recipe {
     pub states: Vec<StateRecipe>,
 }
 
-/// A moving link: drawer, door, lid, lever, dial or button.
+/// Moving link: drawer, door, lid, lever, dial or button.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LinkRecipe {
@@ -39,7 +39,7 @@ pub struct LinkRecipe {
     pub joint: JointRecipe,
     /// Parts in the object's frame at joint position 0.
     ///
-    /// The part by which the gripper moves it is named `handle`.
+    /// The gripper moves the link by the part named `handle`.
     pub parts: Vec<Part>,
 }
 
@@ -68,7 +68,7 @@ pub struct JointRecipe {
     pub spring_reference: f64,
 }
 
-/// A named state of an articulated object.
+/// Named state of an articulated object.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StateRecipe {
@@ -104,7 +104,7 @@ impl Recipe {
         }
     }
 
-    /// Size of the root link's cavity, if it has exactly one.
+    /// Size of the root link's cavity; `None` unless it has exactly one.
     pub fn room(&self) -> Option<CavitySize> {
         let mut cavities = self.parts.iter().filter_map(Part::cavity);
         cavities.next().filter(|_| cavities.next().is_none()).and_then(|cavity| CavitySize::of_cavity(&cavity))

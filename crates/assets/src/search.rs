@@ -76,13 +76,13 @@ const SYNONYMS: [(&str, &str); 44] = [
 /// Conditions that every result meets; `None` for no condition.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Filter {
-    /// Required colour word.
+    /// Colour word that the card must have.
     pub color: Option<String>,
-    /// Required material.
+    /// Material that the card must have.
     pub material: Option<String>,
-    /// Required word of the category path.
+    /// Word that the category path must contain.
     pub category: Option<String>,
-    /// Required affordance.
+    /// Affordance that the object must have.
     pub affordance: Option<String>,
     /// True for containers only, false for others only.
     pub container: Option<bool>,
@@ -90,17 +90,17 @@ pub struct Filter {
     pub graspable: Option<bool>,
     /// True for articulated objects only, false for rigid ones only.
     pub articulated: Option<bool>,
-    /// Required split.
+    /// Train/test split of the object.
     pub split: Option<Split>,
     /// Maximum length of the longest side, m.
     pub max_size_m: Option<f64>,
     /// Minimum length of the longest side, m.
     pub min_size_m: Option<f64>,
-    /// Required licence.
+    /// Licence of the object.
     pub licence: Option<String>,
 }
 
-/// A search result.
+/// Object that a search found.
 #[derive(Clone, Debug, Serialize)]
 pub struct SearchResult<'a> {
     /// Card of the object.
@@ -167,8 +167,8 @@ impl Index {
         Self { entries, postings }
     }
 
-    /// Objects that match the most query words and pass the filter, best first; all that pass the filter if there are
-    /// no words.
+    /// Searches objects: those that match the most query words and pass the filter, best first, at most `limit`;
+    /// without words, all that pass the filter.
     ///
     /// "not", "no" and "without" exclude the next word, `-word` excludes a word, `key:value` filters.
     pub fn search(&self, query: &str, filter: &Filter, limit: usize) -> Vec<SearchResult<'_>> {

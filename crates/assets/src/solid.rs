@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use genmanip_core::{MassProperties, Piece, Pose, Shape};
 use glam::{DMat3, DQuat, DVec3};
 
-/// A convex collision piece with the moments of its volume.
+/// Convex collision piece with the moments of its volume.
 #[derive(Clone, Debug)]
 pub struct Solid {
     /// Collision piece, in the link's frame.
@@ -77,7 +77,7 @@ impl Solid {
 }
 
 impl Moments {
-    /// Moments of the interior of a closed surface with counter-clockwise triangles seen from outside.
+    /// Moments of the interior of a closed surface whose triangles are counter-clockwise seen from outside.
     pub fn of_surface(triangles: &[[DVec3; 3]]) -> Self {
         let origin = triangles.first().map_or(DVec3::ZERO, |triangle| triangle[0]);
         let (mut volume, mut first, mut second) = (0.0, DVec3::ZERO, DMat3::ZERO);

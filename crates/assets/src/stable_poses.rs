@@ -8,20 +8,20 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 /// Height above the lowest point up to which support points carry the object, m: more than rounding of data, less than
 /// the height of a foot.
 const TOUCHING_M: f64 = 0.0004;
-/// Minimum distance of the centre of mass from the edge of the support polygon, m; with less, a nudge topples the
-/// object.
+/// Minimum distance of the centre of mass from the edge of the support polygon, m; with less, a nudge would topple the
+/// object. Chosen by hand.
 const MARGIN_M: f64 = 0.003;
 /// Number of directions in which the support polygon is measured.
 const DIRECTIONS: usize = 32;
 
-/// A stable pose on a level surface.
+/// Stable pose on a level surface.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StablePose {
     /// Name of the pose, e.g. `upright`.
     pub name: &'static str,
     /// Pose with the lowest point at z = 0; the horizontal position is unchanged.
     pub world_from_object: Pose,
-    /// Smallest distance from the centre of mass to the edge of the support polygon, m.
+    /// Smallest distance of the centre of mass from the edge of the support polygon, m; negative outside.
     pub margin_m: f64,
 }
 
@@ -95,7 +95,7 @@ mod tests {
             let names: Vec<&str> = stable_poses(&model).iter().map(|pose| pose.name).collect();
             assert_eq!(names, expected, "{}", model.card.name);
         };
-        // A cube on every side; a can on its ends; a mug on its rim as well; a cabinet upright only.
+        // Expected poses: a cube on every side, a can on its ends, a mug also on its rim, a cabinet only upright.
         check(
             "046",
             &["upright", "upside down", "on its front", "on its back", "on its left side", "on its right side"],

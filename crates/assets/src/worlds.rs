@@ -6,10 +6,10 @@ use genmanip_core::{CameraMount, RobotModel, World, WorldFault, WorldFile, World
 
 use crate::{AssetError, robots};
 
-/// The default world as a commented TOML file, also used as a template.
+/// Default world as a commented TOML file, which is also used as a template.
 pub const DEFAULT_TEXT: &str = include_str!("../data/world.toml");
 
-/// The parsed [`DEFAULT_TEXT`]; the same `Arc` on every call.
+/// World parsed from [`DEFAULT_TEXT`]; the same `Arc` on every call.
 ///
 /// # Panics
 /// Never in a tested build: the text is compiled in.
@@ -36,8 +36,8 @@ pub fn read(text: &str) -> Result<(World, Arc<RobotModel>), Vec<WorldFault>> {
     Ok((world, robot))
 }
 
-/// The same world with another robot at its home position; a wrist camera at the old robot's default pose moves to the
-/// new robot's default pose.
+/// Same world with another robot at its home position; a wrist camera at the old robot's default pose moves to the new
+/// robot's default pose.
 ///
 /// # Errors
 /// [`AssetError::UnknownRobot`] with near misses.

@@ -15,7 +15,7 @@ const NEAREST_M: f32 = 1e-4;
 /// Relative enlargement of triangles in intersection tests, which closes gaps between slivers.
 const OVERLAP: f32 = 1e-4;
 
-/// Triangles and their hierarchy of bounding boxes.
+/// Triangles with their hierarchy of bounding boxes.
 #[derive(Debug, Default)]
 pub(crate) struct Bvh {
     nodes: Vec<Node>,
@@ -96,7 +96,7 @@ impl Bounds {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// Half the surface area; 0 for an empty box.
+    /// Half the surface area of the box (m²); 0 for an empty box.
     fn area(&self) -> f32 {
         let size = (self.high - self.low).max(Vec3A::ZERO);
         size.x * size.y + size.y * size.z + size.z * size.x

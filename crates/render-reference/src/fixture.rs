@@ -38,7 +38,7 @@ pub fn ball(radius: f32, rings: u32) -> TriMesh {
     mesh
 }
 
-/// A box with these half extents (m), one normal per face and no texture coordinates.
+/// Box with these half extents (m), one normal per face and no texture coordinates.
 pub fn block(half: Vec3) -> TriMesh {
     let mut mesh = TriMesh::default();
     for axis in 0..3 {

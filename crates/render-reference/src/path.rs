@@ -175,7 +175,7 @@ impl Body<'_> {
         let flat = if is_outside { flat } else { -flat };
         let smooth = (turn * Vec3A::from_vec4(mixed)).normalize_or(flat);
         let smooth = if smooth.dot(flat) < 0.0 { -smooth } else { smooth };
-        // At silhouettes an interpolated normal may face away from the viewer.
+        // At silhouettes, the interpolated normal may face away from the viewer; then the geometric one is used.
         let smooth = if smooth.dot(direction) < -1e-3 { smooth } else { flat };
         let v = face.v.dot(Vec4::from((glam::Vec3::from(local), 1.0)));
         let base = material.texture.as_ref().map_or(Vec3A::ONE, |texture| texture.at(Vec2::new(mixed.w, v)));

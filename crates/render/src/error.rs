@@ -44,7 +44,7 @@ pub enum RenderError {
     /// A pose or projection that is not finite.
     #[error("{what} is not finite")]
     NotFinite {
-        /// The value that is not finite.
+        /// Name of the value that is not finite.
         what: String,
     },
     /// A camera without pixels, with a non-positive focal length, or with too large an image.
@@ -52,7 +52,7 @@ pub enum RenderError {
     BadCamera {
         /// Name of the camera.
         camera: String,
-        /// The problem, with expected and actual values.
+        /// Description of the problem, with expected and actual values.
         problem: String,
     },
     /// The number of buffers differs from the number of jobs.

@@ -59,13 +59,13 @@ pub struct Channels {
 }
 
 impl Channels {
-    /// All channels but the part numbers.
+    /// All channels except the part numbers.
     pub const ALL: Self = Self { rgb: true, depth: true, instance: true, normal: true, parts: false };
     /// Colour only.
     pub const RGB: Self = Self { rgb: true, depth: false, instance: false, normal: false, parts: false };
     /// Colour and depth.
     pub const RGBD: Self = Self { rgb: true, depth: true, instance: false, normal: false, parts: false };
-    /// Depth and instance ids: no shading, several times cheaper.
+    /// Depth and instance ids, which need no shading and are several times cheaper than colour.
     pub const GEOMETRY: Self = Self { rgb: false, depth: true, instance: true, normal: false, parts: false };
 }
 
@@ -83,7 +83,7 @@ pub struct FrameBuffers {
     /// Distance along the optical axis at the pixel's centre (m), 0 for the background; transparent objects count as
     /// solid.
     pub depth_m: Vec<f32>,
-    /// [`NOTHING`], [`TABLE`], [`ROBOT`] or [`FIRST_OBJECT`]` + i` at the pixel's centre.
+    /// Instance id at the pixel's centre: [`NOTHING`], [`TABLE`], [`ROBOT`] or [`FIRST_OBJECT`]` + i`.
     pub instance: Vec<u16>,
     /// Unit normal towards the camera in its optical frame, times 127, at the pixel's centre; zero for the background.
     pub normal: Vec<[i8; 3]>,

@@ -5,10 +5,11 @@
 
 use std::ops::{Deref, DerefMut};
 
-/// Points per batch: several of the widest registers, while all components of a batch fit the first-level cache.
+/// Number of points per batch: several of the widest registers, while all components of a batch fit the first-level
+/// cache.
 pub(crate) const CHUNK: usize = 64;
 
-/// SIMD lanes of the widest registers.
+/// Number of 32-bit lanes in the widest registers.
 pub(crate) const REGISTER: usize = 16;
 
 /// Number of points rounded up to a multiple of the register width.
@@ -17,7 +18,7 @@ pub(crate) fn whole_registers(count: usize) -> usize {
     count.next_multiple_of(REGISTER).min(CHUNK)
 }
 
-/// One component of a batch of points.
+/// Component of a batch of points: one value per point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Column<T>([T; CHUNK]);
 
@@ -65,7 +66,7 @@ pub(crate) fn turned(columns: &[[f32; 3]; 3], axis: usize, vector: [f32; 3]) -> 
     dot([columns[0][axis], columns[1][axis], columns[2][axis]], vector)
 }
 
-/// Polynomial from its coefficients, highest power first (Horner's scheme).
+/// Value of a polynomial given by its coefficients, highest power first (Horner's scheme).
 #[inline(always)]
 pub(crate) fn polynomial<const N: usize>(coefficients: [f32; N], x: f32) -> f32 {
     let mut sum = coefficients[0];
@@ -89,14 +90,14 @@ pub(crate) fn nearest_integer(value: f32) -> u32 {
     (value + SHIFT).to_bits().wrapping_sub(SHIFT.to_bits())
 }
 
-/// Clamp without the NaN handling of `f32::min` and `max`: one instruction per side.
+/// Value clamped to a range, without the NaN handling of `f32::min` and `max`: one instruction per side.
 #[inline(always)]
 pub(crate) fn within(value: f32, low: f32, high: f32) -> f32 {
     let value = if value > low { value } else { low };
     if value < high { value } else { high }
 }
 
-/// Smooth step of a parameter clamped to 0-1.
+/// Smooth step (3t² - 2t³) of a parameter clamped to 0-1.
 #[inline(always)]
 pub(crate) fn smooth_step(share: f32) -> f32 {
     let t = within(share, 0.0, 1.0);

@@ -1,4 +1,4 @@
-//! Errors as shown to the user, and exit codes.
+//! Errors as they are shown to the user, and exit codes.
 
 use std::error::Error;
 use std::fmt;
@@ -9,11 +9,11 @@ use genmanip_workspace::{WorkspaceError, hint};
 /// Exit codes of the programs; scripts may rely on them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExitStatus {
-    /// 0: done.
+    /// Exit code 0: success.
     Done,
-    /// 1: the request could not be met.
+    /// Exit code 1: the request could not be met.
     NotMet,
-    /// 2: the command line was not understood.
+    /// Exit code 2: the command line was invalid.
     NotUnderstood,
 }
 
@@ -114,8 +114,8 @@ impl fmt::Display for Failed {
 /// Maximum word length in a message, characters: longer than paths, shorter than names that a file may contain.
 const MAX_WORD_CHARS: usize = 400;
 
-/// A message that may repeat a file's contents: long words are cut, and control and bidirectional characters are
-/// escaped.
+/// Text that may repeat a file's contents, made safe for a terminal: long words are cut, and control and bidirectional
+/// characters are escaped.
 fn readable(text: &str) -> String {
     let mut plain = String::with_capacity(text.len().min(4096));
     let mut length = 0;

@@ -78,7 +78,7 @@ pub fn number(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A variant by its name; the names are listed in the help.
+/// Parser of an enum variant by its name; the help lists the names.
 pub fn variant<T: Copy + Send + Sync + 'static, const N: usize>(
     all: [T; N],
     name: fn(T) -> &'static str,

@@ -1,4 +1,4 @@
-//! Ctrl-C: finish work in progress and keep finished work.
+//! Ctrl-C: work in progress is finished, and finished work is kept.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

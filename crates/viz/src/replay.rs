@@ -1,4 +1,4 @@
-//! Replaying recorded episodes: do their commands lead to the identical final state?
+//! Replay of recorded episodes: checks whether the recorded commands lead to the identical final state.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -214,7 +214,7 @@ pub fn table(rows: &[Replayed], each: bool) -> String {
     format!("{}\n{}each with --each\n", text_table(&kinds), attention(&HEAD, &unsound))
 }
 
-/// The recorded episodes at a path, each with its stage: an episode's folder, a store, or a run.
+/// Reads the recorded episodes at a path (an episode's folder, a store, or a run), each with its stage.
 ///
 /// # Errors
 /// As [`check`].

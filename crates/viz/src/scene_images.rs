@@ -97,7 +97,7 @@ fn jpeg(episode: &str, width: u32, height: u32, rgb: &[u8]) -> Result<Vec<u8>, W
         .map_err(|error| WorkspaceError::broken(format!("cannot encode a picture of {episode}"), error))
 }
 
-/// Contents of the top view of a layout.
+/// Top view of a layout, to be drawn.
 ///
 /// # Errors
 /// When an object is not in the catalogue.

@@ -21,7 +21,7 @@ const JPEG_QUALITY: u8 = 88;
 /// Preview image that was written.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Preview {
-    /// Cameras in the image, row by row.
+    /// Names of the cameras in the image, row by row.
     pub cameras: Vec<String>,
     /// Path of the image file.
     pub file: PathBuf,

@@ -45,15 +45,15 @@ pub type ErrorRates = BTreeMap<QuestionKind, f64>;
 pub struct ErrorInjection {
     /// Error rate per question kind, 0-1; 0 if absent.
     pub rates: ErrorRates,
-    /// Failure class to inject once per episode, at the first question that allows it.
+    /// Failure class to inject once per episode, at the first question that allows it; `None` to use `rates` instead.
     pub once: Option<FailureClass>,
 }
 
-/// The oracle of one episode.
+/// Oracle of one episode.
 pub struct Oracle {
     truth: GroundTruth,
     planner: Arc<Planner>,
-    /// Precomputed grasps with trial results, per object.
+    /// Precomputed grasps with trial results, by object index.
     grasps: Vec<Vec<VerifiedGrasp>>,
     dials: ErrorInjection,
     /// Move that each sub-task text of this oracle describes.
@@ -61,7 +61,7 @@ pub struct Oracle {
 }
 
 impl Oracle {
-    /// Oracle of one episode; `grasps` are precomputed grasps with trial results, per object.
+    /// Oracle of one episode; `grasps` are precomputed grasps with trial results, by object index.
     pub fn new(
         truth: GroundTruth,
         planner: &Arc<Planner>,
@@ -83,10 +83,11 @@ impl Oracle {
         }
     }
 
-    /// Error class to inject into this answer: once per episode, or sampled by episode seed and number of the ask.
+    /// Failure class of the error to inject into this answer: once per episode, or sampled by episode seed and question
+    /// number; `None` for a correct answer.
     fn flaw(&self, question: &Question) -> Option<FailureClass> {
         if let Some(class) = self.dials.once {
-            // Wrong grasps are injected by the grasp source.
+            // The grasp source injects wrong grasps.
             if class == FailureClass::GraspProposal {
                 return None;
             }
@@ -119,13 +120,14 @@ impl Oracle {
         self.subtasks.lock().unwrap_or_else(PoisonError::into_inner).get(subtask).cloned()
     }
 
-    /// Shortest non-empty plan of unfinished moves among the alternatives.
+    /// Shortest non-empty plan of unfinished moves among the goal alternatives; empty if every move is finished.
     fn plan(&self, scene: &PosedScene) -> Vec<Move> {
         let plans = self.truth.undone(scene);
         plans.into_iter().filter(|plan| !plan.is_empty()).min_by_key(Vec::len).unwrap_or_default()
     }
 
-    /// Sub-task texts of a plan; they are stored, so that later questions map back to the moves.
+    /// JSON answer with the sub-task texts of a plan; the texts are stored, so that later questions can be mapped to
+    /// the moves.
     fn worded(&self, plan: Vec<Move>) -> serde_json::Value {
         let mut known = self.subtasks.lock().unwrap_or_else(PoisonError::into_inner);
         let mut subtasks = Vec::new();
@@ -173,7 +175,7 @@ impl Oracle {
         self.named(number, step.object)
     }
 
-    /// Answer with a mask number, and the name and colour of an object.
+    /// JSON answer with a mask number, and the name and colour of an object.
     fn named(&self, mask: usize, object: usize) -> serde_json::Value {
         let card = &self.truth.stage().models[object].card;
         let color = card.colors.first().cloned().unwrap_or_default();
@@ -244,7 +246,7 @@ impl Oracle {
         self.cell_for(question, &self.truth.about(&step, object), &rooms)
     }
 
-    /// Object whose ground-truth mask has the highest IoU with `moved`.
+    /// Index of the object whose ground-truth mask has the highest IoU with `moved`; `None` if no object is visible.
     fn taken(&self, question: &Question, moved: &Mask) -> Option<usize> {
         let known = self.truth.masks(&question.view).unwrap_or_default();
         known.iter().max_by(|a, b| a.1.iou(moved).total_cmp(&b.1.iou(moved))).map(|(object, _)| *object)

@@ -1,4 +1,4 @@
-//! Expressions in family data: numbers, strings, colours, lists and records.
+//! Expressions in family data, whose values are numbers, strings, colours, lists and records.
 //!
 //! ```text
 //! h * 0.9    wide ? 0.08 : 0.06    color.hex    mix(a, '#ffffff', 0.3)    cm(h)
@@ -27,7 +27,7 @@ pub trait Scope {
 /// Evaluates an expression.
 ///
 /// # Errors
-/// Describes what was expected and quotes the remaining text.
+/// A message with what was expected and the remaining text.
 pub fn evaluate(text: &str, scope: &dyn Scope) -> Result<Value, String> {
     let mut parser = Parser { text, rest: text, scope };
     let value = parser.ternary().and_then(|value| match parser.peek() {

@@ -51,7 +51,7 @@ pub struct Family {
     /// EXPRESSION}` (a colour of these palettes other than this word), `{"whole": [low, high]}` (an integer), or
     /// `=expressions`.
     vars: BTreeMap<String, Value>,
-    /// Templates of the description.
+    /// Templates of the objects' descriptions.
     card: CardTemplate,
     /// Templates of the recipe's parts.
     parts: Vec<Value>,
@@ -72,7 +72,7 @@ struct Earlier {
     vars: BTreeMap<String, Value>,
 }
 
-/// Templates of an object's description.
+/// Templates of an object's description, with expressions.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CardTemplate {

@@ -1,6 +1,6 @@
 //! Families: data-driven parametric generators of objects.
 //!
-//! `data/families/*.json` has one record per family: parameters with their ranges, and templates of parts and
+//! Files `data/families/*.json` have one record per family: parameters with their ranges, and templates of parts and
 //! description.
 //! [`Families::instance`] turns a family and a seed into an object with annotations; the same seed gives the same
 //! object, and fixing a parameter does not change the others.
@@ -21,7 +21,7 @@ use template::Library;
 
 use crate::AssetError;
 
-/// Family files, one per general category.
+/// Names and texts of the family files, one per general category.
 const FILES: [(&str, &str); 10] = [
     ("tableware", include_str!("../../data/families/tableware.json")),
     ("kitchen", include_str!("../../data/families/kitchen.json")),
@@ -48,7 +48,7 @@ fn refused(family: &str, reason: String) -> AssetError {
 }
 
 impl Families {
-    /// The families that ship with the program.
+    /// Families that ship with the program.
     ///
     /// # Panics
     /// Never in a tested build: the data files are compiled in.
@@ -61,7 +61,7 @@ impl Families {
         })
     }
 
-    /// Families from named JSON texts, with shared shapes and palettes.
+    /// Parses families from JSON texts given as (name, text), with shared shapes and palettes.
     ///
     /// # Errors
     /// [`AssetError::Data`] with the position of the error.
@@ -81,7 +81,7 @@ impl Families {
         Ok(Self { families, palettes, library })
     }
 
-    /// All families by name.
+    /// All families in the order of their names.
     pub fn all(&self) -> impl Iterator<Item = &Family> {
         self.families.values()
     }
@@ -128,7 +128,7 @@ impl Families {
         known.instance(params, seed, &self.palettes, &self.library).map_err(|reason| refused(family, reason))
     }
 
-    /// The recipe of an object with all expressions evaluated, and the seed of its remaining randomness.
+    /// Recipe of an object with all expressions evaluated, and the seed of its remaining randomness.
     ///
     /// # Errors
     /// As [`Families::instance_of`].

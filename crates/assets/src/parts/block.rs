@@ -11,7 +11,7 @@ use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 use crate::surface::{Detail, rounded_rectangle};
 
-/// A box with sharp or rounded edges, standing on the centre of its base: carton, book, cube, loaf.
+/// Box with sharp or rounded edges, standing on the centre of its base: carton, book, cube, loaf.
 ///
 /// Collision: an exact box for rounding up to 4 mm, otherwise a hull of bevelled rings.
 #[derive(Clone, Debug, Deserialize)]
@@ -20,9 +20,9 @@ pub struct Block {
     /// Name of the visual part.
     #[serde(default = "body")]
     pub name: String,
-    /// Extent along each axis, m.
+    /// Extent along the x, y and z axes, m.
     pub size: DVec3,
-    /// Centre of the base, m.
+    /// Centre of the base in the object's frame, m.
     #[serde(default)]
     pub at: DVec3,
     /// Rotation about the centre of the base: roll, pitch and yaw about the fixed x, y and z axes, degrees.
@@ -42,26 +42,26 @@ pub struct Block {
     pub ghost: bool,
     /// Finish of all sides that `faces` does not list.
     pub finish: Finish,
-    /// Finish of single sides: front (-x), far (+x), left (+y), right (-y), top, bottom.
+    /// Finish of single sides instead of `finish`.
     #[serde(default)]
     pub faces: BTreeMap<Face, Finish>,
 }
 
-/// A side of a block.
+/// Side of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Face {
-    /// -x, towards the robot.
+    /// Side at -x, towards the robot.
     Front,
-    /// +x.
+    /// Side at +x, away from the robot.
     Far,
-    /// +y.
+    /// Side at +y, the robot's left.
     Left,
-    /// -y.
+    /// Side at -y, the robot's right.
     Right,
-    /// +z.
+    /// Side at +z.
     Top,
-    /// -z.
+    /// Side at -z.
     Bottom,
 }
 
@@ -153,7 +153,8 @@ fn face_mesh(face: Face, half: DVec3, round: f64, steps: usize, object_from_bloc
             return vec![-extent, extent];
         }
         let core = extent - round;
-        // Equal angles over an eighth of a circle, projected from the centre of the rounding.
+        // Points at equal angles on an eighth of a circle, projected from the centre of the rounding onto the plane of
+        // the side.
         let bend = |i: usize| core + round * (FRAC_PI_4 * i as f64 / steps as f64).tan();
         let mut knots: Vec<f64> = (0..=steps).rev().map(|i| -bend(i)).collect();
         knots.extend((0..=steps).map(bend));

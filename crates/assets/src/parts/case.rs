@@ -15,9 +15,9 @@ use crate::solid::Solid;
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Case {
-    /// Outer extent, m.
+    /// Outer extent along x, y and z, m.
     pub size: DVec3,
-    /// Centre of the base, m.
+    /// Centre of the base in the object's frame, m.
     #[serde(default)]
     pub at: DVec3,
     /// Thickness of the left (+y), right (-y), bottom, top and back (+x) walls, m.

@@ -7,14 +7,14 @@ use crate::link_builder::LinkBuilder;
 use crate::solid::{Moments, Solid};
 use crate::surface::smooth;
 
-/// A triangle mesh, as imports write it: rendered, colliding as its convex hull, or both.
+/// Triangle mesh, as written by imports: rendered, colliding as its convex hull, or both.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mesh {
     /// Name of the visual part.
     #[serde(default = "body")]
     pub name: String,
-    /// Vertices, m.
+    /// Vertex positions in the object's frame, m.
     pub positions: Vec<DVec3>,
     /// Triangles as three vertex indices each, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,

@@ -14,7 +14,7 @@ use crate::surface::{from_rings, rounded_rectangle};
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OpenBox {
-    /// Outer extent, m.
+    /// Outer extent along x, y and z, m.
     pub size: DVec3,
     /// Centre of the underside in the link's frame, m.
     #[serde(default)]
@@ -28,7 +28,7 @@ pub struct OpenBox {
     pub corner: f64,
     /// Finish of the walls' outside; u covers the circumference once.
     pub outside: Finish,
-    /// Finish of the walls' inside and, without its paint, of the rim.
+    /// Finish of the walls' inside; the rim has its material without its paint.
     pub inside: Finish,
     /// Finish of the floor and of the underside.
     pub bottom: Finish,

@@ -13,7 +13,7 @@ use crate::surface::{from_rings, smooth_curve};
 /// Horizontal ring around +z: doughnut, tape roll.
 ///
 /// Collision: consecutive convex sectors of the cross-section. Four of them, a quarter turn apart, support the ring;
-/// the others are lower and higher by `CLEARANCE`, so that they touch neither what is below nor what is above.
+/// the others end `CLEARANCE` above its bottom and below its top, so that they touch nothing.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ring {

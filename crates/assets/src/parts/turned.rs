@@ -31,24 +31,24 @@ pub struct Turned {
     /// Factors on the cross-section along its x and y axes.
     #[serde(default = "unstretched")]
     pub stretch: DVec2,
-    /// Placement of the axis.
+    /// Axis of revolution in the object's frame.
     #[serde(default)]
     pub axis: Axis,
-    /// Collision geometry.
+    /// Collision geometry, which may be simpler than the visual.
     #[serde(default)]
     pub solid: TurnedSolid,
     /// Colour and material of the surface.
     pub finish: Finish,
 }
 
-/// Placement of a turned part's axis.
+/// Axis of revolution of a turned part.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Axis {
     /// Along +z through the origin.
     #[default]
     Upright,
-    /// Along +x, each cross-section touching the table, with a facet to rest on.
+    /// Along +x; each cross-section touches the table with a facet to rest on.
     Lying,
     /// Along +x at this height (m), with a facet to rest on.
     Level(f64),
@@ -108,7 +108,7 @@ impl Turned {
                 return self.cylinder(radius, low, high);
             }
             let profile: Vec<DVec2> = points.iter().map(|&point| DVec2::from_array(point)).collect();
-            // Lying bodies rest on a facet, so the polygon circumscribes the circle.
+            // Lying bodies rest on a facet, so the collision polygon is circumscribed about the circle.
             let grow = if self.rests_on_side() { 1.0 / (std::f64::consts::PI / sides as f64).cos() } else { 1.0 };
             let rings = self.rings_scaled(&profile, sides, self.phase(sides), grow);
             Solid::loft(&rings)

@@ -11,7 +11,7 @@ use serde::Deserialize;
 
 use crate::parts::{Part, assemble};
 
-/// A serial arm without a gripper: a file of `arms/`.
+/// Serial arm without a gripper: a file of `arms/`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ArmData {
@@ -28,7 +28,7 @@ pub(super) struct ArmData {
     pub drives: ArmDrives,
     /// Links, parents before children; the first link is the base.
     pub links: Vec<LinkData>,
-    /// Pairs of links that cannot meet; neighbours need not be listed.
+    /// Pairs of links that cannot collide; neighbours need not be listed.
     #[serde(default)]
     pub never_colliding: Vec<[String; 2]>,
 }
@@ -49,7 +49,7 @@ pub(super) struct ArmDrives {
     pub hull_friction: f64,
 }
 
-/// A parallel gripper: a file of `grippers/`.
+/// Parallel gripper: a file of `grippers/`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct GripperData {
@@ -57,7 +57,7 @@ pub(super) struct GripperData {
     pub name: String,
     /// Sources of the file's numbers (data sheets, papers), by topic.
     pub sources: BTreeMap<String, String>,
-    /// Distance of the tool centre point from the origin of the first link, along +z, m.
+    /// Distance of the tool centre point (TCP) from the origin of the first link, along +z, m.
     pub hand_from_tcp_z: f64,
     /// Names of the finger links; the first opens along +y of the hand, the second along -y.
     pub fingers: [String; 2],
@@ -65,7 +65,7 @@ pub(super) struct GripperData {
     pub max_width: f64,
     /// Largest grip force according to the manufacturer, N.
     pub max_force: f64,
-    /// Pad size: along the closing direction, across, along the finger, m.
+    /// Size of a finger pad along the closing direction, across the finger, and along the finger, m.
     pub pad_size: DVec3,
     #[serde(default)]
     pub wrist_camera: Option<WristCameraData>,
@@ -86,7 +86,7 @@ pub(super) struct GripperDrives {
     pub kp: f64,
     /// Distance by which the drive's target for a commanded width of 0 lies beyond fully closed, m.
     pub overclose_m: f64,
-    /// Inertia of the drive at one finger, kg.
+    /// Inertia of the drive as seen at one finger, kg.
     pub armature: f64,
     /// Viscous friction of a finger, N·s/m.
     pub damping: f64,
@@ -94,7 +94,7 @@ pub(super) struct GripperDrives {
     pub pad_friction: [f64; 3],
 }
 
-/// A gripper on an arm: a file of `robots/`.
+/// Robot that consists of a gripper on an arm: a file of `robots/`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RobotData {
@@ -121,7 +121,7 @@ pub(super) struct RobotData {
     /// Limits tighter than the arm's, by joint name.
     #[serde(default)]
     pub limits: BTreeMap<String, LimitsData>,
-    /// Pairs of links that cannot meet; `gripper` means every link of the gripper.
+    /// Pairs of links that cannot collide; the name `gripper` stands for every link of the gripper.
     #[serde(default)]
     pub never_colliding: Vec<[String; 2]>,
 }
@@ -143,7 +143,7 @@ pub(super) struct GainsData {
     pub kv: Option<Vec<f64>>,
 }
 
-/// Limits of one joint of a robot; absent ones are the arm's.
+/// Limits of one joint of a robot, in units of the joint; the arm's limit where one is absent.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LimitsData {

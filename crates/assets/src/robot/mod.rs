@@ -16,11 +16,11 @@ const GRIPPER: &str = "gripper";
 /// Kinds of robot files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PartKind {
-    /// A gripper mounted on an arm.
+    /// Gripper mounted on an arm.
     Robot,
-    /// A serial arm.
+    /// Serial arm without a gripper.
     Arm,
-    /// A parallel gripper.
+    /// Parallel gripper without an arm.
     Gripper,
 }
 
@@ -71,7 +71,7 @@ pub fn compose(file: &str, text: &str, find: &PartFinder) -> Result<RobotModel, 
     Ok(model)
 }
 
-/// Overrides home, reach, gains and limits of the arm with those of the robot.
+/// Replaces home, reach, gains and limits of the arm by those that the robot states.
 fn override_arm(arm: &mut ArmData, robot: &RobotData) -> Result<(), String> {
     for (name, changes) in &robot.limits {
         let joints: Vec<String> = arm.links.iter().filter_map(|link| Some(link.joint.as_ref()?.name.clone())).collect();
@@ -117,7 +117,7 @@ fn tighten(name: &str, changes: &LimitsData, joint: &mut data::JointData) -> Res
     Ok(())
 }
 
-/// Assembles the model from checked parts.
+/// Assembles the model of a robot from checked data.
 fn assemble(robot: &RobotData, arm: &ArmData, gripper: &GripperData) -> RobotModel {
     let names: Vec<&str> = arm.links.iter().chain(&gripper.links).map(|link| link.name.as_str()).collect();
     let index_of = |name: &str| names.iter().position(|other| *other == name);

@@ -26,12 +26,12 @@ impl Proxy {
         self.shape.middle()
     }
 
-    /// Share of the sky visible from the bottom of its cavity.
+    /// Share of the sky visible from the bottom of the body's cavity.
     pub fn cavity_opening(&self) -> f32 {
         open_share(self.volume, Vec3A::from_array(self.axes[2]).length_recip())
     }
 
-    /// Key light entering its cavity, relative to a surface that faces the light.
+    /// Key light entering the body's cavity, relative to a surface that faces the light.
     pub fn cavity_light(&self) -> f32 {
         self.entering * CAVITY_KEY
     }
@@ -50,8 +50,8 @@ pub(super) fn entering(own: &Proxy, others: &[Proxy]) -> f32 {
     unoccluded_lamp(others, own.body, place.to_array()) * ((share - COVERED) / (HALF_OPEN - COVERED)).clamp(0.0, 1.0)
 }
 
-/// Share of the sky visible from the bottom centre of a round cavity, from the product of its half axes and the half
-/// axis along its height.
+/// Share of the sky visible from the bottom centre of a round cavity; `volume` is the product of its half axes (m³),
+/// `half` its half axis along the height (m).
 #[inline(always)]
 fn open_share(volume: f32, half: f32) -> f32 {
     let section = volume / half;

@@ -30,8 +30,8 @@ const STRENGTH: f32 = 1.7;
 /// Share of the ambient light from the side of the key light, from the direction `to_light + LAMP_UP * z`. Fitted.
 const LAMP: f32 = 0.32;
 const LAMP_UP: f32 = 1.065;
-/// Light that a white body reflects per form factor: as a multiple of the ambient irradiance, and of the key light on
-/// its bright side. Fitted.
+/// Light that a white body reflects per form factor, as a multiple of the ambient irradiance (`AMBIENT_BACK`), and of
+/// the key light on its bright side (`KEY_BACK`). Fitted.
 const AMBIENT_BACK: f32 = 0.616;
 const KEY_BACK: f32 = 1.8;
 /// Key-light bounce as a share of `KEY_BACK`: `(KEY_BESIDE - KEY_SIDE * cos φ) * (1 - KEY_SHADED * form factor)`, with
@@ -40,7 +40,7 @@ const KEY_BESIDE: f32 = 0.625;
 const KEY_SIDE: f32 = 0.45;
 const KEY_SHADED: f32 = 0.156;
 /// Height above the surface at which a body starts to count less for a fixed camera, and range over which it fades out
-/// (m). Chosen: carried objects have no effect, standing ones do.
+/// (m). Chosen by hand: carried objects have no effect, standing ones do.
 const STANDING_M: f32 = 0.01;
 const FADING_M: f32 = 0.03;
 /// Weight of a body above that range for a wrist camera. Fitted.
@@ -61,7 +61,7 @@ pub(crate) struct IrradianceGrids {
 pub(crate) struct IrradianceGrid {
     surface: u16,
     height: f32,
-    /// First grid point in the world (m).
+    /// World position of the first grid point (x, y; m).
     first: Vec2,
     step: f32,
     /// Grid points per row, a multiple of [`RUN`].
@@ -217,7 +217,8 @@ impl IrradianceGrid {
         [within(at.x, 0.0, self.last.x), within(at.y, 0.0, self.last.y)]
     }
 
-    /// Position (m) on the support surface seen at a pixel; `None` towards the horizon.
+    /// Position (x, y; m) on the support surface that a pixel shows; `None` if the view ray misses the surface or meets
+    /// it beyond [`LONGEST_M`].
     fn seen_at(&self, camera: &CameraView, pixel: Vec2) -> Option<Vec2> {
         let ray = camera.point_at(pixel, 1.0) - camera.viewpoint;
         let distance = (self.height - camera.viewpoint.z) / ray.z;
@@ -289,7 +290,7 @@ fn add_body(
         let left = cover.mul_add(-strength, 1.0);
         share[i] *= if left > 0.0 { left } else { 0.0 };
     }
-    // Separate loop: the compiler does not vectorise a longer one.
+    // A separate loop, since the compiler does not vectorise a longer one.
     for i in 0..RUN {
         let toward = [center[0] - (x + i as i32 as f32 * step), center[1] - y, center[2] - z];
         share[i] *= 1.0 - LAMP * body.weight * penumbra(&body.proxy, toward, body.lamp);

@@ -53,7 +53,7 @@ impl Proxies {
             let (robot, others) = (self.robot(assets.robot_bodies()), if self.count { &*self.bodies } else { &[] });
             let is_free = self.count && own.body >= assets.robot_bodies();
             let (entering, held) = (entering(own, others), if is_free { held(own, robot) } else { 0.0 });
-            // Arm and held object count as fully lit: shadows between their coarse ellipsoids would be wrong.
+            // Arm and held object count as fully lit, since shadows between their coarse ellipsoids would be wrong.
             let is_arm = own.body < assets.robot_bodies() || held > 0.0;
             let lit = if is_arm { 1.0 } else { self.lit(own.body, own.center()) };
             let lit = 1.0 - SHADED * (1.0 - lit);
@@ -131,14 +131,14 @@ impl Proxies {
     }
 }
 
-/// Degree to which a body counts as held, 0-1: from the share of the sky above its centre that the robot's proxies
-/// cover, [`BESIDE`] to [`BETWEEN`].
+/// Degree to which a body counts as held, 0-1: it grows from 0 to 1 as the share of the sky above the body's centre
+/// that the robot occludes goes from [`BESIDE`] to [`BETWEEN`].
 fn held(own: &Proxy, robot: &[Proxy]) -> f32 {
     let above = 1.0 - unoccluded_sky(robot, own.body, own.center, [0.0, 0.0, 1.0]);
     ((above - BESIDE) / (BETWEEN - BESIDE)).clamp(0.0, 1.0)
 }
 
-/// Area-weighted mean linear colours of the bodies' opaque parts.
+/// Area-weighted mean linear colour of each body's opaque parts, by body index.
 pub(crate) fn colors_of(assets: &RenderAssets, surfaces: &[Material]) -> Vec<Vec3A> {
     let mut sums = vec![(Vec3A::ZERO, 1e-12); assets.body_count()];
     for (part, surface) in assets.parts.iter().zip(surfaces) {

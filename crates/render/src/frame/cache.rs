@@ -23,7 +23,7 @@ const STRIP_PIXELS: usize = 8_192;
 /// Samples per pixel along each axis.
 const SCALE: usize = 2;
 
-/// The last frame of a camera, with all intermediate buffers.
+/// Last frame of a camera with all intermediate buffers, so that the next frame can reuse them.
 #[derive(Debug, Default)]
 pub(crate) struct FrameCache {
     view: View,
@@ -58,7 +58,7 @@ struct DirtyTiles {
     estimated: Vec<bool>,
     /// Tiles whose surfaces, raw shadow mask or AO differ from the last frame.
     changed: Vec<bool>,
-    /// Bilateral filters of shadow mask and ambient occlusion.
+    /// Bilateral filtering of shadow mask and ambient occlusion.
     blurred: Vec<bool>,
     /// AO upsampling and shading.
     shaded: Vec<bool>,

@@ -28,7 +28,7 @@ pub enum EncodeError {
     Jpeg(#[from] jpeg_encoder::EncodingError),
 }
 
-/// 8-bit sRGB image as PNG.
+/// Encodes an 8-bit sRGB image as PNG.
 ///
 /// # Errors
 /// A buffer of the wrong size.
@@ -46,7 +46,7 @@ pub fn png_depth_mm(width: u32, height: u32, depth_m: &[f32]) -> Result<Vec<u8>,
     png_u16(width, height, &millimetres)
 }
 
-/// 16-bit values, such as instance ids, as greyscale PNG.
+/// Encodes 16-bit values, such as instance ids, as greyscale PNG.
 ///
 /// # Errors
 /// A buffer of the wrong size.
@@ -74,7 +74,7 @@ pub fn png_print(width: u32, height: u32, grey: &[u8], pixels_per_m: u32) -> Res
     Ok(out)
 }
 
-/// 8-bit sRGB image as JPEG; chroma is subsampled below `quality` 90.
+/// Encodes an 8-bit sRGB image as JPEG of `quality` 1-100; chroma is subsampled below 90.
 ///
 /// # Errors
 /// A buffer of the wrong size, or more than 65535 pixels along a side.

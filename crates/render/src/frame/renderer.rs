@@ -41,7 +41,7 @@ pub struct Renderer {
     backdrop: Backdrop,
     /// Shadow maps for large and for small images, each with the frame that it was rendered for.
     shadows: [(ShadowMap, Option<FrameState>); 2],
-    /// Proxies of the last job.
+    /// Ellipsoid proxies for the last job.
     proxies: Proxies,
     /// Mean linear colour of each body's opaque parts.
     body_colors: Vec<Vec3A>,
@@ -114,9 +114,9 @@ impl Renderer {
         self.shaded_pixels
     }
 
-    /// Renders all jobs, `out[i]` for `jobs[i]`.
+    /// Renders all jobs, `jobs[i]` into `out[i]`.
     ///
-    /// Render all views of a frame consecutively: they share the shadow map.
+    /// All views of a frame should be consecutive jobs, since they share the shadow map.
     ///
     /// # Errors
     /// A frame of other assets, an invalid pose or camera, or a wrong number of buffers; nothing is rendered then.

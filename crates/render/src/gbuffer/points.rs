@@ -23,14 +23,14 @@ pub(crate) fn unpacked(place: u32) -> [u32; 2] {
 /// Visible opaque surface at each pixel centre of an image.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PixelCenters<'a> {
-    /// Pixels per row.
+    /// Width of the image (px).
     pub width: usize,
     /// Visibility id per pixel, row by row; 0 for the background.
     pub ids: &'a [u32],
     pub depth: &'a [f32],
 }
 
-/// A batch of pixels that show one part.
+/// Batch of pixels that show one part.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pixels {
     pub count: usize,
@@ -40,7 +40,7 @@ pub(crate) struct Pixels {
     pub depth: BatchColumn,
     /// Triangles, as indices into the faces of the part's mesh.
     pub triangle: Column<u32>,
-    /// True if all pixels show one triangle.
+    /// True if all pixels of the batch show the same triangle.
     pub is_flat: bool,
 }
 
@@ -70,7 +70,7 @@ fn place_pixels(pixels: &mut Pixels, places: &[u32], width: u32) {
     }
 }
 
-/// A batch of surface points of one part.
+/// Batch of surface points of one part.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Points {
     pub count: usize,

@@ -58,7 +58,7 @@ impl Rectangle {
     }
 }
 
-/// Motion of a part between two frames.
+/// Motion of a part from the last frame to this one.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Motion {
     pub moved: bool,
@@ -67,7 +67,7 @@ pub(crate) struct Motion {
     pub now: Rectangle,
 }
 
-/// A visibility buffer with a layer of its static parts.
+/// Visibility buffer of all parts, with a second one (the layer) of the static parts only.
 #[derive(Debug, Default)]
 pub(crate) struct LayeredBuffer {
     pub target: VisibilityBuffer,
@@ -137,7 +137,7 @@ impl LayeredBuffer {
         for part in (0..motions.len()).filter(|&part| !self.in_layer[part]) {
             draw(part, &mut self.target);
         }
-        // Bounds are generous: a tile that still shows only the static layer has not changed.
+        // Bounds are generous: a marked tile that still shows only the static layer has not changed.
         for tile in 0..self.changed.len() {
             if !self.changed[tile] {
                 continue;
@@ -173,7 +173,7 @@ pub(crate) struct MarkCount {
 }
 
 impl MarkCount {
-    /// Sums the marks of a grid.
+    /// Replaces the table by the sums of a grid of marks.
     pub fn count(&mut self, marks: impl IntoIterator<Item = bool>, columns: usize, rows: usize) {
         (self.columns, self.rows) = (columns, rows);
         self.sums.clear();

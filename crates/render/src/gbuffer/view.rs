@@ -44,14 +44,14 @@ pub(crate) struct View {
     pub has_transparent: bool,
 }
 
-/// A part placed in front of a camera.
+/// Part as placed in front of a camera.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PartView {
     pose: Pose,
     /// World z of the support surface below the part's centre (m); `None` if there is none.
     pub ground: Option<f32>,
     pub visible: bool,
-    /// Level of detail, see [`Mesh::at_level`].
+    /// Level of detail of the mesh, see [`Mesh::at_level`].
     pub level: usize,
     /// Rotation from the body's frame to the world.
     pub world_from_body: Mat3A,
@@ -338,7 +338,7 @@ pub fn rotation(pose: &Pose) -> Mat3A {
     Mat3A::from(glam::DMat3::from_quat(pose.rotation).as_mat3())
 }
 
-/// Rejects poses that are not finite.
+/// Returns an error for a pose that is not finite; `what` names the pose.
 fn check_finite(pose: &Pose, what: impl Fn() -> String) -> Result<(), RenderError> {
     if pose.position.is_finite() && pose.rotation.is_finite() {
         Ok(())

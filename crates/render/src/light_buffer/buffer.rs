@@ -20,7 +20,8 @@ const NO_RANGE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 /// Number of AO samples along a side of a tile.
 pub(super) const HALF: usize = TILE / 2;
 
-/// Incoming light per pixel of the opaque surfaces, kept from frame to frame. The image consists of whole tiles.
+/// Light that arrives at each pixel of the opaque surfaces, kept from frame to frame. The image consists of whole
+/// tiles.
 #[derive(Debug, Default)]
 pub(crate) struct LightBuffer {
     pub(super) width: usize,
@@ -47,14 +48,14 @@ pub(crate) struct LightBuffer {
     /// Unoccluded share of the ambient light at full resolution, 0-1.
     pub ambient: Vec<f32>,
     pub(super) tiles: Vec<TileSummary>,
-    /// By tile: range of the raw shadow mask and of the raw ambient occlusion.
+    /// By tile: range (lowest, highest) of the raw shadow mask, and of the raw ambient occlusion.
     pub(super) shadow_range: Vec<[f32; 2]>,
     pub(super) ao_range: Vec<[f32; 2]>,
     /// By tile: true if its ambient occlusion is 1 without SSAO; see `find_unoccluded`.
     pub(super) is_unoccluded: Vec<bool>,
     /// By tile: true if there is no fixture within reach of its SSAO taps, or only one support surface.
     pub(super) is_far_from_statics: Vec<bool>,
-    /// Scratch summed-area table over tiles.
+    /// Summed-area table over tiles, used as scratch memory.
     pub(super) marks: MarkCount,
 }
 

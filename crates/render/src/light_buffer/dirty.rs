@@ -23,8 +23,8 @@ impl LightBuffer {
         }));
     }
 
-    /// Marks tiles that need no SSAO: all if it is switched off; else those that show a surface with an irradiance grid
-    /// and no other fixture within reach, and those with a single convex part within reach.
+    /// Marks tiles that need no SSAO: all tiles if it is switched off. Otherwise tiles that show a surface with an
+    /// irradiance grid and no other fixture within reach, and tiles with a single convex part within reach.
     pub fn find_unoccluded(&mut self, assets: &RenderAssets, variation: &RenderVariation, grids: &IrradianceGrids) {
         let is_on = variation.occlusion_radius_m > 0.0;
         let (columns, rows) = (self.columns, self.rows);

@@ -1,4 +1,4 @@
-//! Raw shadow mask and ambient occlusion of dirty tiles.
+//! Estimation of the raw shadow mask and raw ambient occlusion of dirty tiles.
 
 #![allow(clippy::needless_range_loop, reason = "loops over batch columns by index are compiled for wide registers")]
 

@@ -15,7 +15,7 @@ use crate::scene::assets::TRIANGLE_BITS;
 use crate::shadow::map::MapFootprint;
 
 impl LightBuffer {
-    /// Reads the visibility buffer in the tiles that changed.
+    /// Reads depths, ids and surfaces from the visibility buffer in changed tiles, and summarises these tiles.
     pub fn read_surfaces(&mut self, scene: &RenderScene<'_>, opaque: &VisibilityBuffer, changed: &[bool], view: &View) {
         let (camera, rays) = (&view.camera, Rays::new(&view.camera));
         let is_fixed = |surface: u16| {
@@ -65,7 +65,7 @@ impl LightBuffer {
     }
 }
 
-/// View rays in the world.
+/// View rays in the world, scaled to a depth of 1 m.
 #[derive(Clone, Copy)]
 struct Rays {
     viewpoint: Vec3A,
@@ -90,7 +90,7 @@ impl Rays {
 
 /// Depth range and visibility ids of a tile.
 struct TileContents {
-    /// Range of reversed z, without the background.
+    /// Smallest and largest reversed z of the pixel centres, without the background.
     reversed_z: [f32; 2],
     /// Visibility id of the first pixel.
     first: u32,

@@ -11,21 +11,21 @@ use crate::scene::texture::linear_from_srgb;
 use crate::scene::variation::RenderVariation;
 use crate::simd::{dot, lerp, polynomial, smooth_step, within};
 
-/// Brightness of the sky at the horizon and at the zenith, relative to its colour: a dark room with a bright ceiling,
-/// so that metals and black surfaces have something to reflect. Chosen.
+/// Brightness of the sky at the horizon and at the zenith, relative to its colour. Chosen by hand: a dark room with a
+/// bright ceiling, so that metals and black surfaces have something to reflect.
 const HORIZON: f32 = 0.4;
 const ZENITH: f32 = 1.1;
 
-/// Share of the lit support surface seen by objects above it, which shade it, in diffuse and in specular light. Fitted
-/// to path-traced images.
+/// Share of the lit support surface's radiance that objects above it receive, since they shade it: in diffuse and in
+/// specular light. Fitted to path-traced images.
 const GROUND_SEEN: [f32; 2] = [0.77, 0.85];
-/// Additional share at contact, height at which it halves (m), and its increase on sides facing the key light, since an
-/// object shades the surface behind it. Fitted likewise.
+/// Additional share at contact, the height at which it halves (m), and the change of the share with the direction to
+/// the key light: it is larger on lit sides, since an object shades the surface behind it. Fitted likewise.
 const GROUND_NEAR: f32 = 0.6;
 const NEAR_M: f32 = 0.055;
 const NEAR_SIDE: f32 = 0.2;
 
-/// Environment light for diffuse and for glossy reflection.
+/// Environment light for diffuse and glossy reflection.
 #[derive(Debug)]
 pub struct Sky {
     /// Spherical harmonics of the irradiance over π (Ramamoorthi and Hanrahan, 2001).

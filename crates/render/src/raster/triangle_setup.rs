@@ -6,7 +6,7 @@ use super::vertex::{Corner, area_of, first_sample, range_of_three};
 /// Number of triangles in a batch.
 pub(super) const BLOCK: usize = 16;
 
-/// Vertices of triangles as structure of arrays: x and y (px), reversed z (1/depth).
+/// Vertices of a batch of triangles as structure of arrays: x and y (px), reversed z (1/depth).
 #[derive(Default)]
 pub(super) struct Corners {
     pub x: [[f32; BLOCK]; 3],

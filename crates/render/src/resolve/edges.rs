@@ -22,7 +22,7 @@ pub(super) type ColorWindow = [[Vec3A; TILE + 2]; TILE + 2];
 /// Edge pixels of a frame and the samples that must be shaded for them.
 #[derive(Debug, Default)]
 pub(super) struct EdgePixels {
-    /// Pixel index, and sum of its weighted colours so far.
+    /// Pixel index and weighted sum of the colours found so far, of each edge pixel.
     pub pixels: Vec<(u32, Vec3A)>,
     pub unmatched: Vec<UnmatchedSample>,
     matches: Matches,
@@ -95,7 +95,7 @@ impl EdgePixels {
         }
     }
 
-    /// Lists a sample to be shaded; samples of one surface in a pixel are shaded once.
+    /// Adds an unmatched sample to be shaded; samples of one surface in a pixel are shaded once.
     #[cold]
     fn add_unmatched(
         &mut self,

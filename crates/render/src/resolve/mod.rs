@@ -1,4 +1,4 @@
-//! Anti-aliasing and transparency.
+//! Resolve pass: anti-aliasing and transparency.
 //!
 //! A surface is shaded once per pixel, at the pixel centre. Where the samples around a centre show other surfaces, a sample
 //! takes the colour of the neighbouring pixel whose centre shows its surface (Chajdas, McGuire and Luebke, "Subpixel

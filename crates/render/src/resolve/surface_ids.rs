@@ -101,14 +101,14 @@ impl Matches {
         !(self.0[place] | self.0[place] >> NEIGHBOUR) & 0xff
     }
 
-    /// Weight of the centre and of the samples that match it.
+    /// Total weight of the centre and of the samples that match it, 0-1.
     #[inline(always)]
     pub fn own_share(&self, place: usize) -> f32 {
         // The centre itself has the weight 4/16.
         ((self.0[place] >> OWN_SHARE) + 4) as f32 * 0.0625
     }
 
-    /// Weights of the samples that match their nearest neighbour, 0 for the others.
+    /// Weight of each sample that matches the nearest neighbouring pixel, 0 for the other samples.
     #[inline(always)]
     pub fn neighbour_shares(&self, place: usize) -> [f32; AROUND.len()] {
         std::array::from_fn(|sample| {
@@ -159,7 +159,7 @@ pub(super) fn match_samples(ids: &TileSurfaceIds, matches: &mut Matches) -> u64 
 mod tests {
     use super::*;
 
-    /// Edge pixels against a search of the samples around each centre.
+    /// Found edge pixels, compared with a search of the samples around each centre.
     #[test]
     fn edge_pixels_show_several_surfaces() {
         let mut state = 1_u32;

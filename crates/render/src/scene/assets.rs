@@ -27,7 +27,7 @@ pub struct RenderAssets {
     supports: Vec<SupportTop>,
 }
 
-/// One mesh with one material, in the frame of its body.
+/// Mesh of one material, in the frame of its body.
 #[derive(Debug)]
 pub struct Part {
     /// Index into the frame's body poses; `None` for a fixture, whose frame is the world.
@@ -51,8 +51,8 @@ pub struct Part {
 pub(crate) const TRIANGLE_BITS: u32 = 20;
 
 impl RenderAssets {
-    /// Collects the parts of a scenario; without a world only robot and objects. Object `i` gets instance id
-    /// [`FIRST_OBJECT`]` + i`.
+    /// Collects the parts of robot, objects and world; without a world there are no fixtures. Object `i` gets instance
+    /// id [`FIRST_OBJECT`]` + i`.
     ///
     /// # Errors
     /// A mesh with a vertex index out of range, or more parts or triangles than a visibility id can hold.
@@ -124,7 +124,7 @@ impl RenderAssets {
         self.shapes[body].as_ref()
     }
 
-    /// Support surfaces, in the order of the world.
+    /// Tops of the support surfaces, in the order of the world.
     pub(crate) fn supports(&self) -> &[SupportTop] {
         &self.supports
     }
@@ -151,13 +151,13 @@ impl RenderAssets {
         self.robot.as_ref().map_or(0, |robot| robot.links.len())
     }
 
-    /// Total number of triangles.
+    /// Number of triangles of all parts in full detail.
     pub fn triangle_count(&self) -> usize {
         self.parts.iter().map(|part| part.mesh.triangles.len()).sum()
     }
 
-    /// Poses of all bodies from joint positions, gripper opening width, and `world_from_object` with joint positions of
-    /// each object.
+    /// Poses of all bodies. `arm` are joint positions (rad), `gripper_width` is the opening (m), and `objects` has
+    /// `world_from_object` with joint positions (rad or m) of each object.
     ///
     /// # Errors
     /// When the number of objects is not that of the assets.
@@ -182,7 +182,7 @@ impl RenderAssets {
         Ok(FrameState { body_poses })
     }
 
-    /// Poses of all bodies at a recorded frame with the same objects in the same order.
+    /// Poses of all bodies in a recorded frame, which must have the same objects in the same order.
     ///
     /// # Errors
     /// As [`RenderAssets::frame_state`].
@@ -198,7 +198,7 @@ impl RenderAssets {
     }
 }
 
-/// Shape of each body from its opaque parts that cast shadows; `None` without such a part.
+/// Shape of each body, from its opaque parts that cast shadows; `None` for a body without such parts.
 fn shapes(parts: &[Part], bodies: usize) -> Vec<Option<BodyShape>> {
     let mut meshes = vec![Vec::new(); bodies];
     for part in parts.iter().filter(|part| part.casts_shadow && !part.is_transparent()) {

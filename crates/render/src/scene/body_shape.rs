@@ -7,7 +7,7 @@ use crate::scene::mesh::Mesh;
 /// Bounding box of a body's opaque parts in its frame, and their shape class.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct BodyShape {
-    /// Corners (m).
+    /// Lower and upper corner (m).
     pub low: Vec3,
     pub high: Vec3,
     /// True if some of the surface faces the centre (`has_inside`), or at least the share `HOLLOW` of it, as in a
@@ -16,10 +16,10 @@ pub(crate) struct BodyShape {
     pub is_concave: bool,
 }
 
-/// Smallest share of the surface that faces the centre of a concave body: 0 for a box or a ball, 0.5 for a bowl.
-/// Chosen.
+/// Smallest share of the surface that faces the centre of a concave body: 0 for a box or a ball, 0.5 for a bowl. Chosen
+/// by hand.
 const HOLLOW: f32 = 0.3;
-/// Same share for `has_inside`: above rounding errors, below the dimple of an apple. Chosen.
+/// Same share for `has_inside`: above rounding errors, below the dimple of an apple. Chosen by hand.
 const INSIDE: f32 = 1e-3;
 
 impl BodyShape {

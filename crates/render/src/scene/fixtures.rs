@@ -78,7 +78,7 @@ fn slab(surface: &SupportSurface) -> TriMesh {
     let lower = (0..=QUARTER).map(|step| (quarter_angle(step + QUARTER), radius - size.z));
     let mut mesh = TriMesh::default();
     let mut push = |position: Vec3, normal: Vec3| {
-        // The texture continues around the edge.
+        // On vertical faces, z is added to the texture coordinates, so that the texture continues around the edge.
         let along = if normal.z.abs() > 0.5 { 0.0 } else { position.z };
         mesh.positions.push(position);
         mesh.normals.push(normal);

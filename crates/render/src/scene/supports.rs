@@ -17,7 +17,7 @@ pub(crate) struct SupportTop {
 }
 
 impl SupportTop {
-    /// Top of a slab that is fixed in the world; `None` if it is not horizontal.
+    /// Top of a slab that is fixed in the world; `None` if the slab is not horizontal.
     pub fn of(part: usize, slab: &Mesh) -> Option<Self> {
         let height = slab.positions.iter().map(|place| place.z).reduce(f32::max)?;
         let top = slab.positions.iter().filter(|place| height - place.z < 1e-6).map(|place| place.truncate());

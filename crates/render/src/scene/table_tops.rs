@@ -9,14 +9,14 @@ pub(crate) const TOP_SIZE_M: f32 = 1.5;
 const SIZE: u32 = 1024;
 
 named_materials!(
-    /// A material of support surfaces and floors, by its name in files and on the command line.
+    /// Material of support surfaces and floors, by its name in files and on the command line.
     TableTop,
     "table top",
     TOPS,
     SIZE
 );
 
-/// All materials, the default first. Colours and roughness are chosen to match their names; none is so dark or
+/// All materials, the default first. Colours and roughness were chosen by hand to match the names; none is so dark or
 /// saturated that objects on it would be hard to see.
 const TOPS: [Patterned; 32] = [
     top("pale_oak", Grain { bands: 9.0 }, [222, 209, 190], [194, 176, 152], 0.55, 0.0),

@@ -11,7 +11,7 @@ use multiversion::multiversion;
 
 use crate::simd::{BatchColumn, CHUNK, Column, floor, lerp, nearest_integer, polynomial, whole_registers, within};
 
-/// A texture and its mip levels, created on first use.
+/// Texture with its mip levels, which are created on first use.
 #[derive(Debug)]
 pub struct MipTexture {
     texture: Arc<Texture>,
@@ -26,7 +26,7 @@ struct Pyramid {
     texels: Vec<[u8; 4]>,
 }
 
-/// A mip level with a border of one texel from the opposite side: textures repeat.
+/// Mip level with a border of one texel, copied from the opposite side since textures repeat.
 #[derive(Clone, Copy, Debug)]
 struct Level {
     width: f32,
@@ -60,12 +60,12 @@ struct Levels {
 }
 
 impl MipTexture {
-    /// The texture with its mip levels, cached per process while in use; `None` for an empty or incomplete texture.
+    /// Texture with mip levels, cached in the process while in use; `None` for an empty or incomplete texture.
     pub fn shared(texture: &Arc<Texture>) -> Option<Arc<Self>> {
         static KNOWN: Mutex<BTreeMap<usize, Arc<MipTexture>>> = Mutex::new(BTreeMap::new());
         let (width, height) = (texture.width as usize, texture.height as usize);
         let is_whole = width > 0 && height > 0 && texture.rgb.len() == width * height * 3;
-        // A poisoned lock still guards a consistent map.
+        // The map is consistent even if a thread panicked while it held the lock.
         let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
         // Drops textures that only this cache still holds.
         known.retain(|_, made| Arc::strong_count(&made.texture) > 1 || Arc::strong_count(made) > 1);
@@ -100,7 +100,7 @@ impl MipTexture {
         upper.lerp(texel(0, 1).lerp(texel(1, 1), share.x), share.y)
     }
 
-    /// Samples linear colours, times a tint, for `count` points.
+    /// Samples the linear colours, multiplied by a tint, at `count` points.
     pub(crate) fn sample(
         &self,
         count: usize,
@@ -135,7 +135,7 @@ impl Samples {
         }
     }
 
-    /// Finds the first of the four texels around a point.
+    /// Sets the index of the first of the four texels around point `i`, and its bilinear weights.
     #[inline(always)]
     fn find(&mut self, i: usize, [u, v]: [f32; 2], level: Level) {
         let column = (u - floor(u)).mul_add(level.width, 0.5);
@@ -149,7 +149,7 @@ impl Samples {
     }
 }
 
-/// Mip levels of a batch: about one texel per pixel.
+/// Mip levels of a batch, with about one texel per pixel.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn find_octaves(count: usize, texels_per_pixel: &BatchColumn, octaves: &mut Column<u32>) {
     for i in 0..whole_registers(count) {
@@ -189,7 +189,8 @@ fn mix_texels(count: usize, tint: [f32; 3], samples: &Samples, out: &mut [BatchC
     }
 }
 
-/// sRGB to linear with a relative error of 0.4 %: polynomial fit of the power 0.4.
+/// Linear value of an sRGB value in 0-1, with a relative error of 0.4 %: `t²` times a polynomial fit of `t` to the
+/// power 0.4.
 #[inline(always)]
 fn linear_of(value: f32) -> f32 {
     let t = value.mul_add(1.0 / 1.055, 0.055 / 1.055);

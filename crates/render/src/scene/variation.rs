@@ -12,7 +12,7 @@ use crate::scene::table_tops::TableTop;
 use crate::scene::texture::linear_from_srgb;
 use crate::scene::walls::Room;
 
-/// Light and appearance of a rendering. Colours are sRGB, 0-1 unless noted.
+/// Light and appearance of a rendering. Colours are sRGB, each channel 0-1 unless noted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RenderVariation {
@@ -42,7 +42,7 @@ pub struct RenderVariation {
     pub table_color: [f32; 3],
     /// Variation of the objects' paint; `None` for the original paint.
     pub objects: Option<ObjectVariation>,
-    /// Radius of the ambient occlusion (m); 0 switches it off.
+    /// Radius within which surfaces occlude ambient light (m); 0 switches ambient occlusion off.
     pub occlusion_radius_m: f32,
     /// Strength of the ambient occlusion, 0-2, as a factor on the darkening.
     pub occlusion_strength: f32,
@@ -62,9 +62,9 @@ pub struct ObjectVariation {
     pub seed: Seed,
     /// Largest relative change of each colour channel (0.1 for ±10 %); hues stay recognisable if it is small.
     pub tint: f32,
-    /// Largest change of the roughness.
+    /// Largest absolute change of the roughness.
     pub roughness: f32,
-    /// Largest change of the metallic parameter of metals; other materials keep theirs.
+    /// Largest absolute change of the metallic parameter of metals; other materials keep theirs.
     #[serde(default)]
     pub metallic: f32,
 }

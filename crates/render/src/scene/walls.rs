@@ -14,14 +14,14 @@ pub(crate) const WALL_SIZE_M: f32 = 2.4;
 const SIZE: u32 = 512;
 
 named_materials!(
-    /// A wall material by its name in files.
+    /// Wall material, by its name in files.
     Wall,
     "wall",
     WALLS,
     SIZE
 );
 
-/// All wall materials. Colours are chosen to match their names.
+/// All wall materials. Colours were chosen by hand to match the names.
 const WALLS: [Patterned; 32] = [
     wall("white_paint", Plain, [232, 231, 228], [224, 223, 220], 0.8, 0.0),
     wall("cream_paint", Plain, [232, 222, 200], [224, 214, 192], 0.8, 0.0),

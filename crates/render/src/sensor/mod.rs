@@ -4,8 +4,9 @@
 //! camera ── pinhole, needed ──► job ── Renderer ──► ideal image ── developed ──► sensor output
 //! ```
 //!
-//! Motion blur averages several images, see [`shutter`]. Depth is measured in the ideal pinhole image, then all channels are
-//! distorted, then the colour imager reads. Ids and normals stay exact: they are labels that no sensor measures.
+//! For motion blur, several images are averaged, see [`shutter`]. Depth is measured in the ideal pinhole image; then
+//! the lens distorts all channels; then noise and exposure of the colour imager are applied. Ids and normals stay
+//! exact: they are labels that no sensor measures.
 
 mod color;
 mod depth;
@@ -107,8 +108,8 @@ fn distorted(camera: &Camera, pinhole: &Intrinsics, picture: FrameBuffers) -> Fr
     }
 }
 
-/// Retroreflected share of light at normal incidence, averaged over colours: the albedo of diffuse surfaces, the rough
-/// part of a metal's reflection, almost nothing from glass (chosen: cubed opacity).
+/// Share of light that a surface returns towards its source at normal incidence, averaged over colours: the albedo of
+/// diffuse surfaces, the rough part of a metal's reflection, almost nothing from glass (cubed opacity, chosen by hand).
 fn returned(surface: &Material) -> f32 {
     const TEXELS: u32 = 8;
     let texture = surface.texture.as_ref().map_or(1.0, |texture| {

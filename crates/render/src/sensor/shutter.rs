@@ -1,7 +1,7 @@
 //! Motion blur during the exposure.
 //!
-//! A blurred image is the mean, in linear light, of sharp images of states spread evenly over the exposure; the last one is
-//! the present state. Bodies move linearly between known states.
+//! A blurred image is the mean, in linear light, of sharp images of states that are evenly spread over the exposure;
+//! the latest of them is the present state. Bodies move linearly between known states.
 
 #[cfg(test)]
 mod tests;

@@ -13,12 +13,13 @@ use crate::scene::variation::RenderVariation;
 use crate::scene::walls::WALL_SIZE_M;
 use crate::shading::tone_map::tone_map;
 
-/// Corners of the room in the world (m). Chosen around the default cameras, with the floor of the default world.
+/// Lower and upper corner of the room in the world (m). Chosen by hand around the default cameras, with the floor of
+/// the default world.
 const LOW: Vec3A = Vec3A::new(-1.9, -2.7, -0.75);
 const HIGH: Vec3A = Vec3A::new(3.6, 2.9, 2.2);
 /// Distance (m) over which a room darkens towards its edges, and the share of light lost there. Chosen by hand.
 const EDGE: (f32, f32) = (0.35, 0.3);
-/// Brightness of the ceiling relative to the ambient light. Chosen.
+/// Brightness of the ceiling relative to the ambient light. Chosen by hand.
 const CEILING: f32 = 0.7;
 /// Share of the key light that reaches walls and floor. Chosen by hand: the key light is aimed at the scene.
 const KEY_SHARE: f32 = 0.4;

@@ -11,8 +11,8 @@ use crate::render_scene::RenderScene;
 use crate::scene::material::Material;
 use crate::scene::mesh::Face;
 
-/// Share of the ambient light that comes from around the key light and is occluded with it: on objects, and on the
-/// support surfaces, whose irradiance grids cover most of it. Fitted to path-traced images.
+/// Share of the ambient light that comes from around the key light, and is occluded together with it: on objects, then
+/// on support surfaces, whose irradiance grids account for most of it. Fitted to path-traced images.
 const WITH_KEY: f32 = 0.1725;
 const WITH_KEY_ON_SUPPORT: f32 = 0.091;
 

@@ -12,7 +12,7 @@ use crate::scene::mesh::Face;
 use crate::scene::texture::Samples;
 use crate::simd::{BatchColumn, CHUNK, dot, turned};
 
-/// A batch of shading points of one part.
+/// Batch of shading points of one part.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ShadingPoints {
     /// Image positions, depths and triangles of the points; positions need not be pixel centres.
@@ -32,7 +32,7 @@ pub(super) struct ShadingPoints {
 }
 
 impl ShadingPoints {
-    /// Samples the linear base colour at all points.
+    /// Samples the linear base colour at all points, from texture or material.
     pub fn paint(&mut self, material: &Material, samples: &mut Samples) {
         let tint = material.base.to_array();
         match &material.texture {

@@ -188,7 +188,7 @@ fn mirrored_shares(f0: f32, out: &ShadingTerms, i: usize) -> [f32; 2] {
     [if ambient > 0.0 { ambient } else { 0.0 }, if direct < 12.0 { direct } else { 12.0 }]
 }
 
-/// Diffuse reflection of ambient light, key light, and key light interreflected in a concave corner.
+/// Diffusely reflected light: ambient light, key light, and key light interreflected in a concave corner.
 #[inline(always)]
 fn scattered([albedo, bounce]: [f32; 2], open: f32, around: f32, arriving: f32, [corner, lamp]: [f32; 2]) -> f32 {
     let enclosed = (1.0 - open) * within(open * CORNER_OPEN, 0.0, 1.0);

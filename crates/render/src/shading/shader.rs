@@ -28,7 +28,7 @@ pub(crate) struct ShadingPoint {
     pub ambient: f32,
 }
 
-/// Shades batches of points of one part.
+/// Shader of batches of points, each batch of one part; keeps its buffers from batch to batch.
 #[derive(Debug, Default)]
 pub(crate) struct Shading {
     points: ShadingPoints,

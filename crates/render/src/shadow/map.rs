@@ -281,7 +281,7 @@ fn is_clear(surface: &Material) -> bool {
     luminance((surface.tint(surface.base, 1.0, true) * surface.passing(1.0)).powf(2.0)) > 0.4
 }
 
-/// Depth map of transparent casters; empty except while one is drawn.
+/// Scratch depth map of transparent casters; empty except while one is drawn.
 #[derive(Debug, Default)]
 struct Clear {
     target: VisibilityBuffer,

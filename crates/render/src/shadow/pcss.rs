@@ -22,7 +22,7 @@ const NEAR: f32 = 2.0;
 /// Number of rotations of the sampling pattern.
 const TURNS: usize = 16;
 
-/// A batch of unresolved shadow samples.
+/// Batch of unresolved shadow samples.
 #[derive(Debug, Default)]
 pub(crate) struct SampleQueue {
     pub count: usize,
@@ -68,7 +68,7 @@ pub(crate) fn tap(queue: &SampleQueue, map: &VisibilityBuffer, pattern: &Pattern
     add_taps(taps, queue.count);
 }
 
-/// Taps of a batch of samples.
+/// Shadow-map lookups (taps) of a batch of samples, and their sums.
 #[derive(Debug, Default)]
 pub(crate) struct PcfTaps {
     index: [Column<u32>; TAPS],

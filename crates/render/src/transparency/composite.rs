@@ -45,7 +45,7 @@ pub(crate) struct Opaque<'a> {
     pub edge_pixels: &'a [(u32, Vec3A)],
 }
 
-/// Scratch memory for a batch.
+/// Scratch memory for a batch of pixels.
 #[derive(Debug, Default)]
 struct Work {
     shading: Shading,

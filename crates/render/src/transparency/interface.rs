@@ -43,7 +43,7 @@ pub(super) struct Interface {
 }
 
 impl Interface {
-    /// Shades the far or near interfaces of a batch.
+    /// Shades the far or near interfaces of a batch of pixels, all of the same part.
     pub fn shade(
         &mut self,
         pixels: &[Covered],
@@ -81,7 +81,7 @@ impl Interface {
     }
 }
 
-/// Multiplies the transmittance by what is neither reflected nor scattered.
+/// Multiplies the transmittance by the share of light that is neither reflected nor scattered.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn attenuate(material: &Material, facing: &BatchColumn, passes: &mut [BatchColumn; 3]) {
     for i in 0..CHUNK {

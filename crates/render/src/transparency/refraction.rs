@@ -17,7 +17,7 @@ const MOST_BENT: f32 = (TILE - 1) as f32;
 /// one below which the environment replaces the image. Chosen by hand.
 const ASIDE: [f32; 2] = [0.97, 0.85];
 
-/// A batch of refracted view rays.
+/// Batch of refracted view rays.
 #[derive(Debug, Default)]
 pub(super) struct RefractedRays {
     /// Index of the pixel that shows what each ray hits.

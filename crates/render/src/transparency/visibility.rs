@@ -14,7 +14,7 @@ pub(crate) struct TransparentBuffers {
     pub layers: [VisibilityBuffer; 2],
     /// Bounds of the visible transparent parts (px).
     areas: Vec<Rectangle>,
-    /// By tile: true if a transparent part may cover samples of it or next to it; empty before the first frame.
+    /// By tile: true if a transparent part may cover samples of the tile or next to it; empty before the first frame.
     reached: Vec<bool>,
 }
 

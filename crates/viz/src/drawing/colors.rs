@@ -17,7 +17,7 @@ pub const WASH: &str = "#f8fafc";
 /// Background of a goal.
 pub const GOAL_WASH: &str = "#fffbeb";
 
-/// The sRGB colour of a colour word of the catalogue; grey for an unknown word.
+/// sRGB colour of a colour word of the catalogue; grey for an unknown word.
 ///
 /// ```
 /// assert_eq!(genmanip_viz::drawing::color_of_word("red"), [200, 55, 48]);

@@ -12,7 +12,7 @@ const TITLE_SIZE: f64 = 17.0;
 const TEXT_SIZE: f64 = 13.0;
 const LINE: f64 = 20.0;
 
-/// Reasons why a task has no layout.
+/// Reasons why a task has no layout, for display.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Refusal {
     /// Summary of the reasons in one line.

@@ -10,7 +10,7 @@ use super::svg::{Anchor, Area, BOLD, Canvas, Point, Svg, text_width, wrap};
 /// Contents of the top view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TopView {
-    /// Usable area of the table.
+    /// Area of the table in which objects may be placed.
     pub workspace: Workspace,
     /// Objects, and support surfaces other than the table, in any order.
     pub footprints: Vec<Footprint>,
@@ -36,7 +36,7 @@ pub struct PlaceWindow {
 /// Outline of an object seen from above.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Footprint {
-    /// Uid, to which the edges refer.
+    /// Object id, to which the edges refer.
     pub id: String,
     /// Name that is written at the object.
     pub name: String,

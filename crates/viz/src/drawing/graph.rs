@@ -55,7 +55,7 @@ pub fn graph_drawing(task: &Task, conflicts: &[Atom]) -> (Canvas, [f64; 2]) {
     (canvas, [width, height])
 }
 
-/// One graph with its heading.
+/// Drawing of one graph with its heading.
 pub struct Panel {
     heading: String,
     is_goal: bool,
@@ -81,7 +81,7 @@ struct Node {
 }
 
 impl Panel {
-    /// The initial scene; objects that the goal moves or changes are outlined in the goal's colour.
+    /// Graph of the initial scene; objects that the goal moves or changes are outlined in the goal's colour.
     pub fn start(task: &Task, conflicts: &[Atom]) -> Self {
         let atoms: Vec<&Atom> = task.goal.alternatives.iter().flatten().collect();
         let nodes = task.scene_graph.nodes.iter().map(|node| {
@@ -167,7 +167,7 @@ impl Panel {
                 wires.push(UnroutedEdge { from: link.from, to, label: link.relation.name().into() });
             }
         }
-        // Widen gaps until every label has a free position.
+        // Gaps are widened until every label has a free position.
         let mut best = (usize::MAX, Vec::new(), Vec::new(), Vec::new());
         for attempt in 0..6 {
             let (boxes, frames) = stacks.arrange(&cells, 1.0 + 0.22 * f64::from(attempt));
@@ -407,7 +407,7 @@ pub fn letter(index: usize) -> String {
     if index < 26 { last.into() } else { letter(index / 26 - 1) + &last.to_string() }
 }
 
-/// The robot at the lower edge: up the page is away from it.
+/// Draws the robot at the lower edge, since the page's upward direction is away from the robot.
 fn draw_robot(canvas: &mut Canvas, foot: [f64; 2]) {
     let style = format!(r#"fill="{MUTED}""#);
     let plate = Area::around([foot[0], foot[1] - 8.0], 62.0, 18.0);

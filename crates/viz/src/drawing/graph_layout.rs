@@ -48,7 +48,8 @@ pub fn cells(count: usize, ties: &[CellConstraint]) -> Vec<Cell> {
     normalised(best.1)
 }
 
-/// Initial arrangement: follows the edges from node 0 and satisfies each preference literally.
+/// Initial arrangement, found by following the edges from node 0 and satisfying each preference literally; cells may
+/// overlap.
 fn grown(count: usize, ties: &[CellConstraint]) -> Vec<Cell> {
     let mut cells: Vec<Option<Cell>> = vec![None; count];
     for start in 0..count {

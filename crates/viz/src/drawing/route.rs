@@ -5,7 +5,7 @@ use super::svg::{Area, BOLD, Point, text_width};
 /// Font size of the labels, px.
 pub const LABEL_SIZE: f64 = 12.0;
 
-/// A shape that lines and labels avoid.
+/// Shape that lines and labels avoid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
     /// Bounding box, px.
@@ -19,7 +19,7 @@ pub struct Shape {
     pub owner: Option<usize>,
 }
 
-/// An edge to be routed.
+/// Edge to be routed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnroutedEdge {
     /// Index of the source shape.
@@ -30,7 +30,7 @@ pub struct UnroutedEdge {
     pub label: String,
 }
 
-/// A routed edge.
+/// Edge with its curve and the place of its label.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RoutedEdge {
     /// Points of the curve, px, from the border of the source to the border of the target.
@@ -56,7 +56,7 @@ const ASIDE: [(f64, f64); 9] = [
 const SAMPLES: usize = 64;
 
 impl Shape {
-    /// A rectangle that must not be covered.
+    /// Shape of a rectangle that must not be covered.
     pub fn solid(area: Area) -> Self {
         Self { area, outlines: Vec::new(), solid: true, owner: None }
     }
@@ -150,7 +150,7 @@ fn nearest(points: &[Point], to: Point) -> f64 {
     points.iter().map(|point| (point[0] - to[0]).hypot(point[1] - to[1])).fold(f64::INFINITY, f64::min)
 }
 
-/// A quadratic curve between the centres, clipped at both shapes.
+/// Quadratic curve between the centres of two shapes, clipped at both shapes; `bend` is the offset of its middle, px.
 fn bent_line(from: &Shape, to: &Shape, bend: f64, clip: [f64; 2]) -> Vec<Point> {
     let (a, b) = (from.area.center(), to.area.center());
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
@@ -174,7 +174,7 @@ struct LabelPlace {
     cost: f64,
 }
 
-/// The best label position along a line.
+/// Best position of a label along a line.
 fn place_label(shapes: &[Shape], routed: &[RoutedEdge], points: &[Point], label: &str) -> LabelPlace {
     let (width, height) = label_size(label);
     let length: f64 = points.windows(2).map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1])).sum();

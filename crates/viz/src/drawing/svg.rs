@@ -86,7 +86,7 @@ pub fn text_width(text: &str, size: f64) -> f64 {
     text.chars().map(em).sum::<f64>() * size
 }
 
-/// Width factor of semi-bold text.
+/// Width of semi-bold text relative to regular text.
 pub const BOLD: f64 = 1.1;
 
 /// Breaks a text into at most `lines` lines of about `width` px each; an ellipsis replaces what does not fit.

@@ -75,7 +75,7 @@ struct Card {
     /// Cameras with their poses: in the world, or in the hand's frame for a wrist camera. Of a turntable, one camera
     /// per image.
     cameras: Vec<Camera>,
-    /// Name of each id in the id images.
+    /// Name of the table, the robot or an object for each id in the id images.
     ids: BTreeMap<u16, String>,
 }
 

@@ -1,13 +1,13 @@
-//! Poses of robot and objects in an image.
+//! Moments of an episode or scenario: poses of robot and objects in one image.
 
 use genmanip_core::geometry::OrientedBox;
 use genmanip_core::{Aabb, Frame, Pose};
 use genmanip_rollout::Stage;
 
-/// Pose and joint positions of an object.
+/// Pose in the world and joint positions (rad or m) of an object.
 pub(super) type Posed = (Pose, Vec<f64>);
 
-/// A moment of an episode, or a scenario before anything moves.
+/// Moment of an episode, or the initial state of a scenario.
 pub(super) struct Moment<'a> {
     /// Index of the rendered image, from 0.
     pub(super) picture: usize,
@@ -37,7 +37,7 @@ impl<'a> Moment<'a> {
         }
     }
 
-    /// A control step of an episode.
+    /// Recorded state at a control step of an episode.
     pub(super) fn recorded(frame: &'a Frame, picture: usize, control_step: usize) -> Self {
         let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.clone()));
         Self {

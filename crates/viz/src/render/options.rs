@@ -55,9 +55,9 @@ impl RenderOptions {
 /// Randomised appearance of images.
 #[derive(Clone, Debug)]
 pub struct AppearanceOptions {
-    /// Seed of the randomisation.
+    /// Seed from which the appearance is randomised.
     pub seed: AppearanceSeed,
-    /// Randomised parts of the appearance.
+    /// Aspects of the appearance that are randomised.
     pub vary: Vec<AppearanceFactor>,
 }
 

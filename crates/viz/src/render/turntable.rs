@@ -16,7 +16,7 @@ use super::overlay::Overlays;
 use crate::scene_images::not_drawn;
 use genmanip_workspace::WorkspaceError;
 
-/// Name of the camera, and of the video.
+/// Name of the turntable's camera, and of its video file.
 pub(super) const NAME: &str = "turntable";
 /// Default size of the images, pixels.
 const SIZE_PX: [u32; 2] = [1280, 720];

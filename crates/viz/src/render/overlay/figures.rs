@@ -28,7 +28,7 @@ const MIN_FORCE_N: f64 = 0.05;
 const NEWTON_M: f64 = 0.015;
 /// Length of the drawn axes of a frame, m.
 const AXIS_M: f64 = 0.17;
-/// Height of letters, pixels of a 512x288 image.
+/// Cap height of the axis letters, pixels of a 512x288 image.
 const LETTER_PX: f64 = 8.0;
 /// Colours of the x, y and z axes.
 const AXES: [Color; 3] = [VERMILION, PALETTE[2], PALETTE[4]];

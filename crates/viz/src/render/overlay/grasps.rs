@@ -49,7 +49,7 @@ pub(super) fn tried(stage: &Stage) -> Result<Vec<DrawnGrasp>, WorkspaceError> {
     Ok(drawn)
 }
 
-/// Gripper poses at which objects were grasped in an episode.
+/// Grasps that were executed in an episode, with the gripper pose at the first frame in which the object is grasped.
 pub(super) fn made(episode: &Episode) -> Vec<DrawnGrasp> {
     let held = episode.frames.iter().map(|frame| frame.grasped);
     let before = std::iter::once(None).chain(held);
