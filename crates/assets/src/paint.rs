@@ -106,7 +106,8 @@ pub enum Paint {
         #[serde(default = "one")]
         repeat: f32,
     },
-    /// Randomly coloured squares on a grid of `cells`; `gap` is the unpainted margin on each side of a cell, as a fraction of the cell.
+    /// Randomly coloured squares on a grid of `cells`; `gap` is the unpainted margin on each side of a cell, as a
+    /// fraction of the cell.
     Squares { colors: Vec<Color>, cells: [u32; 2], gap: f32 },
     /// Seam of a tennis ball, for a texture on a sphere.
     Seam { color: Color, width: f32 },

@@ -41,7 +41,7 @@ pub struct MotionView<'a> {
 }
 
 /// Image of the arm at several moments, all but the last one transparent, with the path of the TCP. PNG or JPEG by the
-/// extension of `path`; `camera` is one of the world, `None` for a view of the whole workspace.
+/// extension of `path`; `camera` names one of the world's cameras, `None` for a view of the whole workspace.
 pub fn picture(drawn: &MotionView, path: &Path, camera: Option<&str>) -> Result<Vec<u8>, WorkspaceError> {
     let as_jpeg = match path.extension().and_then(|ending| ending.to_str()) {
         Some("png") => false,

@@ -37,9 +37,9 @@ pub struct Family {
     /// True if the objects have joints.
     #[serde(default)]
     pub articulated: bool,
-    /// Synonyms of the category, for search and instructions.
+    /// Synonyms of the category, for search and identification.
     pub synonyms: Vec<String>,
-    /// Everyday uses of the objects, for search and task design.
+    /// Everyday uses of the objects, for search.
     pub uses: Vec<String>,
     /// Accepted answers to "what is this?", besides category and synonyms.
     #[serde(default)]

@@ -39,6 +39,7 @@ pub type Library = BTreeMap<String, Shape>;
 
 /// Expands a template.
 ///
+/// # Errors
 /// A message with the failing expression and its error.
 pub fn expand(template: &Value, scope: &dyn Scope, library: &Library) -> Result<Value, String> {
     Expander { library, depth: 0 }.value(template, scope)

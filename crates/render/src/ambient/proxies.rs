@@ -1,4 +1,5 @@
-//! Proxies: ellipsoids that stand for bodies where the image does not show them, such as the gripper above a wrist camera.
+//! Proxies: ellipsoids that stand for bodies where the image does not show them, such as the gripper above a wrist
+//! camera.
 //!
 //! Their form factors have a closed form.
 

@@ -212,7 +212,8 @@ impl FrameCache {
         }
     }
 
-    /// Writes the requested channels, cropped to `size` (width, height; pixels), since the frame is padded to whole tiles.
+    /// Writes the requested channels, cropped to `size` (width, height; pixels), since the frame is padded to whole
+    /// tiles.
     pub fn write(&mut self, assets: &RenderAssets, channels: Channels, size: [usize; 2], out: &mut FrameBuffers) {
         out.rgb.clear();
         for row in self.rgb.chunks_exact(3 * self.view.camera.width).take(size[1]) {

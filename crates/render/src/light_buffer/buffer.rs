@@ -51,7 +51,7 @@ pub(crate) struct LightBuffer {
     /// By tile: range (lowest, highest) of the raw shadow mask, and of the raw ambient occlusion.
     pub(super) shadow_range: Vec<[f32; 2]>,
     pub(super) ao_range: Vec<[f32; 2]>,
-    /// By tile: true if its ambient occlusion is 1 without SSAO; see `find_unoccluded`.
+    /// By tile: true if SSAO would find no occlusion; see `find_unoccluded`.
     pub(super) is_unoccluded: Vec<bool>,
     /// By tile: true if there is no fixture within reach of its SSAO taps, or only one support surface.
     pub(super) is_far_from_statics: Vec<bool>,

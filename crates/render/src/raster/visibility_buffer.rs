@@ -217,8 +217,8 @@ pub(crate) fn read_window<T: Copy, const SIDE: usize>(
 /// Distance between the starts of rows (samples) for rows of `width` samples, which avoids cache conflicts between
 /// rows.
 fn stride_of(width: usize) -> usize {
-    /// Number of samples (4 bytes) after which lines of a first-level cache with 64 sets of 64 bytes fall into the same
-    /// set.
+    /// Number of samples (4 bytes) after which lines of a first-level cache with 64 sets and lines of 64 bytes fall
+    /// into the same set.
     const SAME_SET: usize = 1024;
     /// Padding of a row: the samples of two cache lines.
     const APART: usize = 32;

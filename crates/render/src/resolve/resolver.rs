@@ -36,7 +36,7 @@ impl Resolver {
         self.codes.fill(placed.map(|(part, placed)| &*placed.mesh(part).directions));
     }
 
-    /// Finds the edge pixels and the pixels behind transparent layers in `tiles`, which must be in ascending order.
+    /// Finds the edge pixels and the pixels behind transparent layers in `tiles`.
     pub fn find(
         &mut self,
         opaque: &VisibilityBuffer,

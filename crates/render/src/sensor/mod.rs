@@ -1,4 +1,5 @@
-//! Lens distortion, exposure, noise and stereo depth: the sensor stage after rendering. A camera without them keeps its bytes.
+//! Lens distortion, exposure, noise and stereo depth: the sensor stage after rendering. A camera without them keeps its
+//! bytes.
 //!
 //! ```text
 //! camera ── pinhole, needed ──► job ── Renderer ──► ideal image ── developed ──► sensor output
