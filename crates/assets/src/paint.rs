@@ -321,7 +321,7 @@ fn around(at: &[f32; 2], reach: f32) -> [f32; 2] {
     [at[1] - reach, at[1] + reach]
 }
 
-/// Point on a circle of `scale` features circumference, so that noise has no seam along u.
+/// Point on a circle whose circumference is `scale` noise features, so that noise has no seam along u.
 fn wrapped(p: Vec2, scale: f32) -> Vec3 {
     let radius = scale / TAU;
     Vec3::new(radius * (p.x * TAU).cos(), radius * (p.x * TAU).sin(), 0.0)

@@ -151,8 +151,8 @@ impl Turned {
     }
 
     fn phase(&self, sides: usize) -> f64 {
-        // Half a step of phase turns a flat side of prisms and lying polygons towards the axes, none a vertex of round
-        // bodies, so that sizes along the axes are exact.
+        // A phase of half a step turns a flat side of prisms and lying polygons towards the axes; without it, a vertex of
+        // a round body lies on each axis. Either makes sizes along the axes exact.
         if (self.sides > 0 && sides.is_multiple_of(2)) || self.rests_on_side() { 0.5 } else { 0.0 }
     }
 
