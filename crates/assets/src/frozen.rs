@@ -66,7 +66,7 @@ impl FrozenAsset {
     /// Freezes an object as the catalogue currently generates it.
     ///
     /// # Errors
-    /// If there is no such object, or it was imported (packs already store those).
+    /// If there is no such object, or it is a variant of another or imported (packs already store imported objects).
     pub fn of(asset: &AssetRef, catalogue: &Catalogue) -> Result<Self, AssetError> {
         let model = catalogue.model(asset)?;
         let AssetHashes { physics, judging, looks } = catalogue.hashes(asset)?;
