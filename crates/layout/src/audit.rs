@@ -84,7 +84,7 @@ pub struct Drift {
     pub drift_m: f64,
 }
 
-/// The first object of a layout that starts to roll or topple when simulated without a robot.
+/// The first object of a layout that starts to roll or topple when simulated without a robot; `None` if none does.
 ///
 /// Ends early once nothing accelerates and the extrapolated drift is negligible.
 ///
@@ -158,7 +158,7 @@ pub fn overlaps(scene: &PosedScene, world: &World, settings: &LayoutSettings) ->
     Ok(found)
 }
 
-/// Initial penetration and displacement of each object's origin after some time without sleeping (m).
+/// Initial penetration, and displacement of each object's origin after some time of simulation without sleeping (m).
 pub(crate) fn simulate_drift(
     world: &World,
     objects: &[SceneObject],
@@ -199,11 +199,11 @@ pub struct LayoutAudit {
     pub drift_m: f64,
     /// Number of edges and states of the initial graph that were evaluated.
     pub checked: usize,
-    /// Those that do not hold.
+    /// Edges and states of the initial graph that do not hold.
     pub failed: Vec<Atom>,
     /// True if some goal alternative already holds.
     pub goal_holds: bool,
-    /// Reason if some task object is not visible.
+    /// Reason if some task object is not visible; `None` if all are.
     pub hidden: Option<Rejection>,
 }
 

@@ -8,7 +8,7 @@ use genmanip_sim::SimError;
 
 use crate::Rejections;
 
-/// Error of a layout.
+/// Reason why no layout was made.
 #[derive(Debug, thiserror::Error)]
 pub enum LayoutError {
     /// An object is missing from the catalogue or cannot be built.
@@ -27,17 +27,17 @@ pub enum LayoutError {
     /// An edge refers to an object that is not a node of the graph.
     #[error("edge `{edge}` refers to {id}, which is not a node of the scene graph")]
     NotANode {
-        /// The edge.
+        /// The edge as text.
         edge: String,
-        /// The object.
+        /// Id of the object that is not a node.
         id: String,
     },
     /// The task refers to a surface that the world does not have.
     #[error("the task needs surface `{id}`, but the world has {}", if known.is_empty() { "only a table".into() } else { known.join(", ") })]
     UnknownSurface {
-        /// The surface.
+        /// Unknown id of the surface.
         id: String,
-        /// Surfaces of the world besides the table.
+        /// Ids of the world's surfaces besides the table.
         known: Vec<String>,
     },
     /// An object id equals the id of a surface of the world.
@@ -52,7 +52,7 @@ pub enum LayoutError {
     /// Objects support each other in a cycle.
     #[error("support cycle: {}", ids.join(" → "))]
     SupportCycle {
-        /// The objects that could not be ordered.
+        /// Ids of the objects that could not be ordered.
         ids: Vec<String>,
     },
     /// Grasps of an object were tested with different physics; a defect, independent of the task.
@@ -70,7 +70,7 @@ pub enum LayoutError {
     Infeasible {
         /// Id of the task.
         task: String,
-        /// Number of whole layouts tried.
+        /// Number of layouts begun from scratch.
         restarts: usize,
         /// Rejections by reason.
         rejections: Rejections,

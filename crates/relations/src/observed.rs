@@ -1,8 +1,8 @@
 //! Point clouds of objects, fused from depth images with instance ids of several cameras.
 //!
 //! Cameras see only the near sides. Hidden sides are filled in from the convex hull of the observed points: a point of
-//! the hull's surface is kept if every camera sees something in front of it, and dropped if a camera saw through it. A
-//! box thus gets its back and underside, and a bowl stays open.
+//! the hull's surface is dropped if any camera sees through it (or has no depth there), and kept otherwise, also where
+//! no camera looks. A box thus gets its back and underside, and a bowl stays open.
 
 use std::collections::BTreeMap;
 
@@ -57,7 +57,7 @@ fn points_of(view: &RgbdImage, instance: u16) -> impl Iterator<Item = DVec3> + '
     seen.filter_map(|(index, _)| view.point(index))
 }
 
-/// True if a camera sees through a point to something behind it.
+/// True if a camera measures a depth at least `FREE_SPACE_M` behind a point, or none at all; false outside its image.
 fn looks_through(view: &RgbdImage, camera_from_world: &Pose, point: DVec3) -> bool {
     let local = camera_from_world.transform_point(point);
     let Some(pixel) = view.intrinsics.project(local).map(DVec2::round) else { return false };

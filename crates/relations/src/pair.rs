@@ -8,7 +8,7 @@ use super::contact::Contact;
 use super::extent::{Extent, Extents};
 use super::{PosedScene, RelationSettings};
 
-/// Position of one object relative to another.
+/// Position of one object ("it") relative to another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Label {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use genmanip_core::{ObjectModel, PhysicsFactors, PlacedObject, Pose};
 
-/// An object model with its initial pose.
+/// An object model with its initial pose and joint positions.
 #[derive(Clone, Debug)]
 pub struct SceneObject {
     /// Name, unique in the scene; the instance id in scenarios.

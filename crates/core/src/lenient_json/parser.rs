@@ -53,7 +53,7 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// Byte position.
+    /// Byte position of the failure.
     pub fn at(&self) -> usize {
         match self {
             Self::Truncated { at }

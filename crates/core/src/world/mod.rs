@@ -36,15 +36,15 @@ pub struct World {
     pub floor_z_m: f64,
     /// Usable part of the table.
     pub workspace: Workspace,
-    /// The robot.
+    /// Name, physics hash, and home and start position of the robot.
     pub robot: WorldRobot,
-    /// Cameras.
+    /// Fixed and wrist cameras; names are unique.
     pub cameras: Vec<Camera>,
-    /// Physics settings.
+    /// Settings of the physics engine.
     pub physics: PhysicsSettings,
     /// Thresholds of the relations.
     pub relations: RelationSettings,
-    /// Appearance randomisation: light, background, table top, object paint.
+    /// Appearance randomisation: light, background, table top, object paint; `None` for the default appearance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub look: Option<AppearanceRandomisation>,
 }
@@ -81,7 +81,7 @@ impl WorldRobot {
 }
 
 impl World {
-    /// The table: the first surface.
+    /// The table: the first surface; `None` without surfaces.
     pub fn table(&self) -> Option<&SupportSurface> {
         self.surfaces.first()
     }
@@ -91,7 +91,7 @@ impl World {
         self.surfaces.iter().find(|surface| surface.id == id)
     }
 
-    /// Index of a surface other than the table, by id.
+    /// Index of a surface other than the table, by id; `None` if no such surface has this id.
     pub fn further_surface(&self, id: &str) -> Option<usize> {
         self.surfaces.iter().position(|surface| surface.id == id).filter(|&index| index > 0)
     }

@@ -25,7 +25,7 @@ pub struct JointSettings {
     /// Shares of the link's rotation that the gripper follows, in the order tried; a grasp follows all of it unless the
     /// handle pivots between the pads.
     pub follow: Vec<f64>,
-    /// Arm configurations tried per contact.
+    /// Maximum number of arm configurations tried per contact.
     pub configurations: usize,
     /// Clearance to everything but the object while the joint moves (m).
     pub room_m: f64,
@@ -71,7 +71,7 @@ pub struct JointChange {
     pub joint: usize,
     /// Current position [rad or m].
     pub from: f64,
-    /// Acceptable target positions, preferred one first.
+    /// Acceptable target positions [rad or m], preferred one first.
     pub targets: Vec<f64>,
 }
 
@@ -134,7 +134,8 @@ impl Motion {
         })
     }
 
-    /// Direction of motion of a point on the link, and its speed per unit of joint velocity.
+    /// Direction of motion of a point on the link (unit vector), and its speed per unit of joint velocity [m/rad or
+    /// m/m].
     pub fn velocity(&self, point: DVec3) -> (DVec3, f64) {
         let velocity = match self.kind {
             JointKind::Prismatic => self.axis,

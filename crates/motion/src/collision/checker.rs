@@ -13,7 +13,7 @@ use super::robot_shape::RobotShape;
 use super::world::{AllowedCollisions, Attached, CollisionWorld};
 use crate::rigid::Rigid;
 
-/// A pair that is too close.
+/// Pair of bodies that are closer than their clearance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CollisionReport {
     /// Moving body: name of a link or the attached object.
@@ -52,7 +52,7 @@ pub struct Checker<'a> {
     /// Motion bounds of each body: per joint the maximum speed of its points per unit joint velocity [m/rad] (1 for
     /// prismatic joints).
     pub(super) motion_bounds: Vec<Vec<f64>>,
-    /// Motion bounds of the whole robot.
+    /// Motion bounds of the whole robot: per joint the maximum over all bodies.
     pub(super) motion_bound: Vec<f64>,
     /// Single-precision model of the fast path.
     pub(super) fast: FastModel<'a>,

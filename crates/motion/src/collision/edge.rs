@@ -82,7 +82,7 @@ impl Checker<'_> {
         }
     }
 
-    /// Exact checks of the pairs that the fast path could not prove clear.
+    /// True if the exact check finds clear all pairs that the fast path could not prove clear.
     pub(super) fn unresolved_are_free(&self, unresolved: &[Unresolved], config: impl Fn(usize) -> Vec<f64>) -> bool {
         let mut cached: [Option<Vec<Rigid>>; LANES] = Default::default();
         let count = self.obstacles.len();

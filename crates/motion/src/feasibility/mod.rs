@@ -2,7 +2,7 @@
 //!
 //! A [`PickQuery`] holds the obstacles, the object, goal poses and the arm configuration. [`PickQuery::grasps`] checks
 //! grasp candidates in order and yields the feasible ones:
-//! 1. an arm configuration is reachable and free of everything but the object, as is the pre-grasp if
+//! 1. some IK solution collides with nothing but, possibly, the object, as is the pre-grasp if
 //!    [`FeasibilitySettings::tests_pregrasp`] is set;
 //! 2. the open fingers fit beside the object;
 //! 3. at some goal pose the same grasp can release the object, as low as possible.
@@ -34,7 +34,8 @@ use crate::collision::{AllowedCollisions, Checker, CollisionWorld};
 use crate::plan::PlanError;
 use crate::planner::{Planner, PlanningScene};
 
-/// Maximum joint motion between grasp and pre-grasp (rad); other IK branches are farther away.
+/// Maximum joint motion between grasp and pre-grasp (rad) within one IK branch; the solutions of other branches are
+/// farther away.
 const SAME_BRANCH_RAD: f64 = 1.0;
 
 /// The object to be picked, at its pose.
@@ -60,12 +61,12 @@ pub struct PlaceGoal {
     pub clear_height_m: f64,
 }
 
-/// Query for picking one object.
+/// Query for feasible grasps of one object.
 #[derive(Clone, Copy, Debug)]
 pub struct PickQuery<'a> {
     /// Robot and gripper.
     pub planner: &'a Planner,
-    /// All obstacles, including the object under its name.
+    /// All obstacles, including the picked object under [`PickedObject::name`].
     pub world: &'a CollisionWorld,
     /// The object.
     pub object: PickedObject<'a>,
@@ -104,7 +105,7 @@ impl<'a> PickQuery<'a> {
         }
     }
 
-    /// Ignores the object; its clearance is checked separately.
+    /// Allowed collisions that exclude the object; its clearance is checked separately.
     fn without_object(&self) -> AllowedCollisions {
         AllowedCollisions::none().and_all(self.object.name)
     }
@@ -124,7 +125,7 @@ impl<'a> PickQuery<'a> {
         widened.into_iter().chain([self.planner.opening(grasp)])
     }
 
-    /// The grasp at its free configurations, up to the configured number.
+    /// Feasible grasps with the configurations of a candidate, at most [`FeasibilitySettings::configurations_kept`].
     fn configurations_of(&self, grasp: &Grasp) -> Result<Vec<FeasibleGrasp>, LazyRejection> {
         let PickQuery { planner, object, settings, .. } = *self;
         let Some(opening_m) = self.openings(grasp).next() else { return Ok(Vec::new()) };
@@ -240,7 +241,8 @@ pub struct FeasibleGrasps<'a, I> {
     pending: VecDeque<FeasibleGrasp>,
     found: usize,
     rejections: GraspRejections,
-    /// Openings (m) and configurations of blocked grasps.
+    /// Openings (m) and configurations of grasps that collide, from which [`FeasibleGrasps::rejections`] determines the
+    /// obstacles.
     blocked: Vec<(f64, Vec<f64>)>,
 }
 

@@ -14,10 +14,10 @@ use crate::hull::Hull;
 /// Tolerance of the half-space tests, metres, so that points on the surface count.
 const TOLERANCE: f64 = 1e-12;
 
-/// Outer and inner convex bounds of a cloud, and its hull once it was needed.
+/// Outer and inner convex bounds of a cloud, and its exact hull once a query needed it.
 #[derive(Debug)]
 pub(crate) struct Enclosure {
-    /// Supporting planes.
+    /// Supporting planes: outward normal, and distance from the origin along it (m).
     outer: Vec<(DVec3, f64)>,
     /// Faces of the hull of the extreme points; empty if they are coplanar.
     inner: Vec<(DVec3, f64)>,

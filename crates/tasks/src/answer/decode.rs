@@ -10,10 +10,10 @@ use super::flaw::{Findings, FlawKind};
 /// Keys of the second reference of `between`.
 const SECOND_KEYS: [&str; 2] = ["obj3", "obj3_uid"];
 
-/// Maximum list length; a table holds a dozen objects.
+/// Maximum number of entries of a list in an answer. Chosen by hand: a table holds a dozen objects.
 const MAX_ITEMS: usize = 256;
 
-/// An answer in the format's own words; `"none"`, `null` and empty texts become `None`.
+/// An answer in the words of the exchange format; `"none"`, `null` and empty texts become `None`.
 pub(super) struct RawAnswer {
     pub instruction: String,
     pub alternatives: Vec<Vec<RawCondition>>,
@@ -35,7 +35,7 @@ pub(super) struct RawCondition {
     pub subject: RawObject,
     pub state: Option<String>,
     pub reference: RawObject,
-    /// Second reference of `between`, if that option is on.
+    /// Second reference of `between`; `None` unless the request allows this position.
     pub second: Option<RawObject>,
     pub position: Option<String>,
     pub path: String,
@@ -46,7 +46,7 @@ pub(super) struct RawEdge {
     pub subject: RawObject,
     pub position: Option<String>,
     pub reference: RawObject,
-    /// Second reference of `between`, if that option is on.
+    /// Second reference of `between`; `None` unless the request allows this position.
     pub second: Option<RawObject>,
     pub path: String,
 }
@@ -197,7 +197,7 @@ fn edge(map: &Map<String, Value>, path: String, between: bool, findings: &mut Fi
     }
 }
 
-/// The third object, if the option is on and the position is `between`.
+/// Second reference of a condition or edge, if the option is on and the position is `between`.
 fn second_reference(map: &Map<String, Value>, path: &str, between: bool, findings: &mut Findings) -> Option<RawObject> {
     let named = map.get("position").and_then(Value::as_str).and_then(Relation::named);
     let asks = named.is_some_and(Relation::has_two_references);

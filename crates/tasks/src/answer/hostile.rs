@@ -56,7 +56,7 @@ const TOKENS: [&str; 40] = [
 /// Maximum length of a fuzzed text, bytes; the constructed worst cases are longer.
 const MAX_FUZZED_BYTES: usize = 1 << 16;
 
-/// Maximum size of the fuzzer's corpus.
+/// Maximum number of texts in the fuzzer's corpus.
 const MAX_KEPT: usize = 2000;
 
 /// Worst cases with their names, most of them of [`MAX_ANSWER_BYTES`].
@@ -204,7 +204,8 @@ impl Fuzzer {
     }
 }
 
-/// Inconsistency of a report, regardless of the text; `None` if it is consistent.
+/// Violated invariant that must hold for every text: verdict, task and flaws of a report agree, and a second check
+/// gives the same report. `None` if all hold.
 pub fn inconsistency(text: &str, request: &TaskRequest, report: &AnswerReport) -> Option<&'static str> {
     let rejecting = report.flaws.iter().any(|flaw| !flaw.repaired);
     match report.verdict {
@@ -228,7 +229,7 @@ fn mutate(bytes: &mut Vec<u8>, other: &[u8], rng: &mut impl Rng) {
         2 => drop(bytes.splice(at..at, TOKENS[rng.random_range(0..TOKENS.len())].bytes())),
         3 => drop(bytes.splice(at..end, TOKENS[rng.random_range(0..TOKENS.len())].bytes())),
         4 => {
-            // Repeats a part.
+            // Duplicates up to 256 bytes 1 to 32 times.
             let part = bytes[at..end].repeat(1 << rng.random_range(0..6));
             drop(bytes.splice(at..at, part));
         }

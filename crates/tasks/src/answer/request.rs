@@ -5,7 +5,7 @@ use genmanip_core::{NamedSurface, ObjectCard, TaskKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Maximum length of an answer, bytes; longer ones are rejected unread.
+/// Maximum length of an answer, bytes; longer ones are rejected without parsing.
 pub const MAX_ANSWER_BYTES: usize = 1 << 20;
 
 /// Request that an answer responds to.

@@ -12,7 +12,7 @@ use super::settings::DesignSettings;
 use super::sketch::{Condition, Link, Sketch};
 use super::things::{is_movable, things};
 
-/// Attempts to find room for one object before the design is rejected.
+/// Maximum number of attempts to find room for one object before the design is rejected.
 const PLACE_DRAWS: usize = 12;
 
 /// Longest side of an object that goes between two others, metres. A longer one would push the two references too far
@@ -54,12 +54,12 @@ const KITCHEN: &[&str] = &["tableware", "kitchen", "packaged goods", "food"];
 const DESK: &[&str] = &["office and toys", "office", "toys", "tools", "containers", "household", "bathroom"];
 
 impl<'a> Composer<'a> {
-    /// A random card that suits, is not in the scene yet, and has an entry in `things.json`.
+    /// A random card that suits, is not in the scene yet, and has an entry in `things.json`; `None` if there is none.
     pub fn pick(&mut self, suits: impl Fn(&ObjectCard) -> bool) -> Option<&'a ObjectCard> {
         self.pick_of(self.choices.any(), suits)
     }
 
-    /// A random card of `among` that suits and is not in the scene yet.
+    /// A random card of `among` that suits and is not in the scene yet; `None` if there is none.
     pub fn pick_of(
         &mut self,
         among: impl Iterator<Item = &'a ObjectCard>,
@@ -102,7 +102,8 @@ impl<'a> Composer<'a> {
         self.pick_of(self.choices.fillers(theme), |_| true)
     }
 
-    /// Adds an object next to a random object of the scene.
+    /// Adds an object next to a random object of the scene; like the other `add` functions returns its index, or `None`
+    /// without room.
     pub fn add(&mut self, card: &'a ObjectCard) -> Option<usize> {
         self.add_with(card, None)
     }

@@ -42,7 +42,7 @@ pub(super) fn check(draft: &Draft, request: &TaskRequest, findings: &mut Finding
     }
 }
 
-/// No alternative may hold in the initial graph, also by inverse relations.
+/// Requires that no alternative of the goal holds in the initial graph, inverse relations included.
 pub(super) fn check_not_satisfied(draft: &Draft, findings: &mut Findings) {
     for (index, conjunction) in draft.alternatives.iter().enumerate() {
         if conjunction.is_empty() || conjunction.len() < draft.written_conditions[index] {

@@ -12,14 +12,14 @@ use super::naming::{Namer, Style, chance};
 use super::phrasing::{capitalised, phrases};
 use super::sketch::{Condition, Sketch};
 
-/// A complete design; its scene is the composer's sketch.
+/// A complete design except for its scene, which is the composer's sketch.
 pub(super) struct Draft {
     pub instruction: String,
     pub description: String,
     /// Alternatives of the goal, each a conjunction.
     pub goal: Vec<Vec<Condition>>,
-    /// For needs: sentences that must not be read as this goal, namely the request without its need and with another
-    /// need.
+    /// Only for tasks with a stated need ("I am thirsty"): the request without the need, and with another need. Neither
+    /// may be understood as this goal.
     pub without_need: Option<[String; 2]>,
 }
 
