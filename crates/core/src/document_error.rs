@@ -18,12 +18,12 @@ pub enum DocumentError {
     /// Unsupported schema name or version.
     #[error("expected schema \"{expected}\", got {got}")]
     WrongSchema {
-        /// The supported schema.
+        /// Name and version of the schema that this program reads.
         expected: String,
-        /// The schema in the file.
+        /// Name and version in the file.
         got: String,
     },
-    /// An invalid value.
+    /// A value that has the wrong type or violates a constraint.
     #[error("at {path}: {message}")]
     Invalid {
         /// JSON path, e.g. `$.objects[2].pose`.

@@ -144,7 +144,7 @@ fn hint(text: &str, error: &serde_json::Error) -> &'static str {
 /// below 1 GB.
 const MAX_BYTES: usize = 256 << 20;
 const TOO_MANY: &str = "so many values that they need more than 256 MiB of memory";
-/// Size of a list item, and of an object entry without the bytes of its key (hash, key and value).
+/// Memory of a list item, bytes; also of an object entry (hash, key and value) without the bytes of its key.
 const ITEM: usize = size_of::<Value>();
 const ENTRY: usize = size_of::<(usize, String, Value)>() + size_of::<usize>();
 /// Capacity that a collection reserves for its first entry.
@@ -164,7 +164,7 @@ impl MemoryBudget {
     }
 }
 
-/// Parses any value and rejects duplicate keys.
+/// Seed that parses any value and rejects duplicate keys.
 #[derive(Clone, Copy)]
 struct UniqueKeys<'a> {
     budget: &'a MemoryBudget,
@@ -245,7 +245,7 @@ struct Listing<'a> {
     schema: &'a str,
     key: &'a str,
     take: &'a mut dyn FnMut(usize, Value) -> Result<(), DocumentError>,
-    /// Error returned by `take`.
+    /// Set to the error that `take` returned, which serde cannot carry.
     refused: &'a mut Option<DocumentError>,
 }
 

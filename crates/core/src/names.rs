@@ -38,7 +38,7 @@ pub fn near_misses(got: &str, known: &[&str]) -> Vec<String> {
     near.first().map(|(_, name)| (*name).to_owned()).into_iter().collect()
 }
 
-/// Levenshtein distance.
+/// Levenshtein distance of two texts, characters.
 fn edits(from: &str, to: &str) -> usize {
     let to: Vec<char> = to.chars().collect();
     let mut row: Vec<usize> = (0..=to.len()).collect();

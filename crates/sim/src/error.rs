@@ -22,7 +22,7 @@ pub enum SimError {
         object: String,
         /// Number of joints of the model.
         expected: usize,
-        /// Number of given positions.
+        /// Number of positions given.
         got: usize,
     },
     /// The linked physics engine has an untested version.
@@ -42,9 +42,9 @@ pub enum SimError {
     /// A command of the wrong length.
     #[error("a command has {expected} numbers (arm joint targets, then gripper width), got {got}")]
     CommandLength {
-        /// Arm joints + 1.
+        /// Required length: number of arm joints + 1.
         expected: usize,
-        /// Given length.
+        /// Length given.
         got: usize,
     },
     /// A command with a non-finite number.
@@ -60,7 +60,7 @@ pub enum SimError {
     StateLength {
         /// Length of this scene's states.
         expected: usize,
-        /// Given length.
+        /// Length given.
         got: usize,
     },
     /// A command for a scene without a robot.

@@ -15,7 +15,7 @@ use serde_json::{Map, Value};
 
 use crate::DocumentError;
 
-/// Error for a missing field.
+/// Error for a missing or mistyped value at a path.
 fn lacks(path: &str, expected: &str) -> DocumentError {
     DocumentError::Invalid { path: path.into(), message: format!("expected {expected}") }
 }

@@ -40,11 +40,11 @@ pub(super) struct BodyPair {
     /// Joints that move one body relative to the other, each with its motion bound: the maximum speed of a point per
     /// unit joint velocity.
     pub(super) movers: Vec<(usize, f64)>,
-    /// Index of the pair's distance table in the robot shape.
+    /// Index of the pair's distance table in `RobotShape::tables`; `None` with the attached object.
     pub(super) table: Option<usize>,
 }
 
-/// Maximum distance evaluated in conservative advancement (m).
+/// Maximum distance evaluated in conservative advancement (m): a larger one counts as this. Chosen by hand.
 pub(super) const MAX_DISTANCE_M: f64 = 0.1;
 
 /// True if two bodies are closer than `margin` (m); a negative margin allows that much penetration.

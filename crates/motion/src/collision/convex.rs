@@ -14,7 +14,7 @@ use crate::rigid::Rigid;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("collision piece {index} of {owner}: {what}")]
 pub struct GeometryError {
-    /// Object or link.
+    /// Name of the object or link.
     pub owner: String,
     /// Index of the piece.
     pub index: usize,
@@ -33,7 +33,7 @@ pub(crate) struct Convex {
     pub(crate) ball: Ball,
 }
 
-/// A sphere.
+/// Bounding sphere, or any other sphere; all lengths in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ball {
     pub(crate) center: DVec3,
@@ -68,7 +68,7 @@ impl Ball {
 #[derive(Clone, Debug)]
 pub(crate) enum Core {
     Point,
-    /// Along z, of this half length.
+    /// Segment along z of this half length (m).
     Segment(f64),
     Box(DVec3),
     Cylinder {
@@ -141,8 +141,8 @@ impl Core {
         if let Self::Hull { center, .. } = self { *center } else { DVec3::ZERO }
     }
 
-    /// Lower bound on the distance of a point to the core, exact except for hulls and ellipsoids (distance to their
-    /// box).
+    /// Lower bound on the distance of a point to the core (m), exact except for hulls and ellipsoids (distance to their
+    /// box); 0 inside.
     pub(crate) fn distance_bound(&self, point: DVec3) -> f64 {
         self.nearest(point).distance(point)
     }
@@ -278,13 +278,13 @@ impl Separation {
     }
 }
 
-/// True if `b` is closer than `margin` to `a`.
+/// True if `b` is closer than `margin` (m) to `a`.
 pub(crate) fn closer_than(a: &Convex, b: &Convex, world_from_a: &Rigid, world_from_b: &Rigid, margin: f64) -> bool {
     let pose = core_from_core(a, b, world_from_a, world_from_b);
     cores_closer_than(&pose, &a.core, &b.core, margin + a.radius + b.radius)
 }
 
-/// True if core `b` is closer than `reach` to core `a`.
+/// True if core `b` is closer than `reach` (m) to core `a`.
 pub(super) fn cores_closer_than(a_from_b: &ParryPose, a: &Core, b: &impl SupportMap, reach: f64) -> bool {
     let mut simplex = first_simplex(a_from_b, a, b);
     match gjk::closest_points(a_from_b, a, b, reach.max(0.0), false, &mut simplex) {

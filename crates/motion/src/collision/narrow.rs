@@ -1,9 +1,8 @@
 //! SIMD narrow phase: vertices of a convex body against bounding primitives of an obstacle, eight states at a time.
 //!
 //! Frank-Wolfe steps (M. Frank and P. Wolfe, *An algorithm for quadratic programming*, 1956) move a point of the body
-//! towards
-//! the obstacle. At every step a close point proves contact, and the direction to the obstacle proves clearance if all
-//! vertices are far enough along it; the exact check decides the rest.
+//! towards the obstacle. At every step a close point proves contact, and the direction to the obstacle proves clearance
+//! if all vertices are far enough along it; the exact check decides the rest.
 
 use genmanip_core::Pose;
 use glam::DVec3;
@@ -15,7 +14,7 @@ use super::lane_geometry::{LaneFrame, Point, ROUNDING, add, dot, place, scale, s
 use super::lanes::{LANES, Lanes, Verdict};
 use crate::rigid::Rigid;
 
-/// Maximum steps before the exact check.
+/// Maximum number of Frank-Wolfe steps before the exact check. Chosen by hand.
 const STEPS: usize = 5;
 /// Hulls with more vertices are simplified.
 const MAX_VERTICES: usize = 32;
@@ -27,11 +26,12 @@ const MAX_ERROR_M: f64 = 0.0015;
 pub(crate) struct Skeleton {
     corners: Vec<[f32; 3]>,
     pub(super) center: [f32; 3],
-    /// Radius of the bounding sphere around `center`.
+    /// Radius of the bounding sphere around `center` (m).
     pub(super) ball_radius: f32,
-    /// The body contains everything within this distance of the vertices' hull; negative if even the hull is too large.
+    /// The body contains everything within this distance of the vertices' hull (m); negative if even the hull exceeds
+    /// the body.
     inner: f32,
-    /// The body is within this distance of the vertices' hull.
+    /// The body is within this distance of the vertices' hull (m).
     outer: f32,
 }
 

@@ -14,7 +14,7 @@ pub(super) struct PlacedObstacle<'a> {
     pub(super) ball: Ball,
     pub(super) pieces: Vec<PlacedPiece<'a>>,
     pub(super) surface: Option<&'a Surface>,
-    /// Facets with a reduced clearance.
+    /// Facets of the surface with a reduced clearance for some body.
     pub(super) relaxed_facets: RelaxedFacets,
 }
 
@@ -80,7 +80,7 @@ impl<'a> PlacedObstacle<'a> {
         })
     }
 
-    /// Distance of a body if it is at most `margin` (m).
+    /// Distance of a body (m) if it is at most `margin`.
     pub(super) fn separation(&self, body: &Body, world_from_body: &Rigid, margin: f64) -> Separation {
         if let Some(surface) = self.surface {
             return surface.separation(body, world_from_body, margin, &self.relaxed_facets);

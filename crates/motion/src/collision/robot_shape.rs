@@ -25,7 +25,7 @@ pub struct RobotShape {
     /// Link pairs that may collide: not in the same moving frame, not declared as never colliding, not always apart.
     pub(crate) pairs: Vec<(usize, usize)>,
     pub(crate) gripper_links: [usize; 3],
-    /// Distance tables of the pairs that only two joints move.
+    /// Distance tables, one per entry of `pairs`; `None` for fingers and where not exactly two joints move the pair.
     pub(crate) tables: Vec<Option<PairTable>>,
 }
 
@@ -37,7 +37,7 @@ pub(crate) struct LinkShape {
     pub(crate) cover: Vec<CoverBall>,
     /// Vertices for the SIMD narrow phase.
     pub(crate) skeletons: Vec<Skeleton>,
-    /// Face planes for points and triangles.
+    /// Face planes for tests against the points and triangles of surfaces.
     pub(crate) planes: Vec<FacePlanes>,
 }
 
@@ -57,7 +57,7 @@ impl RobotShape {
     pub fn new(robot: &RobotModel) -> Result<Self, RobotError> {
         let mut shape = Self::without_tables(robot)?;
         shape.tables = shape.pair_tables(&robot.gripper.fingers);
-        // Drop pairs that never come near each other.
+        // Pairs with a table that never come near each other are dropped.
         let kept: Vec<bool> = shape
             .tables
             .iter()

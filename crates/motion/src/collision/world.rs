@@ -41,7 +41,7 @@ pub(crate) struct Obstacle {
     pub(crate) surface: Option<Arc<Surface>>,
 }
 
-/// An object held by the gripper, rigidly attached to the TCP.
+/// An object held by the gripper, rigidly attached to the TCP; checked against obstacles and links.
 #[derive(Clone, Debug)]
 pub struct Attached {
     pub(crate) name: String,
@@ -59,7 +59,7 @@ pub struct Attached {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct AllowedCollisions {
     pairs: Vec<(MovingBody, String)>,
-    /// Obstacles ignored entirely.
+    /// Names of obstacles ignored entirely.
     ignored: Vec<String>,
 }
 
@@ -124,7 +124,7 @@ impl CollisionWorld {
         }
     }
 
-    /// Number of points or triangles of an obstacle; `None` if it has none.
+    /// Number of points or triangles of an obstacle; `None` if it is no cloud or mesh, or unknown.
     pub fn facet_count(&self, name: &str) -> Option<usize> {
         let obstacle = self.obstacles.iter().find(|obstacle| obstacle.name == name)?;
         obstacle.surface.as_ref().map(|surface| surface.facet_count())

@@ -83,7 +83,8 @@ impl Gripper {
         }
     }
 
-    /// Gripper opening for the approach: grasp width plus `clearance` on either side.
+    /// Gripper opening for the approach (m): grasp width plus `clearance` on either side, at most
+    /// [`Gripper::max_width`].
     pub fn opening_for(&self, grasp: &Grasp, clearance: f64) -> f64 {
         (grasp.width + 2.0 * clearance).min(self.max_width)
     }

@@ -27,7 +27,7 @@ pub enum PlanError {
         which: &'static str,
         /// Number of arm joints.
         expected: usize,
-        /// The given values.
+        /// Values given.
         got: Vec<f64>,
     },
     /// A configuration lies outside the joint limits.
@@ -35,7 +35,7 @@ pub enum PlanError {
     OutsideLimits {
         /// `start` or `goal`.
         which: &'static str,
-        /// Excess (rad).
+        /// Largest excess of a joint over its limit (rad or m).
         beyond: f64,
     },
     /// The start is in collision.
@@ -55,7 +55,7 @@ pub enum PlanError {
     Blocked {
         /// Free share of the line, 0-1.
         fraction: f64,
-        /// The obstacle.
+        /// The obstacle in the way and its distance.
         report: CollisionReport,
     },
     /// The search ended without a path.
@@ -68,7 +68,7 @@ pub enum PlanError {
     },
 }
 
-/// Advice on two links that block each other.
+/// Advice if two links of the robot block each other; empty otherwise.
 fn of_links(report: &CollisionReport) -> &'static str {
     match report.between_links {
         true => {
@@ -153,7 +153,8 @@ fn free_goals(
     Ok(free)
 }
 
-/// A goal with its continuous joints turned to within half a turn of the start, and once each the other way round.
+/// A goal with its continuous joints turned to within half a turn of the start, followed by variants in which one
+/// continuous joint turns the other way round.
 fn unwound(checker: &Checker, start: &[f64], goal: &[f64]) -> Vec<Vec<f64>> {
     let mut near = goal.to_vec();
     let mut around = Vec::new();

@@ -26,7 +26,7 @@ use super::{GraspSettings, Gripper, same};
 /// Target and scene points, world frame.
 #[derive(Clone, Copy, Debug)]
 pub struct CloudTarget<'a> {
-    /// Target points, from one view, several fused views, or the whole surface.
+    /// Target points from one view, from several fused views, or of the whole surface.
     pub points: &'a [DVec3],
     /// Camera positions; empty if the points cover the whole surface. With cameras, hidden sides are estimated.
     pub cameras: &'a [DVec3],
@@ -47,13 +47,13 @@ pub enum CloudError {
     TooFew {
         /// Number of points.
         got: usize,
-        /// Number needed.
+        /// Minimum number of points.
         least: usize,
     },
     /// A number is NaN or infinite.
     #[error("point {index} of the {what} is not finite")]
     NotFinite {
-        /// Input name.
+        /// Name of the input that contains the number.
         what: &'static str,
         /// Index of the point.
         index: usize,
@@ -81,9 +81,9 @@ const MAX_EXTENT_M: f64 = 5.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CloudSettings {
-    /// Voxel size of downsampling (m).
+    /// Voxel size for downsampling target and scene (m).
     pub voxel: f64,
-    /// Maximum target points; above it, voxels are enlarged, since large objects need less detail.
+    /// Maximum number of target points; above it, voxels are enlarged, since large objects need less detail.
     pub most_points: usize,
     /// Share of a mirror image that must be hidden from all cameras to be accepted.
     pub hidden_share: f64,
@@ -126,7 +126,7 @@ impl Default for CloudSettings {
     }
 }
 
-/// A candidate with its features.
+/// A grasp candidate with its features.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CloudGrasp {
     /// TCP pose in the world frame, contact distance, and success probability.
