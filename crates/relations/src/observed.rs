@@ -24,7 +24,7 @@ const MIN_POINTS: usize = 12;
 /// The cloud of each instance in the world frame, with hidden sides filled in; `None` for an instance that is hardly
 /// visible.
 ///
-/// If a view's two images differ in size, the pixels beyond the smaller one are ignored.
+/// If the id and depth images of a view differ in size, the pixels beyond the smaller one are ignored.
 pub fn clouds_of_views(views: &[RgbdImage], instances: &[u16]) -> Vec<Option<Cloud>> {
     let cameras: Vec<Pose> = views.iter().map(|view| view.world_from_camera.inverse()).collect();
     let free = |point: DVec3| views.iter().zip(&cameras).any(|(view, camera)| looks_through(view, camera, point));

@@ -4,7 +4,7 @@
 //! the opposite side of the table (front is the smaller x, left the smaller y), a pair can have several labels, and an
 //! object floating ten centimetres above another one is `on` it.
 //!
-//! Where an original raises an error (a cloud without an outline), the verdict here omits that step.
+//! Where an original raises an error (a cloud without an outline), the step that failed is omitted here.
 //!
 //! ```
 //! use genmanip_relations::clouds::{Cloud, CloudLabel, Profile, labels};
@@ -32,7 +32,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tree::Tree;
 
-/// A released evaluator.
+/// A released evaluator whose verdicts are reproduced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Profile {
     /// GenManip V0.9.
@@ -83,7 +83,7 @@ pub enum CloudLabel {
 /// Reason why a cloud is invalid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CloudError {
-    /// It has no points.
+    /// The cloud has no points.
     #[error("expected at least one point, got none")]
     Empty,
     /// A coordinate is not finite.

@@ -15,18 +15,18 @@ static HANDLING: LazyLock<Vec<Handling>> =
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Need {
-    /// The need in whole sentences.
+    /// Whole sentences that state the need, one of which is chosen.
     pub says: Vec<String>,
-    /// The part of the request that it decides.
+    /// Part of the request that the need decides.
     pub decides: Decides,
-    /// Sorts of objects that meet it, in the syntax of [`is_of`].
+    /// Sorts of objects that meet the need, in the syntax of [`is_of`].
     pub serves: Vec<String>,
-    /// Sorts that meet it partly. A scene must not contain any, as the answer would be ambiguous.
+    /// Sorts that meet the need partly. A scene must not contain any, as the answer would be ambiguous.
     pub rivals: Vec<String>,
     /// Classes or sorts of objects that may be moved, for needs that decide the destination.
     #[serde(default)]
     pub movers: Vec<String>,
-    /// Relations in which the object may be brought to its destination.
+    /// Relations between the moved object and its destination that the request allows.
     pub relations: Vec<Relation>,
 }
 
@@ -72,11 +72,11 @@ pub(super) fn is_of(sort: &str, card: &ObjectCard) -> bool {
 pub(super) struct Handling {
     /// Category of the object.
     pub category: String,
-    /// Initial states.
+    /// Initial states from which this change is possible.
     pub from: Vec<String>,
-    /// Final state.
+    /// State after the change.
     pub to: String,
-    /// The request in lower case without a full stop; `{y}` stands for the object.
+    /// Requests in lower case without a full stop; `{y}` stands for the object.
     pub say: Vec<String>,
     /// Reasons for the request, as main clauses.
     pub why: Vec<String>,

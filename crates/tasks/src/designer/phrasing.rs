@@ -33,14 +33,14 @@ pub(super) struct Phrases {
     pub needed: Vec<String>,
     /// Noun phrases for a destination that a need decides, if the object goes into it: `the right place`.
     pub needed_hollow: Vec<String>,
-    /// The same for all other relations.
+    /// Noun phrases for a destination that a need decides, in all other relations.
     pub needed_place: Vec<String>,
-    /// Several steps.
+    /// Templates of tasks with several steps.
     pub steps: Steps,
     which: Which,
 }
 
-/// Beginnings of relative clauses: for flat objects that lie and for upright ones that stand.
+/// Beginnings of relative clauses: for flat objects, which lie, and for upright ones, which stand.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Which {
@@ -109,7 +109,7 @@ fn is_said_in(relation: Relation, reference: &ObjectCard) -> bool {
     relation.kind() == RelationKind::Support(Support::OnOrIn) && is_hollow
 }
 
-/// A place with a random preposition.
+/// A place with a random one of the prepositions.
 fn place(prepositions: &[&str], first: &str, second: &str, rng: &mut impl Rng) -> String {
     let preposition = prepositions.choose(rng).copied().unwrap_or_default();
     let second = if second.is_empty() { String::new() } else { format!(" and {second}") };
@@ -131,7 +131,7 @@ pub(super) fn fill(template: &str, values: &[(&str, &str)]) -> String {
     text
 }
 
-/// The text with a capital first letter.
+/// The text with its first letter in upper case.
 pub(super) fn capitalised(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())

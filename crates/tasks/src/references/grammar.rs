@@ -13,27 +13,27 @@ use super::words::{
     RELATIVES, SHOULD, SOURCE, SOURCES, SPELLINGS, STATE, TAKE, WISHES,
 };
 
-/// One request.
+/// One request, or alternatives.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Command {
     /// Bring objects to a place, or to one of several.
     Put { subjects: Vec<Group>, places: Vec<Place> },
     /// Change the state of an object.
     Change { object: Group, part: Option<Part>, action: Action },
-    /// Exactly one of these.
+    /// Exactly one of these commands.
     Either(Vec<Command>),
 }
 
 /// A noun phrase.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Group {
-    /// Its words without the article.
+    /// Words of the phrase without the article.
     pub words: Vec<String>,
-    /// Location of the object, from a relative clause.
+    /// Location of the object from a relative clause; `None` without one.
     pub at: Option<Box<Place>>,
 }
 
-/// A preposition with one noun phrase or two.
+/// A place: a preposition with one noun phrase or, for `between`, two.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Place {
     /// Relations that the preposition can mean.
@@ -131,7 +131,7 @@ struct Reader {
     place: Option<Group>,
     /// True for colloquial English.
     is_free: bool,
-    /// True if the sentence leaves out its articles.
+    /// True if the sentence omits its articles.
     is_terse: bool,
 }
 
@@ -153,7 +153,7 @@ impl Reader {
         self.words.get(index).map_or("", String::as_str)
     }
 
-    /// Number of words of `phrase` if it comes next.
+    /// Number of words of `phrase` if the next words are those of the phrase; `None` otherwise.
     fn at(&self, phrase: &str) -> Option<usize> {
         self.at_index(self.next, phrase)
     }
@@ -293,7 +293,7 @@ impl Reader {
         self.begins_command().then(|| self.one_command()).flatten()
     }
 
-    /// Runs a parser, and goes back to where it began if it fails.
+    /// Runs a parser, and returns to the position before it if it fails.
     fn attempt(&mut self, parse: impl FnOnce(&mut Self) -> Option<Command>) -> Option<Command> {
         let start = self.next;
         let command = parse(self);
@@ -339,7 +339,7 @@ impl Reader {
         self.change()
     }
 
-    /// Parses `take … and put it somewhere`; a location after the object is where it is now.
+    /// Parses `take … and put it somewhere`; a location after the object is its present location.
     fn fetch(&mut self) -> Option<Command> {
         self.take_any(&TAKE)?;
         self.take("me");
@@ -372,7 +372,7 @@ impl Reader {
             return Some(Command::Either(vec![put(subjects), put(vec![other])]));
         }
         let places = self.places()?;
-        // `put the apple in the bowl on the plate`: the first place is where it is now.
+        // `put the apple in the bowl on the plate`: the first place is the present location of the apple.
         if let ([subject], [from]) = (subjects.as_mut_slice(), places.as_slice())
             && subject.at.is_none()
             && from.relations.iter().any(|relation| relation.is_support())
@@ -403,7 +403,7 @@ impl Reader {
         if relations == [Relation::Between] && self.take("and") {
             objects.push(self.group()?);
         }
-        // `on the board next to the bread`: the second place is where the board is.
+        // `on the board next to the bread`: the second place is the location of the board.
         let support = |relations: &[Relation]| relations.iter().any(|relation| relation.is_support());
         if let [object] = objects.as_mut_slice()
             && object.at.is_none()
@@ -416,7 +416,7 @@ impl Reader {
         Some(Place { relations, objects })
     }
 
-    /// The preposition at an index, unless it ends the clause.
+    /// Relations of the preposition at an index, and the index after it; `None` if there is none or it ends the clause.
     fn preposition(&self, index: usize) -> Option<(&'static [Relation], usize)> {
         let (relations, length) = PLACES
             .iter()
@@ -477,7 +477,7 @@ impl Reader {
         if words.first().is_some_and(|word| words.len() == 1 && PRONOUNS.contains(&word.as_str())) {
             return self.object.clone();
         }
-        // An article inside a noun phrase belongs to one of its prepositions.
+        // An article inside a noun phrase belongs to a preposition within the phrase.
         let joins = |word: &String| ["of", "with", "without", "to", "from", "and", "in", "on"].contains(&word.as_str());
         if self.is_free && words.windows(2).any(|pair| ARTICLES.contains(&pair[1].as_str()) && !joins(&pair[0])) {
             return None;
