@@ -14,7 +14,7 @@ use crate::Seed;
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "source", rename_all = "snake_case", deny_unknown_fields)]
 pub enum AssetRef {
-    /// An object of the built-in catalogue (YCB).
+    /// An object of the built-in catalogue.
     Builtin {
         /// Uid of the object in the catalogue, e.g. `001`.
         uid: String,

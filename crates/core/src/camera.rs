@@ -32,7 +32,7 @@ pub struct Camera {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CameraMount {
-    /// The world.
+    /// The world frame: a fixed camera.
     World,
     /// The robot's hand link (wrist camera).
     Hand,
@@ -101,7 +101,7 @@ pub struct CameraPreset {
 const REALSENSE: &str =
     "Intel RealSense Product Family D400 Series datasheet, 337029, field of view at 16:9, +-3 degrees";
 
-/// Known cameras.
+/// Commercial cameras that worlds can name.
 pub const PRESETS: [CameraPreset; 8] = [
     CameraPreset {
         name: "d415",

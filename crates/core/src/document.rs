@@ -109,7 +109,7 @@ pub struct Upgrade {
 pub trait LongDocument: Document {
     /// Key of the list, which follows the schema.
     const LIST: &'static str;
-    /// Maximum number of entries.
+    /// Maximum number of entries of the list.
     const MAX_ENTRIES: usize = ENTRIES;
     /// Type of an entry of the list.
     type Entry: DeserializeOwned;

@@ -3,12 +3,12 @@
 /// Reason why a text is not the expected document.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DocumentError {
-    /// Malformed JSON.
+    /// The text is not valid JSON.
     #[error("not JSON: {message}")]
     NotJson {
-        /// Line, from 1.
+        /// Line of the error, from 1.
         line: usize,
-        /// Column, from 1.
+        /// Column of the error, from 1.
         column: usize,
         /// The parser's message, including the position.
         message: String,

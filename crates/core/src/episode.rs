@@ -25,7 +25,7 @@ pub struct Frame {
     pub gripper_width: f64,
     /// Peak force of the gripper drive during the interval (sum over both fingers), N.
     pub grip_force: f64,
-    /// `world_from_tcp`.
+    /// `world_from_tcp` as measured.
     pub tcp: Pose,
     /// States of the objects, in the order of the scenario.
     pub objects: Vec<ObjectState>,
@@ -68,11 +68,11 @@ pub struct Episode {
 pub struct EpisodeResult {
     /// Episode id, usable as a file name.
     pub id: String,
-    /// Scenario id.
+    /// Id of the scenario that was run.
     pub scenario_id: String,
-    /// Task id.
+    /// Id of the scenario's task.
     pub task_id: String,
-    /// Policy name.
+    /// Name of the policy that acted.
     pub policy: String,
     /// True if the policy reads simulator ground truth.
     pub oracle: bool,
@@ -91,11 +91,11 @@ pub struct EpisodeResult {
     /// Analysis of an agent's failed episode; absent for other policies and after a success.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub agent_failure: Option<AgentFailure>,
-    /// Simulated duration, s.
+    /// Simulated duration of the episode, s.
     pub duration_s: f64,
-    /// Time limit, s.
+    /// Time limit of the episode, s.
     pub horizon_s: f64,
-    /// Control rate, Hz.
+    /// Control rate of the world, Hz.
     pub control_rate_hz: f64,
     /// Number of control steps that were simulated.
     pub frames: usize,
@@ -113,7 +113,8 @@ pub struct EpisodeResult {
     /// layout.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub world_hashes: Option<WorldHashes>,
-    /// Verdict on point clouds of the final scene, for evaluated episodes; does not affect `success`.
+    /// Verdict on point clouds of the final scene, which does not affect `success`; `None` unless the episode was
+    /// evaluated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cloud: Option<CloudVerdict>,
     /// True if the scenario's alternative request, which was not made, is satisfied at the end; `None` without one.
@@ -127,7 +128,7 @@ pub struct EpisodeResult {
     pub expert: ExpertStyle,
     /// Physics engine and version, e.g. `mujoco 3.17.0`.
     pub engine: String,
-    /// Version of this program.
+    /// Version of the program that ran the episode.
     pub genmanip_version: String,
 }
 
@@ -225,7 +226,7 @@ impl Ending {
 pub struct NotRun {
     /// Episode id.
     pub id: String,
-    /// Scenario id.
+    /// Id of the scenario that was to be run.
     pub scenario_id: String,
     /// Error reported by the policy's endpoint, or its mistake.
     pub reason: String,
@@ -300,6 +301,6 @@ impl std::fmt::Display for StrayContact {
 pub enum AttemptOutcome {
     /// The goal held after settling.
     Verified,
-    /// The attempt failed.
+    /// The attempt failed for this cause.
     Failed(Failure),
 }

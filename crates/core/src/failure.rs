@@ -63,7 +63,7 @@ pub struct AgentFailure {
     pub ask: Option<usize>,
     /// Observation with numbers.
     pub evidence: String,
-    /// Path of the transcript, if one was written.
+    /// Path of the transcript; `None` if none was written.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transcript: Option<String>,
 }
@@ -119,7 +119,7 @@ named_enum! {
         Look = "look",
         /// Grasp proposal and selection.
         Grasp = "grasp",
-        /// Motion planning.
+        /// Planning of the arm's motion.
         Motion = "motion",
         /// Execution of the plan.
         Execute = "execute",

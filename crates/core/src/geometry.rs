@@ -52,7 +52,7 @@ pub enum Shape {
 /// One convex piece of a link, posed in the link's frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Piece {
-    /// Shape of the piece.
+    /// Convex shape in the piece's own frame.
     pub shape: Shape,
     /// Pose of the piece in the link's frame.
     pub link_from_piece: Pose,
@@ -164,7 +164,7 @@ impl Aabb {
         self.max - self.min
     }
 
-    /// Middle point.
+    /// Centre of the bounds.
     pub fn center(&self) -> DVec3 {
         (self.max + self.min) * 0.5
     }

@@ -86,7 +86,7 @@ pub enum GraspNetError {
     /// A number is NaN or infinite.
     #[error("number {index} of a GraspNet row is not finite")]
     NotFinite {
-        /// Index in the row.
+        /// Index of the number in the row.
         index: usize,
     },
     /// The rotation is not orthonormal.

@@ -40,7 +40,7 @@ pub struct CameraRequest {
     /// The whole image is resized: a different aspect ratio gives non-square pixels, as reflected in K.
     #[serde(default)]
     pub size: Option<[u32; 2]>,
-    /// Requested channels.
+    /// Channels that the image must contain.
     #[serde(default)]
     pub channels: ImageChannels,
 }
@@ -62,9 +62,9 @@ pub struct ImageChannels {
 }
 
 impl ImageChannels {
-    /// Colour only.
+    /// Colour without other channels.
     pub const RGB: Self = Self { rgb: true, depth: false, ids: false, normals: false, points: false };
-    /// Colour and depth.
+    /// Colour and depth without other channels.
     pub const RGBD: Self = Self { depth: true, ..Self::RGB };
 }
 
@@ -88,7 +88,7 @@ impl CameraRequest {
 }
 
 impl RgbdImage {
-    /// A depth-only image.
+    /// An image with depth (m) as its only channel, from a camera without distortion.
     pub fn of_depth(intrinsics: Intrinsics, world_from_camera: Pose, depth_m: Vec<f32>) -> Self {
         Self {
             intrinsics,

@@ -46,7 +46,7 @@ pub enum InterchangeError {
 }
 
 impl Task {
-    /// The goal expanded by every permutation of interchangeable copies.
+    /// The goal with an alternative for every permutation of interchangeable copies.
     ///
     /// The alternatives as written come first, so that a verdict names the instances that satisfied the goal.
     pub fn judged_goal(&self) -> Cow<'_, Goal> {

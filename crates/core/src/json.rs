@@ -79,7 +79,7 @@ fn list<'de, R: serde_json::de::Read<'de>>(
     let value = read(reader, text, Listing { schema, key, take, refused: &mut refused });
     match (refused, value) {
         (Some(error), _) => Err(error),
-        // The list is the only value of an object with a fixed type.
+        // Of the object's values only the list has to be of a certain type, so this error concerns the list.
         (None, Err(DocumentError::NotJson { message, .. })) if message.starts_with("invalid type") => {
             Err(DocumentError::Invalid { path: format!("$.{key}"), message })
         }

@@ -43,7 +43,7 @@ pub const REVIEWS: Limit = Limit::mib("a log of reviews", 192);
 pub const WORLD: Limit = Limit::mib("a world", 2);
 /// A file with cameras: a world or a scenario.
 pub const WORLD_OR_SCENARIO: Limit = Limit::mib("a world or scenario", 8);
-/// A list of cameras.
+/// A list of cameras, JSON.
 pub const CAMERAS: Limit = Limit::mib("a list of cameras", 1);
 /// Settings of a language model, TOML.
 pub const SETTINGS: Limit = Limit::mib("a settings file", 1);
@@ -92,7 +92,7 @@ pub const CLOUDS: Limit = Limit::mib("an archive of clouds", 64);
 pub const TRIALS: Limit = Limit::mib("a file of trials", 64);
 /// Object families; the largest built-in file is 60 KiB.
 pub const FAMILIES: Limit = Limit::mib("a file of families", 4);
-/// URDF or SRDF text.
+/// A robot's URDF or SRDF text.
 pub const ROBOT: Limit = Limit::mib("a robot description", 8);
 /// A robot mesh, STL or OBJ.
 pub const MESH: Limit = Limit::mib("a mesh", 32);

@@ -43,7 +43,7 @@ impl VisualPart {
     }
 }
 
-/// Metallic-roughness material.
+/// Material of the metallic-roughness model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// Albedo in sRGB, 0-1; multiplied with the texture.

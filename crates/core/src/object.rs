@@ -18,7 +18,7 @@ pub struct ObjectCard {
     pub asset: AssetRef,
     /// Short name, e.g. `Red Mug`.
     pub name: String,
-    /// One sentence.
+    /// Description of the object in one sentence.
     pub description: String,
     /// Category, e.g. `mug`.
     pub category: String,
@@ -26,9 +26,9 @@ pub struct ObjectCard {
     pub general_category: String,
     /// Colour words, most prominent first.
     pub colors: Vec<String>,
-    /// Material words.
+    /// Words for the materials, e.g. `ceramic`.
     pub materials: Vec<String>,
-    /// Shape description.
+    /// Description of the shape in words, e.g. `cylinder with handle`.
     pub shape: String,
     /// Axis-aligned size in the canonical pose, m.
     #[schemars(with = "[f64; 3]")]
@@ -136,9 +136,9 @@ pub struct ObjectLink {
     pub name: String,
     /// Joint to the parent; `None` for the root.
     pub joint: Option<Joint>,
-    /// Rendered surfaces.
+    /// Meshes with materials, for rendering.
     pub visual: Vec<VisualPart>,
-    /// Convex collision pieces.
+    /// Convex pieces for collision, in the link's frame.
     pub pieces: Vec<Piece>,
     /// Convex regions in the link's frame in which an object counts as *in* this object; they move with the link.
     pub cavity: Vec<Piece>,
@@ -216,7 +216,7 @@ impl ObjectModel {
         model
     }
 
-    /// Number of movable joints.
+    /// Number of joints that can move.
     pub fn joint_count(&self) -> usize {
         self.links.iter().filter(|link| link.joint.is_some()).count()
     }

@@ -170,7 +170,7 @@ mod tests {
     use super::*;
     use crate::{Distortion, Intrinsics};
 
-    /// Objects that are partly visible, invisible, and at the border.
+    /// Checks objects that are partly visible, invisible, and at the border.
     #[test]
     fn labels_report_occlusion_and_truncation() {
         let projection = Projection {
@@ -200,7 +200,7 @@ mod tests {
         assert!(back.position.distance(DVec3::X) < 1e-12 && back.angle_to(&placed.outer_from_box) < 1e-7);
     }
 
-    /// Points project back to their pixel, with and without distortion.
+    /// Checks that points project back to their pixel, with and without distortion.
     #[test]
     fn cloud_points_project_to_their_pixels() {
         let intrinsics = Intrinsics::from_vertical_fov(8, 6, 0.9);

@@ -32,14 +32,14 @@ pub trait Policy: Send {
     }
 }
 
-/// Interface of a policy.
+/// Observations that a policy needs, and actions that it returns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PolicySpec {
     /// Name in results, e.g. `expert`.
     pub name: String,
     /// Images rendered for each observation.
     pub cameras: Vec<CameraRequest>,
-    /// Required entries of `Observation::state`.
+    /// Keys that must be present in [`Observation::state`].
     pub state_keys: Vec<String>,
     /// Layout of the action vector.
     pub action: ActionSpec,
@@ -92,11 +92,11 @@ pub struct EpisodeStart {
     pub seed: Seed,
     /// The requested cameras, at the requested sizes.
     pub cameras: Vec<Camera>,
-    /// The whole scenario; privileged policies only.
+    /// The whole scenario; `None` except for privileged policies.
     pub scenario: Option<Arc<Scenario>>,
 }
 
-/// Observation of a policy.
+/// What a policy observes at the time of a decision.
 #[derive(Clone, Debug, Default)]
 pub struct Observation {
     /// Time since the start of the episode, s.
@@ -123,7 +123,7 @@ impl Observation {
         [("state", Self::STATE), ("command", Self::COMMAND), ("tool", Self::TOOL), ("tool_target", Self::TOOL_TARGET)];
 }
 
-/// Simulator ground truth.
+/// Simulator ground truth for privileged policies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrivilegedState {
     /// Objects in the order of the scenario.

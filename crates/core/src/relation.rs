@@ -33,7 +33,7 @@ impl Relation {
     pub const ALL: [Self; 9] =
         [Self::Front, Self::Back, Self::Left, Self::Right, Self::Near, Self::Top, Self::On, Self::In, Self::Between];
 
-    /// Relations to a single reference: all words of the exchange format.
+    /// Relations to a single reference: all relation words of the exchange format.
     pub const OF_PAIRS: [Self; 8] =
         [Self::Front, Self::Back, Self::Left, Self::Right, Self::Near, Self::Top, Self::On, Self::In];
 
@@ -153,7 +153,7 @@ impl Relation {
         self.facts().name
     }
 
-    /// Relation by its name in files.
+    /// Relation by its name in files; `None` for an unknown name.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|relation| relation.name() == name)
     }
@@ -191,19 +191,19 @@ impl Relation {
         matches!(self.kind(), RelationKind::Between)
     }
 
-    /// True if `other` holds wherever this relation holds.
+    /// True if `other` is this relation or holds wherever this relation holds.
     pub fn implies(self, other: Self) -> bool {
         self == other || self.facts().implies.contains(&other)
     }
 
-    /// Place in a description: `on the far side of the Plate`, `between the Plate and the Mug`.
+    /// Text of the place in a description: `on the far side of the Plate`, `between the Plate and the Mug`.
     pub fn describe(self, reference: &str, second: Option<&str>) -> String {
         let second = second.map_or_else(String::new, |second| format!(" and the {second}"));
         format!("{} the {reference}{second}", self.facts().described)
     }
 }
 
-/// Facts about a relation.
+/// Facts about a relation that designer, judge and prompts share.
 #[derive(Clone, Copy, Debug)]
 pub struct RelationFacts {
     /// Name in files and answers of language models.
@@ -271,7 +271,7 @@ pub enum HorizontalAxis {
 }
 
 impl HorizontalAxis {
-    /// The axis across this one.
+    /// The horizontal axis perpendicular to this one.
     pub const fn other(self) -> Self {
         match self {
             Self::Depth => Self::Width,
@@ -280,7 +280,7 @@ impl HorizontalAxis {
     }
 }
 
-/// Support by a reference.
+/// Kind of support by the reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Support {
     /// On the reference.

@@ -20,7 +20,7 @@ pub struct RobotModel {
     pub hand: usize,
     /// TCP frame: midpoint between the pads, axes of the hand link (z = approach, y = closing).
     pub hand_from_tcp: Pose,
-    /// The gripper.
+    /// Fingers, maximum opening, maximum force and pads.
     pub gripper: Gripper,
     /// Arm joint positions at the start of an episode, rad.
     pub home: Vec<f64>,
@@ -28,7 +28,7 @@ pub struct RobotModel {
     pub drives: Option<Drives>,
     /// Measured reach; `None` if unknown.
     pub reach: Option<Reach>,
-    /// Default wrist-camera pose: optical frame in the hand link's frame.
+    /// Default wrist-camera pose: optical frame in the hand link's frame; `None` for a robot without one.
     pub hand_from_wrist_camera: Option<Pose>,
     /// Pairs of links excluded from self-collision checks (neighbours and pairs that cannot meet).
     pub never_colliding: Vec<(usize, usize)>,
@@ -45,9 +45,9 @@ pub struct RobotLink {
     pub parent_from_link: Pose,
     /// Joint to the parent; `None` if rigidly attached.
     pub joint: Option<RobotJoint>,
-    /// Rendered surfaces.
+    /// Meshes with materials, for rendering.
     pub visual: Vec<VisualPart>,
-    /// Convex collision pieces.
+    /// Convex pieces for collision, in the link's frame.
     pub pieces: Vec<Piece>,
     /// Mass, centre of mass and inertia of the link.
     pub mass: MassProperties,
@@ -137,7 +137,7 @@ pub struct Drives {
     pub hull_friction: f64,
 }
 
-/// Reach of a robot.
+/// Distances at which a robot can work.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reach {

@@ -12,9 +12,9 @@ use crate::{AssetRef, Document, DocumentError, Goal, Pose, Seed, Task, Upgrade, 
 pub struct Scenario {
     /// Name, unique in its collection and usable as a file name, e.g. `017_pick_and_place-03`.
     pub id: String,
-    /// The task.
+    /// Instruction, goal and initial graph.
     pub task: Task,
-    /// Seed of the layout.
+    /// Seed from which the layout was sampled.
     pub seed: Seed,
     /// Instances in the order of the task's nodes, followed by distractors.
     pub objects: Vec<PlacedObject>,
@@ -34,7 +34,7 @@ pub struct Scenario {
 pub struct Request {
     /// Language instruction.
     pub instruction: String,
-    /// Success condition.
+    /// Success condition of the request.
     pub goal: Goal,
 }
 
@@ -77,7 +77,7 @@ pub const MAX_OBJECTS: usize = 256;
 pub struct PlacedObject {
     /// Instance id, as in the task's graph.
     pub id: String,
-    /// Source asset.
+    /// Asset of which this is an instance.
     pub asset: AssetRef,
     /// Physics hash, [`crate::AssetHashes::physics`]; a mismatch is an error.
     ///

@@ -9,10 +9,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSensor {
-    /// Depth sensor.
+    /// Depth sensor; `None` for ideal depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth: Option<DepthSensor>,
-    /// Colour sensor.
+    /// Colour sensor; `None` for ideal colour.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub color: Option<ColorSensor>,
 }
@@ -46,7 +46,7 @@ pub struct DepthSensor {
     pub least_return: f64,
 }
 
-/// Maximum exposure time, s.
+/// Maximum exposure time, s; longer ones are rejected as implausible.
 pub const MAX_SHUTTER_S: f64 = 0.1;
 
 /// Colour imager with a lens: exposure, white balance, motion blur, vignetting, shot and read noise, compression.
@@ -98,7 +98,7 @@ pub struct SensorPreset {
     pub name: &'static str,
     /// Device that the preset models.
     pub what: &'static str,
-    /// Source of the numbers.
+    /// Source of the numbers, e.g. a data sheet.
     pub source: &'static str,
     /// Depth and colour models of the device.
     pub sensor: CameraSensor,

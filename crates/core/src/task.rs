@@ -129,7 +129,7 @@ pub struct Goal {
     pub alternatives: Vec<Vec<Atom>>,
 }
 
-/// An atomic condition.
+/// A condition on the final scene that is true or false.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "test", rename_all = "snake_case")]
 pub enum Atom {
@@ -170,7 +170,7 @@ pub struct SceneGraph {
 pub struct GraphNode {
     /// Instance id: the asset's uid, or `001#2` for its second copy.
     pub id: String,
-    /// Source asset.
+    /// Asset of which the node is an instance.
     pub asset: Arc<AssetRef>,
     /// Initial state of an articulated object; `None` if none is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -223,7 +223,7 @@ impl Task {
         self.objects.get(self.scene_graph.index_of(id)?).map(Arc::as_ref)
     }
 
-    /// A support surface by id, if the task refers to it.
+    /// A support surface by id; `None` if the task does not refer to it.
     pub fn surface(&self, id: &str) -> Option<&NamedSurface> {
         self.surfaces.iter().find(|surface| surface.id == id)
     }

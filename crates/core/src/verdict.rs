@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Atom;
 
-/// Verdict on a goal.
+/// Verdict on a goal, with the verdicts on its conditions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GoalVerdict {
     /// Fraction of atoms that hold in the best alternative, 0-1.
@@ -16,12 +16,12 @@ pub struct GoalVerdict {
     pub alternatives: Vec<Vec<AtomVerdict>>,
 }
 
-/// Verdict on one condition.
+/// Verdict on one condition, with the measurements behind it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AtomVerdict {
-    /// The condition.
+    /// The condition that was judged.
     pub atom: Atom,
-    /// True if it holds.
+    /// True if the condition holds.
     pub holds: bool,
     /// Distance of the deciding quantity from its threshold, in that quantity's unit; negative if the condition does
     /// not hold. Compare verdicts by [`Self::normalised_margin`].

@@ -78,7 +78,7 @@ pub(crate) fn check_stability(
 /// An object that does not stay where it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drift {
-    /// Index in the scene.
+    /// Index of the object in the scene.
     pub object: usize,
     /// Displacement of its origin when it exceeded the limit, m.
     pub drift_m: f64,
@@ -124,7 +124,7 @@ pub struct Overlap {
     pub object: usize,
     /// Id of the other object, of a surface, or `floor`.
     pub other: String,
-    /// Deepest penetration, m.
+    /// Deepest penetration of any contact of the two bodies, m.
     pub depth_m: f64,
 }
 
@@ -193,7 +193,7 @@ pub(crate) fn scene_object(object: &PosedObject) -> SceneObject {
 /// Audit of a layout: independent of the code that created it, but with the same relation checks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayoutAudit {
-    /// Maximum initial penetration (m).
+    /// Maximum penetration in the initial poses (m).
     pub penetration_m: f64,
     /// Maximum displacement of any object (m).
     pub drift_m: f64,
@@ -259,7 +259,7 @@ pub fn posed(
     ))
 }
 
-/// Error of an audit.
+/// Reason why a layout cannot be audited.
 #[derive(Debug, thiserror::Error)]
 pub enum AuditError {
     /// An object is unknown or its physics has changed.

@@ -13,7 +13,6 @@ const MIDPOINT_SHARE: f64 = 0.3;
 
 /// Distance of a reference beyond the object between, as seen from the other reference, and the tolerance of that
 /// distance (m). Chosen: about twice the usual distance between neighbours.
-/// distance between neighbours.
 const BEHIND_M: [f64; 2] = [0.22, 0.2];
 
 /// Minimum half-width of a window's free strip (m). Chosen so that rounding never empties it.

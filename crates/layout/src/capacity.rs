@@ -20,7 +20,7 @@ pub(crate) struct Overfull {
     pub edges: Vec<usize>,
 }
 
-/// First surface or container whose capacity is exceeded; `scene` contains all objects.
+/// First surface or container whose capacity is exceeded, `None` if there is none; `scene` contains all objects.
 pub(crate) fn overfull(context: &Context, scene: &PosedScene) -> Option<Overfull> {
     let nodes = context.task.scene_graph.nodes.len();
     let grounds = (0..context.world.surfaces.len()).map(|ground| (None, ground));

@@ -43,7 +43,7 @@ pub enum LayoutError {
     /// An object id equals the id of a surface of the world.
     #[error("object id `{id}` is also the id of a surface of the world")]
     ObjectLikeSurface {
-        /// The shared id.
+        /// Id of both the object and the surface.
         id: String,
     },
     /// The task's groups of interchangeable copies are invalid.
@@ -70,11 +70,11 @@ pub enum LayoutError {
     Infeasible {
         /// Id of the task.
         task: String,
-        /// Number of layouts begun from scratch.
+        /// Number of layouts begun from scratch; 0 if the task was rejected before.
         restarts: usize,
         /// Rejections by reason.
         rejections: Rejections,
-        /// The attempt that placed most objects.
+        /// The attempt that placed most objects; `None` if no attempt got stuck during placement.
         furthest: Option<Box<Unfinished>>,
     },
 }

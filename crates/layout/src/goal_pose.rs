@@ -42,14 +42,14 @@ const RELEASE_GAP_M: f64 = 0.0005;
 /// Tolerance for the top of a lower object above this object's bottom (m). Chosen larger than contact penetration.
 const BELOW_TOLERANCE_M: f64 = 0.002;
 
-/// Search for goal poses.
+/// Search for goal poses of a move in one scene.
 #[derive(Clone, Copy, Debug)]
 pub struct GoalSearch<'a> {
     /// Scene at the current poses.
     pub scene: &'a PosedScene,
     /// Upright orientation of each object in the world; goal poses add a yaw.
     pub upright: &'a [DQuat],
-    /// Workspace on the table.
+    /// Usable part of the table, for goals on it.
     pub workspace: &'a Workspace,
     /// Thresholds of the relations.
     pub relations: &'a RelationSettings,

@@ -29,7 +29,8 @@ pub fn moves(goal: &Goal, scene: &PosedScene) -> Vec<Vec<Move>> {
     goal.alternatives.iter().filter_map(|atoms| moves_of(atoms, scene)).filter(|moves| !moves.is_empty()).collect()
 }
 
-/// Groups atoms by object and orders the moves so that references are placed first.
+/// Groups atoms by object and orders the moves so that references are placed first; `None` if an object is not in the
+/// scene.
 fn moves_of(atoms: &[Atom], scene: &PosedScene) -> Option<Vec<Move>> {
     let mut pending: Vec<Move> = Vec::new();
     for atom in atoms {

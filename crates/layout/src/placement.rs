@@ -284,8 +284,8 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// First placed object that is too close: by bounds alone (certain overlap), or exactly if a scene with the object
-    /// is given.
+    /// First placed object that is too close, by bounds alone (certain overlap), or exactly if a scene with the object
+    /// is given; `None` if all are far enough.
     fn neighbour(&self, object: usize, bounds: &Aabb, scene: Option<&PosedScene>) -> Option<usize> {
         let context = self.context;
         self.placed.iter().copied().find(|&other| {

@@ -19,7 +19,7 @@ type ReachableStates = BTreeMap<(usize, String), Option<Vec<f64>>>;
 
 /// Feasibility check of a goal.
 pub struct ReachCheck<'a> {
-    /// The settled layout.
+    /// Scene with all objects at rest.
     pub scene: &'a PosedScene,
     /// Workspace and relation settings.
     pub world: &'a World,
@@ -46,7 +46,7 @@ impl ReachCheck<'_> {
         reason
     }
 
-    /// First reason why a sequence of moves is infeasible; cheap checks come first.
+    /// First reason why a sequence of moves is infeasible, `None` if it is feasible; cheap checks come first.
     fn obstacle(&self, steps: &[Move], reachable_state: &mut ReachableStates) -> Option<Rejection> {
         self.ungraspable(steps).or_else(|| self.infeasible_move(steps, reachable_state))
     }

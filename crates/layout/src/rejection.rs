@@ -50,7 +50,7 @@ pub enum Rejection {
     UnreachableState {
         /// Object whose state the goal changes.
         object: NamedObject,
-        /// Goal state.
+        /// Goal state that the arm cannot set.
         state: String,
     },
     /// No grasp of an object is reachable.
@@ -69,9 +69,9 @@ pub enum Rejection {
 /// Id and name of an object in a rejection.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct NamedObject {
-    /// Id in the scene.
+    /// Id of the object in the scene.
     pub id: String,
-    /// Display name.
+    /// Display name, e.g. `Red Mug`.
     pub name: String,
 }
 
@@ -83,7 +83,7 @@ pub struct Rejections {
 }
 
 impl Rejections {
-    /// Counts a rejection.
+    /// Adds a rejection to the number of its reason.
     pub fn count(&mut self, reason: Rejection) {
         *self.reasons.entry(reason).or_default() += 1;
     }

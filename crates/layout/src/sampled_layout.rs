@@ -12,7 +12,6 @@ use crate::context::Context;
 
 /// Maximum number of headings tried until an object fits into its container. Chosen: a box that fits at a quarter of
 /// all headings is missed once in a thousand samples.
-/// missed once in a thousand samples.
 const MAX_HEADINGS: usize = 24;
 
 /// Maximum yaw of an articulated object from facing the robot (rad). Chosen so that its doors stay in reach.

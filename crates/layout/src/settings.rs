@@ -38,7 +38,7 @@ pub struct LayoutSettings {
     pub wide_y_m: [f64; 2],
     /// Graspability criteria of objects to be moved.
     pub grasp: FeasibilitySettings,
-    /// Search for goal poses.
+    /// Search for goal poses when checking that the goal is feasible.
     pub goal_pose: GoalPoseSettings,
     /// Criteria for joints to be movable by the arm.
     pub joint: JointSettings,

@@ -91,7 +91,7 @@ pub(crate) fn first_hidden(
 /// An object that no prompt camera sees sufficiently.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hidden {
-    /// Index in the scene.
+    /// Index of the object in the scene.
     pub object: usize,
     /// Number of visible pixels of the object in the camera that shows the largest share of it.
     pub pixels: usize,

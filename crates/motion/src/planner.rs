@@ -23,15 +23,15 @@ use crate::timing::{self, MotionLimits, TimingSettings, Trajectory};
 pub struct PlannerSettings {
     /// Point clouds from depth images.
     pub depth: DepthSettings,
-    /// Inverse kinematics.
+    /// Search and ranking of IK solutions.
     pub ik: IkSettings,
-    /// Joint-space planning.
+    /// Search for collision-free joint-space paths, and their smoothing.
     pub plan: PlanSettings,
     /// Straight TCP motions.
     pub straight: StraightSettings,
-    /// Time parametrisation.
+    /// Time parametrisation of paths.
     pub timing: TimingSettings,
-    /// Grasp candidates.
+    /// Grasp candidates from object models.
     pub grasp: GraspSettings,
     /// Grasp candidates from point clouds.
     pub cloud: CloudSettings,
@@ -181,7 +181,8 @@ impl Planner {
     /// Filters pixels on the robot at `config`, on the attached object and on the obstacles of `around`: add the table
     /// as a box, and the target of a grasp under its own name. Space that no camera sees counts as free.
     ///
-    /// An invalid image, or none with a depth.
+    /// # Errors
+    /// Fails if an image is invalid or no pixel has a depth.
     pub fn world_seen(
         &self,
         around: &PlanningScene,
@@ -200,7 +201,8 @@ impl Planner {
     /// Points of depth images, world frame, that belong neither to the robot at `config`, nor to the attached object,
     /// nor to the obstacles of `around`; voxel-downsampled, in pixel order.
     ///
-    /// An invalid image, or none with a depth.
+    /// # Errors
+    /// Fails if an image is invalid or no pixel has a depth.
     pub fn points_seen(
         &self,
         around: &PlanningScene,

@@ -60,9 +60,9 @@ impl Trajectory {
 /// Velocity and acceleration limits of each joint, rad/s and rad/s² (m/s, m/s²).
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionLimits {
-    /// Maximum velocity per joint.
+    /// Maximum velocity of each joint.
     pub velocity: Vec<f64>,
-    /// Maximum acceleration per joint.
+    /// Maximum acceleration of each joint.
     pub acceleration: Vec<f64>,
 }
 

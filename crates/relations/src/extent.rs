@@ -27,7 +27,7 @@ pub(super) trait Extent {
     fn state(&self, state: &str, settings: &RelationSettings) -> Vec<Requirement>;
 }
 
-/// Objects by id.
+/// A scene whose objects have ids and indices.
 pub(super) trait Extents {
     /// Representation of an object: exact geometry or a point cloud.
     type Extent: Extent;

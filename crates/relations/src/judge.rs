@@ -147,7 +147,7 @@ fn inside(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> 
     requirements
 }
 
-/// Requirements for A resting on B without being in it.
+/// Requirements for A resting on B, but not in it.
 fn on(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> {
     let mut requirements = touching(pair, settings);
     for (quantity, share) in
@@ -194,8 +194,8 @@ fn between(centers: [DVec3; 3], reading: BetweenReading, settings: &RelationSett
     Requirement::above(quantity, settings.between_angle_rad - bend_rad, 0.0).in_unit(Unit::Radian)
 }
 
-/// Angle by which the polyline through three points turns at the middle one, rad; `None` if two successive points
-/// coincide.
+/// Angle by which the polyline through three points bends at the middle one, rad, seen from above or in space; `None`
+/// if two successive points coincide there.
 pub fn between_bend_rad([from, at, to]: [DVec3; 3], reading: BetweenReading) -> Option<f64> {
     let (mut there, mut onward) = (at - from, to - at);
     match reading {

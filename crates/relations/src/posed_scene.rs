@@ -18,7 +18,7 @@ const SURFACE_TOLERANCE_M: f64 = 0.002;
 pub struct PosedObject {
     /// Id of the object in the scene.
     pub id: String,
-    /// Its model.
+    /// Object model, shared by instances of the same asset.
     pub model: Arc<ObjectModel>,
     /// `world_from_object`.
     pub pose: Pose,
@@ -99,7 +99,7 @@ impl PosedScene {
         &self.surfaces
     }
 
-    /// The objects.
+    /// The objects, in the order of their indices.
     pub fn objects(&self) -> impl ExactSizeIterator<Item = &PosedObject> {
         self.bodies[..self.count].iter().map(|body| &body.object)
     }
@@ -126,7 +126,7 @@ impl PosedScene {
         })
     }
 
-    /// Index of an object, or of a support surface other than the table.
+    /// Index of an object, or of a support surface other than the table; `None` for an unknown id.
     pub fn index_of(&self, id: &str) -> Option<usize> {
         self.bodies.iter().position(|body| body.object.id == id)
     }
@@ -151,12 +151,12 @@ impl PosedScene {
         }
     }
 
-    /// Exact bounds of an object in the world.
+    /// Exact bounds of an object in the world; `None` if the index is out of range.
     pub fn bounds(&self, index: usize) -> Option<Aabb> {
         self.bodies.get(index).map(|body| body.bounds)
     }
 
-    /// Centroid of an object's surface in the world.
+    /// Centroid of an object's surface in the world; `None` if the index is out of range.
     pub fn center(&self, index: usize) -> Option<DVec3> {
         self.bodies.get(index).map(|body| body.center)
     }
@@ -246,7 +246,7 @@ impl Body {
         })
     }
 
-    /// Projections onto the table.
+    /// Projections onto the table, computed on first use.
     pub fn footprint(&self) -> &Footprint {
         self.footprint.get_or_init(|| {
             let pieces: Vec<Polygon> = self.pieces.iter().map(|piece| self.outline_of(piece)).collect();

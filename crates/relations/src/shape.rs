@@ -16,7 +16,7 @@ const SIDES: usize = 64;
 /// An object model with its surface sampled and its cavities prepared.
 #[derive(Debug)]
 pub struct ObjectShape {
-    /// The model.
+    /// Model whose geometry is prepared.
     pub model: Arc<ObjectModel>,
     /// One entry per link of the model.
     pub(super) links: Vec<LinkShape>,

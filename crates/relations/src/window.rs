@@ -10,9 +10,9 @@ use super::RelationSettings;
 /// A rectangle on the table, metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Window {
-    /// Smallest and largest x.
+    /// Smallest and largest x, metres.
     pub x: [f64; 2],
-    /// Smallest and largest y.
+    /// Smallest and largest y, metres.
     pub y: [f64; 2],
 }
 

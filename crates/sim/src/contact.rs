@@ -18,7 +18,7 @@ pub struct ContactReport {
     pub b: BodyId,
     /// Signed distance, metres; negative for penetration.
     pub distance: f64,
-    /// Normal force, N.
+    /// Normal force, N, at least 0.
     pub normal_force: f64,
     /// Contact position in the world.
     pub position: DVec3,
@@ -27,7 +27,7 @@ pub struct ContactReport {
 }
 
 impl ContactReport {
-    /// The partner of `body` in this contact, if it takes part.
+    /// The partner of `body` in this contact; `None` if `body` takes no part in it.
     pub fn other(&self, body: BodyId) -> Option<BodyId> {
         match body {
             _ if body == self.a => Some(self.b),

@@ -28,9 +28,9 @@ pub enum SimError {
     /// The linked physics engine has an untested version.
     #[error("expected {expected}, but {got} is linked; run `cargo xtask setup` and build again")]
     EngineVersion {
-        /// Supported version.
+        /// Version for which this program was built.
         expected: String,
-        /// Linked version.
+        /// Version of the linked library.
         got: String,
     },
     /// The engine rejected the assembled model, e.g. for an invalid inertia; carries its message.
@@ -66,7 +66,7 @@ pub enum SimError {
     /// A command for a scene without a robot.
     #[error("this scene was compiled without a robot and cannot take commands")]
     NoRobot,
-    /// The integration diverged.
+    /// The integration diverged: a position, speed or acceleration is not finite or far too large.
     #[error("the simulation became unstable at {time_s:.4} s: {what}")]
     Unstable {
         /// Simulated time, s.

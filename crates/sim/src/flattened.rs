@@ -66,7 +66,7 @@ pub enum FlatJointKind {
 pub struct FlatJoint {
     /// Name; empty if there is none.
     pub name: String,
-    /// Kind of motion.
+    /// Kind of motion: free, ball, slide or hinge.
     pub kind: FlatJointKind,
     /// Anchor in the body's frame.
     pub anchor: DVec3,
@@ -104,7 +104,7 @@ pub struct FlatGeom {
     pub name: String,
     /// Shape in its own frame.
     pub shape: FlatShape,
-    /// Pose in the body.
+    /// Pose of the geom in the body's frame.
     pub body_from_geom: Pose,
     /// Visibility group of MuJoCo.
     pub group: i32,
@@ -121,7 +121,7 @@ pub struct FlatGeom {
 /// A triangle mesh in the frame of its geom; texture coordinates per vertex, (0, 0) first pixel of the first row.
 #[derive(Clone, Debug, Default)]
 pub struct FlatMesh {
-    /// Name.
+    /// Name; empty if there is none.
     pub name: String,
     /// Vertices, m.
     pub positions: Vec<DVec3>,
@@ -134,7 +134,7 @@ pub struct FlatMesh {
 /// Material of a compiled model.
 #[derive(Clone, Debug)]
 pub struct FlatMaterial {
-    /// Colour, 0-1.
+    /// Red, green, blue and opacity, 0-1.
     pub rgba: [f32; 4],
     /// Index of the colour texture in [`Flattened::textures`]; `None` without one.
     pub texture: Option<usize>,
@@ -151,7 +151,7 @@ pub struct FlatMaterial {
 /// Texture of a compiled model.
 #[derive(Clone, Debug)]
 pub struct FlatTexture {
-    /// Name.
+    /// Name; empty if there is none.
     pub name: String,
     /// Width and height, pixels; the height of a cube texture is that of its six faces.
     pub size: [u32; 2],

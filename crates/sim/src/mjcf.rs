@@ -42,7 +42,7 @@ struct Parts {
     ctrl: Vec<f64>,
 }
 
-/// Assembles the complete document.
+/// Assembles the MJCF document of a scene.
 pub(crate) fn assemble(
     world: &World,
     robot: Option<&RobotModel>,

@@ -96,7 +96,7 @@ impl Model {
         &self.mjcf
     }
 
-    /// The world's physics settings.
+    /// Physics settings of the world.
     pub fn physics(&self) -> &PhysicsSettings {
         &self.settings.physics
     }
@@ -106,7 +106,7 @@ impl Model {
         self.robot.as_ref().map(|index| &index.model)
     }
 
-    /// Number of objects.
+    /// Number of objects in the scene.
     pub fn object_count(&self) -> usize {
         self.objects.len()
     }

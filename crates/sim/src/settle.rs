@@ -24,7 +24,7 @@ impl Default for SettleSettings {
     }
 }
 
-/// Outcome of settling.
+/// Result of settling a layout.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SettleReport {
     /// True if all objects came to rest within the time limit.

@@ -47,14 +47,14 @@ pub fn generate(
 pub enum GenerationEvent<'a> {
     /// A request was sent to the model.
     Asked {
-        /// Task id.
+        /// Id of the task.
         id: &'a str,
         /// Number of the round, from 1.
         round: u32,
     },
     /// An answer was rejected.
     Rejected {
-        /// Task id.
+        /// Id of the task.
         id: &'a str,
         /// The rejected answer with its flaws.
         round: &'a Round,
@@ -63,13 +63,13 @@ pub enum GenerationEvent<'a> {
     Done(&'a GenerationOutcome),
 }
 
-/// Error of the setup.
+/// Reason why a task writer cannot be set up.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DesignerError {
-    /// Invalid settings.
+    /// The settings are invalid; the wrapped error names the line or field.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// Invalid prompt file.
+    /// A prompt file cannot be read or is invalid.
     #[error(transparent)]
     Prompt(#[from] PromptError),
 }

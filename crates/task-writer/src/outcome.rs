@@ -14,9 +14,9 @@ use crate::sampling::SamplingError;
 pub struct GenerationOutcome {
     /// Id of the task, also if none was made.
     pub id: String,
-    /// Requested kind.
+    /// Requested kind of task.
     pub kind: TaskKind,
-    /// Requested model.
+    /// Name of the requested model.
     pub model: String,
     /// Names and hashes of the prompts used.
     pub prompts: Vec<PromptStamp>,
@@ -24,7 +24,7 @@ pub struct GenerationOutcome {
     pub offered: Vec<String>,
     /// Requested minimum number of objects.
     pub min_objects: usize,
-    /// Rounds, oldest first.
+    /// Answers with their validation results, oldest first.
     pub rounds: Vec<Round>,
     /// The task, or the reason for failure.
     pub result: Designed,
@@ -45,9 +45,9 @@ pub struct Round {
     pub reply: ChatReply,
     /// Verdict of the validation on the answer.
     pub verdict: Verdict,
-    /// Flaws found.
+    /// Flaws found by the validation, repaired ones included.
     pub flaws: Vec<Flaw>,
-    /// Repairs applied.
+    /// Repairs applied by the validation.
     pub repairs: Vec<Repair>,
 }
 
@@ -89,7 +89,7 @@ pub enum Refusal {
 }
 
 impl GenerationOutcome {
-    /// The task, if it succeeded.
+    /// The task; `None` if the request failed.
     pub fn task(&self) -> Option<&Task> {
         match &self.result {
             Designed::Task(task) => Some(task),

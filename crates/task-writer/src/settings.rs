@@ -29,7 +29,7 @@ pub struct LlmSettings {
     /// Folder through which a person or program answers the requests, instead of the server; `None` to use the server.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub folder: Option<FolderSettings>,
-    /// Recording and replay.
+    /// Folder and mode for recording and replaying answers.
     pub cassettes: CassetteSettings,
     /// Rounds, workers, prompts and object sampling of the generation.
     pub generation: GenerationSettings,

@@ -25,7 +25,7 @@ const ENCODED_TWICE: &str = "JSON within a text";
 pub enum Wanted {
     /// Objects only, lists are searched for them.
     Objects,
-    /// Objects and lists.
+    /// Objects and lists, whichever is outermost.
     ObjectsAndLists,
 }
 

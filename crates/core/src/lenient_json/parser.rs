@@ -9,7 +9,7 @@ const MAX_DEPTH: usize = 64;
 /// A parsed object or list.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parsed {
-    /// The value.
+    /// The object or list, with all deviations resolved.
     pub value: Value,
     /// Byte of the opening bracket.
     pub start: usize,
@@ -41,7 +41,7 @@ pub enum Failure {
     DuplicateKey {
         /// Position of the second occurrence.
         at: usize,
-        /// The key.
+        /// The key that occurs twice.
         key: String,
     },
     /// The text has more values than were allowed.

@@ -41,7 +41,7 @@ impl WorldFault {
         format!("expected {}, got {}", self.expected, self.got)
     }
 
-    /// Adds a suggested fix.
+    /// The same fault with a suggested fix.
     #[must_use]
     pub fn hint(self, hint: impl Into<String>) -> Self {
         Self { hint: hint.into(), ..self }

@@ -23,7 +23,7 @@ pub enum WorldPart {
 }
 
 impl WorldPart {
-    /// All parts.
+    /// All parts, in the order of this enum.
     pub const ALL: [Self; 3] = [Self::Physics, Self::Judging, Self::Looks];
 
     /// Name of the part in files and messages.
@@ -49,7 +49,7 @@ pub struct WorldHashes {
 }
 
 impl WorldHashes {
-    /// The hash of one part.
+    /// Hash of one part.
     pub fn of(&self, part: WorldPart) -> &str {
         match part {
             WorldPart::Physics => &self.physics,

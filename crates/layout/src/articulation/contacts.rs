@@ -33,7 +33,7 @@ pub struct JointContact {
 const PREFERRED_APPROACH: DVec3 = DVec3::new(0.35, 0.0, -0.94);
 /// Total free space between the pads and a handle, both sides (m); chosen.
 const FINGER_CLEARANCE_M: f64 = 0.016;
-/// Difference between handle width and commanded width while holding (m): the squeeze. Chosen: larger is firmer.
+/// Squeeze: difference between handle width and commanded width while holding (m). Chosen by hand; smaller is gentler.
 const SQUEEZE_M: f64 = 0.006;
 /// Squeeze of a handle that pivots between the pads: a stronger grip resists the rotation and tips the object over.
 /// At 1.5 mm (15 N, about 0.5 N·m at pad friction 1) bins of 0.6 kg, which tip at 0.4 N·m, fell over; chosen.

@@ -14,7 +14,7 @@ use genmanip_relations::{PosedObject, PosedScene};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// Settings of joint motions.
+/// Settings of arm motions that follow a joint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointSettings {
@@ -50,7 +50,7 @@ impl Default for JointSettings {
             configurations: 6,
             // Chosen: the expert's clearance at a grasp.
             room_m: 0.003,
-            // Chosen: a motion between two free states 1 cm apart hardly collides.
+            // Chosen: a contact that moves by 1 cm between two free states hardly collides in between.
             step_m: 0.012,
             // Chosen: 3.4 degrees, 1 cm at the edge of a 20 cm door.
             step_rad: 0.06,

@@ -26,7 +26,7 @@ pub(super) struct Body<'a> {
 pub enum MovingBody {
     /// A link, by its index in the robot model.
     Link(usize),
-    /// The attached object.
+    /// The object attached to the gripper.
     Attached,
 }
 
@@ -35,7 +35,7 @@ pub enum MovingBody {
 pub(super) struct BodyPair {
     pub(super) first: usize,
     pub(super) second: usize,
-    /// Required clearance (m).
+    /// Required clearance between the bodies (m).
     pub(super) margin: f64,
     /// Joints that move one body relative to the other, each with its motion bound: the maximum speed of a point per
     /// unit joint velocity.

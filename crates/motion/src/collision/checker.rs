@@ -102,7 +102,7 @@ impl<'a> Checker<'a> {
         checker
     }
 
-    /// The kinematic chain.
+    /// Kinematic chain of the checked robot.
     pub fn chain(&self) -> &'a crate::chain::Chain {
         &self.robot.chain
     }

@@ -16,7 +16,7 @@ use crate::rigid::Rigid;
 pub struct GeometryError {
     /// Name of the object or link.
     pub owner: String,
-    /// Index of the piece.
+    /// Index of the invalid collision piece.
     pub index: usize,
     /// Description of the problem.
     pub what: String,
@@ -261,7 +261,7 @@ impl SupportMap for Core {
 /// Distance query result, up to a limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Separation {
-    /// Beyond the limit.
+    /// Farther than the limit.
     Beyond,
     /// At this distance; negative is penetration depth.
     Within(f64),
@@ -293,10 +293,10 @@ pub(super) fn cores_closer_than(a_from_b: &ParryPose, a: &Core, b: &impl Support
     }
 }
 
-/// Fast inconclusive version of `closer_than` with one support point of `b`.
+/// Fast, inconclusive version of `closer_than` with one support point of `b`; `None` if undecided.
 ///
-/// The direction from obstacle `a` to the centre of `b` often separates them; if the support point of `b` against it is
-/// within the margin, they are too close.
+/// The direction from obstacle `a` to the centre of `b` often separates them. If the support point of `b` against this
+/// direction is within the margin, they are too close.
 pub(crate) fn try_closer_than(
     a: &Convex,
     b: &Convex,

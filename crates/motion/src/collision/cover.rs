@@ -58,7 +58,7 @@ fn depth_in_hull(corners: &[DVec3], point: DVec3) -> f64 {
 pub(super) fn corners(core: &Core) -> Vec<DVec3> {
     const SIDES: usize = 16;
     let prism = |radius: f64, half_height: f64| {
-        // Circumscribed polygon.
+        // The polygon is circumscribed, so that it contains the circle.
         let outer = radius / (std::f64::consts::PI / SIDES as f64).cos();
         let corner = move |side: usize, z: f64| {
             let (sin, cos) = (std::f64::consts::TAU * side as f64 / SIDES as f64).sin_cos();

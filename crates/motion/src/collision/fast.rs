@@ -60,7 +60,7 @@ pub(super) struct FastBody<'a> {
 pub(super) struct FastObstacle<'a> {
     pub(super) ball: FastBall,
     pub(super) pieces: Vec<FastPiece>,
-    /// Distance field of a surface, which has no pieces.
+    /// Distance field of a surface; `None` for an obstacle of convex pieces.
     pub(super) field: Option<&'a DistanceField>,
 }
 

@@ -16,9 +16,9 @@ use crate::rigid::Rigid;
 
 /// Maximum number of Frank-Wolfe steps before the exact check. Chosen by hand.
 const STEPS: usize = 5;
-/// Hulls with more vertices are simplified.
+/// Number of vertices above which hulls are simplified. Chosen by hand.
 const MAX_VERTICES: usize = 32;
-/// Maximum simplification error (m).
+/// Maximum simplification error (m). Chosen by hand.
 const MAX_ERROR_M: f64 = 0.0015;
 
 /// Simplified vertices of a convex body, in its owner's frame.
@@ -39,7 +39,7 @@ impl Skeleton {
     pub(crate) fn new(body: &Convex) -> Self {
         let (corners, slack) = match &body.core {
             Core::Hull { corners, .. } if corners.len() > MAX_VERTICES => simplified(corners),
-            // Sixteen inscribed sides instead of circumscribed ones.
+            // Vertices on the cylinder's rims, instead of those of the circumscribed 16-gon that `corners` returns.
             Core::Cylinder { radius, .. } => {
                 let shrink = (std::f64::consts::PI / 16.0).cos();
                 let inside = |corner: DVec3| DVec3::new(corner.x * shrink, corner.y * shrink, corner.z);
@@ -152,7 +152,7 @@ fn simplified(all: &[DVec3]) -> (Vec<DVec3>, f64) {
             return (kept, worst + 1e-6);
         }
         let before = kept.len();
-        // Farthest first; others of this round must be well away from those just added.
+        // Vertices farthest outside are added first; others of the same round must be well away from them.
         let mut order: Vec<usize> = (0..all.len()).filter(|index| beyond[*index] > 0.6 * worst).collect();
         order.sort_by(|a, b| beyond[*b].total_cmp(&beyond[*a]));
         for index in order {

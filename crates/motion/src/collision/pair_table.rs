@@ -8,7 +8,7 @@ use std::f64::consts::{PI, TAU};
 #[derive(Clone, Debug)]
 pub(crate) struct PairTable {
     axes: [Axis; 2],
-    /// Row-major, first joint first.
+    /// Bounds of all cells (m), row-major, first joint first.
     bounds: Vec<f32>,
 }
 

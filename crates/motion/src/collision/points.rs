@@ -14,7 +14,7 @@ const MAX_DISTANCE_M: f64 = 100.0;
 /// Error in a point cloud or triangle mesh obstacle.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SurfaceError {
-    /// No facets.
+    /// The cloud or mesh has no facets.
     #[error("{name} has no {what}; omit it")]
     Empty {
         /// Name of the obstacle.
@@ -22,7 +22,7 @@ pub enum SurfaceError {
         /// Kind of facet: `points` or `triangles`.
         what: &'static str,
     },
-    /// Too many facets.
+    /// The cloud or mesh has more than `limit` facets.
     #[error("{name} has {got} {what}, at most {limit} are allowed; downsample it")]
     Huge {
         /// Name of the obstacle.
@@ -39,7 +39,7 @@ pub enum SurfaceError {
     NotFinite {
         /// Name of the obstacle.
         name: String,
-        /// Index of the point.
+        /// Index of the invalid point or vertex.
         index: usize,
     },
     /// The point radius is out of range.
@@ -55,19 +55,19 @@ pub enum SurfaceError {
     NoSuchCorner {
         /// Name of the obstacle.
         name: String,
-        /// Index of the triangle.
+        /// Index of the invalid triangle.
         index: usize,
         /// Index of the missing vertex.
         corner: u32,
-        /// Number of vertices.
+        /// Number of vertices of the mesh.
         corners: usize,
     },
-    /// A degenerate triangle.
+    /// A triangle has (nearly) no area.
     #[error("triangle {index} of {name} is degenerate: its vertices are collinear; remove it")]
     Degenerate {
         /// Name of the obstacle.
         name: String,
-        /// Index of the triangle.
+        /// Index of the degenerate triangle.
         index: usize,
     },
 }

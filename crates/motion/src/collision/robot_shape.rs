@@ -44,7 +44,7 @@ pub(crate) struct LinkShape {
 /// Error of compiling a robot for collision checking.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RobotError {
-    /// The kinematics are invalid.
+    /// The kinematics are invalid, such as an empty joint range.
     #[error(transparent)]
     Model(#[from] ModelError),
     /// A collision piece is invalid.
@@ -99,7 +99,7 @@ impl RobotShape {
         Ok(Self { chain, links, pairs, gripper_links: [robot.hand, left, right], tables })
     }
 
-    /// The kinematic chain.
+    /// Kinematic chain of the robot.
     pub fn chain(&self) -> &Chain {
         &self.chain
     }
@@ -147,7 +147,7 @@ impl RobotShape {
             .collect()
     }
 
-    /// Index of a link pair (smaller index first) among the checked ones, which are sorted.
+    /// Index of a link pair (smaller index first) in `pairs`, which is sorted; `None` for a pair that is not checked.
     fn pair(&self, a: usize, b: usize) -> Option<usize> {
         self.pairs.binary_search(&(a, b)).ok()
     }

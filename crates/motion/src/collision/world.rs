@@ -154,17 +154,17 @@ impl Attached {
         Ok(Self { name: name.to_owned(), pieces, cover, skeletons, planes, tcp_from_object })
     }
 
-    /// Name of the object.
+    /// Name of the object, as in collision reports.
     pub fn name(&self) -> &str {
         &self.name
     }
 }
 
 impl AllowedCollisions {
-    /// No allowed contacts.
+    /// Every pair is checked.
     pub const NONE: Self = Self { pairs: Vec::new(), ignored: Vec::new() };
 
-    /// No allowed contacts.
+    /// Every pair is checked, see [`Self::NONE`].
     pub fn none() -> Self {
         Self::NONE
     }
@@ -189,7 +189,7 @@ impl AllowedCollisions {
         self.and(MovingBody::Attached, obstacle)
     }
 
-    /// Ignores an obstacle entirely.
+    /// Excludes an obstacle from all checks.
     #[must_use]
     pub fn and_all(mut self, obstacle: &str) -> Self {
         self.ignored.push(obstacle.to_owned());

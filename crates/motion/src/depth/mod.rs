@@ -15,7 +15,7 @@ use pixels::{Grid, View};
 
 use crate::collision::{Checker, Solid, SurfaceError};
 
-/// Settings of depth filtering.
+/// Settings for the conversion of depth images to obstacle points.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DepthSettings {
@@ -52,7 +52,7 @@ impl Default for DepthSettings {
     }
 }
 
-/// Error in depth images.
+/// Reason why depth images cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DepthError {
     /// The number of depths differs from the number of pixels.

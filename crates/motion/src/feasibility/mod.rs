@@ -2,7 +2,7 @@
 //!
 //! A [`PickQuery`] holds the obstacles, the object, goal poses and the arm configuration. [`PickQuery::grasps`] checks
 //! grasp candidates in order and yields the feasible ones:
-//! 1. some IK solution collides with nothing but, possibly, the object, as is the pre-grasp if
+//! 1. an IK solution collides with nothing but possibly the object, and so does one for the pre-grasp if
 //!    [`FeasibilitySettings::tests_pregrasp`] is set;
 //! 2. the open fingers fit beside the object;
 //! 3. at some goal pose the same grasp can release the object, as low as possible.
@@ -64,21 +64,21 @@ pub struct PlaceGoal {
 /// Query for feasible grasps of one object.
 #[derive(Clone, Copy, Debug)]
 pub struct PickQuery<'a> {
-    /// Robot and gripper.
+    /// Planner of the robot, which also has the gripper.
     pub planner: &'a Planner,
     /// All obstacles, including the picked object under [`PickedObject::name`].
     pub world: &'a CollisionWorld,
-    /// The object.
+    /// The object to be picked.
     pub object: PickedObject<'a>,
     /// Goal poses, one of which must allow a release; empty for none.
     pub goals: &'a [PlaceGoal],
     /// Current arm configuration (rad); IK solutions near it are preferred.
     pub arm: &'a [f64],
-    /// Feasibility criteria.
+    /// Criteria by which a grasp counts as feasible.
     pub settings: &'a FeasibilitySettings,
 }
 
-/// A feasible grasp.
+/// A grasp that meets all criteria, with its arm configuration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FeasibleGrasp {
     /// The grasp, object frame; possibly the candidate rotated by half a turn.
@@ -184,7 +184,7 @@ impl<'a> PickQuery<'a> {
         self.settings.object_clearance_m.is_none_or(keeps)
     }
 
-    /// Minimum release height above a goal pose (m).
+    /// Minimum release height above a goal pose (m); `None` if no goal allows a release.
     fn release_height_m(&self, grasp: &Grasp, config: &[f64], at_grasp: &Checker) -> Option<f64> {
         let (planner, settings) = (self.planner, self.settings);
         // The object will have left its current pose.
@@ -236,7 +236,7 @@ fn no_approach() -> GraspRejection {
 pub struct FeasibleGrasps<'a, I> {
     query: PickQuery<'a>,
     candidates: I,
-    /// The last candidate rotated by half a turn, if still to be tried.
+    /// The last candidate rotated by half a turn, if still to be tried; otherwise `None`.
     turned: Option<Grasp>,
     pending: VecDeque<FeasibleGrasp>,
     found: usize,

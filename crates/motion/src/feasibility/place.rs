@@ -12,7 +12,7 @@ use crate::planner::{Planner, PlanningScene};
 /// Query for placing the held object.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaceQuery<'a> {
-    /// Robot and gripper.
+    /// Planner of the robot, which also has the gripper.
     pub planner: &'a Planner,
     /// All obstacles except the object.
     pub world: &'a CollisionWorld,
@@ -28,7 +28,7 @@ pub struct PlaceQuery<'a> {
     pub held_width_m: f64,
     /// Gripper opening after the release (m).
     pub open_width_m: f64,
-    /// Feasibility criteria.
+    /// Clearances, heights and search limits.
     pub settings: &'a FeasibilitySettings,
     /// Maximum number of failed motion searches in total; `usize::MAX` for no limit.
     pub searches: usize,

@@ -33,7 +33,7 @@ pub enum GraspRejection {
 /// Number of rejected grasps by reason; the gripper rotated by half a turn counts separately.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GraspRejections {
-    /// Unreachable grasps.
+    /// Number of grasps without an IK solution.
     pub out_of_reach: usize,
     /// Blocked grasps, by the name of the first obstacle.
     pub blocked: BTreeMap<String, usize>,

@@ -154,7 +154,7 @@ impl<'a> GraspEvaluator<'a> {
         Some(width)
     }
 
-    /// Distance of pieces to the object (m) if it is at most `limit`.
+    /// Distance of pieces to the object (m) if it is at most `limit`; otherwise `None`.
     fn distance(&self, pieces: &[Convex], object_from_pieces: &Rigid, limit: f64) -> Option<f64> {
         let mut nearest = limit;
         let mut found = false;

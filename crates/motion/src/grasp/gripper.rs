@@ -36,7 +36,7 @@ pub(crate) struct Finger {
 }
 
 impl Gripper {
-    /// Gripper of a robot.
+    /// Geometry of a robot's gripper, from its compiled collision pieces.
     pub(crate) fn of(robot: &RobotModel, shape: &RobotShape) -> Self {
         let (_, frame_from_tcp) = shape.chain.tcp_mount();
         let tcp_from_link = |link: usize, width: f64| frame_from_tcp.inverse() * shape.chain.link_mount(link, width).1;

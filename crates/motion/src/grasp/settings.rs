@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Sampling and ranking settings.
+/// Settings for sampling and ranking grasps on exact geometry.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GraspSettings {
@@ -30,7 +30,7 @@ pub struct GraspSettings {
     pub flat_height: f64,
     /// Maximum number of proposals that are assessed with exact geometry.
     pub max_assessed: usize,
-    /// Maximum number of candidates.
+    /// Maximum number of candidates returned.
     pub max_candidates: usize,
     /// Candidates closer than this (m) and `same_angle` (rad) to a better one are dropped.
     pub same_distance: f64,

@@ -139,7 +139,7 @@ impl FrankaGeometry {
     }
 }
 
-/// arccos, tolerating rounding just beyond ±1.
+/// arccos, tolerating rounding just beyond ±1; `None` farther outside.
 fn angle_of_cosine(cosine: f64) -> Option<f64> {
     (cosine.abs() <= 1.0 + 1e-9).then(|| cosine.clamp(-1.0, 1.0).acos())
 }

@@ -14,7 +14,7 @@ use crate::rigid::Rigid;
 use franka::FrankaGeometry;
 use numeric::{DescentSettings, Range, descend};
 
-/// Search and ranking settings.
+/// Settings for the search and ranking of IK solutions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct IkSettings {
@@ -33,7 +33,7 @@ pub struct IkSettings {
     pub tolerance: f64,
     /// Minimum distance of distinct solutions (largest joint difference) [rad or m].
     pub distinct: f64,
-    /// Maximum number of solutions.
+    /// Maximum number of solutions returned.
     pub max_solutions: usize,
     /// Weight of the distance to the reference configuration, per rad.
     pub reference_weight: f64,

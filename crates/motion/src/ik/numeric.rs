@@ -121,7 +121,7 @@ pub(crate) fn descend(chain: &Chain, desired: &Rigid, config: &[f64], settings: 
     None
 }
 
-/// First joint at an end of its range that a step would move beyond it.
+/// First joint at an end of its range that a step would move beyond it; `None` if there is none.
 fn pushed_beyond(config: &[f64], step: &[f64], ranges: &[Range]) -> Option<usize> {
     config
         .iter()
@@ -142,7 +142,7 @@ fn drifting_step(jacobian: &[[f64; 6]], error: &[f64; 6], damping: f64, drift: &
     Some(step.iter().zip(drift).map(|(step, drift)| step + drift).collect())
 }
 
-/// Jᵀ(J·Jᵀ + damping·1)⁻¹ · error.
+/// Damped least-squares step Jᵀ(J·Jᵀ + damping·1)⁻¹ · error; `None` if the matrix is singular.
 fn damped_step(jacobian: &[[f64; 6]], error: &[f64; 6], damping: f64) -> Option<Vec<f64>> {
     let mut gram = [[0.0; 6]; 6];
     for column in jacobian {

@@ -17,7 +17,7 @@ pub use settings::PlanSettings;
 pub use straight::StraightSettings;
 pub(crate) use straight::straight_line;
 
-/// Planning error.
+/// Reason why no motion was planned.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PlanError {
     /// A configuration has the wrong length or is not finite.
@@ -63,7 +63,8 @@ pub enum PlanError {
     Exhausted {
         /// Nodes added by all searches together.
         iterations: usize,
-        /// First collision of the straight joint-space path.
+        /// First collision of the straight joint-space path to the nearest goal; `None` if that path is free at the
+        /// states checked.
         straight_collision: Option<CollisionReport>,
     },
 }

@@ -94,7 +94,7 @@ pub fn labels(profile: Profile, target: &Cloud, anchor: &Cloud, second_anchor: O
     found
 }
 
-/// True if the relation word holds.
+/// True if the relation that a word names holds.
 pub fn subgoal(
     profile: Profile,
     position: &str,

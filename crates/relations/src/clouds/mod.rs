@@ -35,10 +35,10 @@ use tree::Tree;
 /// A released evaluator whose verdicts are reproduced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Profile {
-    /// GenManip V0.9.
+    /// Evaluator of GenManip V0.9.
     #[serde(rename = "genmanip-0.9")]
     GenManip09,
-    /// GenManip Suite 0.2.3.
+    /// Evaluator of GenManip Suite 0.2.3.
     #[serde(rename = "suite-0.2.3")]
     Suite023,
 }
@@ -133,7 +133,7 @@ impl Cloud {
         Ok(Self::from_finite(points.into_iter().map(DVec3::from_array).collect()))
     }
 
-    /// The points, metres.
+    /// Points of the cloud, metres.
     pub fn points(&self) -> &[DVec3] {
         &self.points
     }

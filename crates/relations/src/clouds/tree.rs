@@ -32,7 +32,6 @@ impl Tree {
 
     /// True if a point of this cloud and one of the other are at most `distance` (m) apart; without `with_height`, in
     /// the top view.
-    /// top view.
     pub fn has_pair_within(&self, other: &Self, distance: f64, with_height: bool) -> bool {
         let mask = if with_height { DVec3::ONE } else { DVec3::new(1.0, 1.0, 0.0) };
         let limit = distance * distance;

@@ -61,7 +61,7 @@ fn looks_like_answer(value: &Value) -> bool {
     has_key(value) || wrapped(value).is_some_and(has_key)
 }
 
-/// The single value of an object with one key.
+/// The value of an object with a single key; `None` for all other values.
 fn wrapped(value: &Value) -> Option<&Value> {
     value.as_object().filter(|map| map.len() == 1).and_then(|map| map.values().next())
 }

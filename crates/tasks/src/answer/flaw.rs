@@ -71,7 +71,7 @@ pub enum FlawKind {
     DuplicateNode,
     /// A node without an edge.
     IsolatedObject,
-    /// Fewer nodes than requested.
+    /// Fewer nodes than [`TaskRequest::min_objects`](super::TaskRequest::min_objects).
     TooFewObjects,
     /// A condition without relation and state, or without one of its objects.
     IncompleteCondition,
@@ -113,7 +113,7 @@ pub struct Flaw {
     pub kind: FlawKind,
     /// JSON path, e.g. `$.goal_conditions[0][1].obj1_uid`; for a flaw of the text, line and column.
     pub path: String,
-    /// Expected and actual contents.
+    /// Expected and actual contents, as a sentence.
     pub message: String,
     /// Advice; empty if the message suffices.
     #[serde(default, skip_serializing_if = "String::is_empty")]

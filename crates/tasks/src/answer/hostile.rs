@@ -198,7 +198,7 @@ impl Fuzzer {
         }
     }
 
-    /// Size of the corpus.
+    /// Number of texts in the corpus.
     pub fn kept(&self) -> usize {
         self.corpus.len()
     }

@@ -69,7 +69,7 @@ pub struct AnswerReport {
 pub enum Verdict {
     /// Accepted unchanged; a code fence or prose around the object is not a flaw.
     Valid,
-    /// Accepted after unambiguous repairs.
+    /// Accepted after unambiguous repairs, which [`AnswerReport::repairs`] lists.
     Repaired,
     /// Rejected because of a flaw that cannot be repaired.
     Rejected,

@@ -22,7 +22,8 @@ pub struct RecordedAnswer {
     pub num_objects: usize,
     /// The response, verbatim.
     pub response: String,
-    /// For tests: `valid`, or the name of the only kind of flaw, see [`FlawKind::name`](super::FlawKind::name).
+    /// For tests: `valid`, or the name of the only kind of flaw, see [`FlawKind::name`](super::FlawKind::name); `None`
+    /// outside tests.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub expect: Option<String>,
     /// Remark for readers; not used by programs.

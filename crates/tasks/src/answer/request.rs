@@ -39,7 +39,7 @@ impl TaskRequest {
         ids
     }
 
-    /// Names of [`TaskRequest::ids`].
+    /// Names of the objects and surfaces, in the order of [`TaskRequest::ids`].
     pub(super) fn names(&self) -> Vec<&str> {
         let objects = self.offered.iter().map(|card| card.name.as_str());
         objects.chain(self.surfaces.iter().map(|surface| surface.name.as_str())).collect()

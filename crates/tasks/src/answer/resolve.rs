@@ -35,12 +35,12 @@ pub(super) struct Draft {
 pub(super) struct Condition {
     pub subject: usize,
     pub test: Test,
-    /// State given beside a relation; allowed if it is the initial one.
+    /// State given beside a relation, `None` if there is none; allowed only if it is the initial state.
     pub beside: Option<String>,
     pub path: String,
 }
 
-/// Test of a condition.
+/// Relation or state that a condition requires.
 #[derive(Clone, PartialEq)]
 pub(super) enum Test {
     /// Relation, reference and, for `between`, the second reference.

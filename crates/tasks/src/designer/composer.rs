@@ -39,6 +39,8 @@ impl Place {
 }
 
 /// A scene under construction, with the settings, random numbers and quotas that decide what is added next.
+///
+/// Methods that choose or add objects return `None` if no card suits or there is no room; the design is then rejected.
 pub(super) struct Composer<'a> {
     pub choices: &'a Choices<'a>,
     pub settings: &'a DesignSettings,
@@ -102,7 +104,7 @@ impl<'a> Composer<'a> {
         self.pick_of(self.choices.fillers(theme), |_| true)
     }
 
-    /// Adds an object next to a random object of the scene; like the other `add` functions returns its index, or `None`
+    /// Adds an object next to a random object of the scene, and returns its index like the other methods that add one.
     /// without room.
     pub fn add(&mut self, card: &'a ObjectCard) -> Option<usize> {
         self.add_with(card, None)

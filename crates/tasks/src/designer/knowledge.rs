@@ -70,7 +70,7 @@ pub(super) fn is_of(sort: &str, card: &ObjectCard) -> bool {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Handling {
-    /// Category of the object.
+    /// Category of the objects that can be changed this way.
     pub category: String,
     /// Initial states from which this change is possible.
     pub from: Vec<String>,

@@ -56,7 +56,7 @@ pub enum DesignError {
     /// All designs were rejected.
     #[error("no {kind} task in {draws} designs: {}", counted(.rejections))]
     Exhausted {
-        /// Requested kind.
+        /// Requested kind of task.
         kind: &'static str,
         /// Number of designs tried.
         draws: usize,

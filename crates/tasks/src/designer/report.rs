@@ -14,7 +14,7 @@ use crate::references;
 /// Statistics of a batch of designs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DesignReport {
-    /// Seed of the batch.
+    /// Seed from which the batch was designed.
     pub seed: Seed,
     /// Number of tasks composed.
     pub tasks: usize,
@@ -22,7 +22,7 @@ pub struct DesignReport {
     pub valid: usize,
     /// Number of distinct instructions.
     pub distinct_instructions: usize,
-    /// Share of distinct instructions.
+    /// Share of distinct instructions among all tasks, 0-1.
     pub distinct_share: f64,
     /// Number of tasks of each kind, and the number according to its quota.
     pub kinds: BTreeMap<String, Occurrence>,

@@ -29,7 +29,7 @@ pub enum SentenceError {
     /// The sentence is outside the grammar of requests.
     #[error("the sentence is not understood: `{sentence}`")]
     Unreadable {
-        /// The whole sentence.
+        /// The whole sentence, verbatim.
         sentence: String,
     },
     /// A phrase fits no object of the catalogue.

@@ -62,7 +62,7 @@ impl Default for DesignSettings {
 pub struct RelationQuotas(BTreeMap<Relation, f64>);
 
 impl RelationQuotas {
-    /// Share of a relation.
+    /// Share of a relation among all edges and goal conditions, 0-1.
     pub fn of(&self, relation: Relation) -> f64 {
         self.0.get(&relation).copied().unwrap_or(relation.facts().quota)
     }

@@ -41,7 +41,7 @@ pub(super) struct Place {
     pub objects: Vec<Group>,
 }
 
-/// A parsed instruction.
+/// Result of parsing an instruction.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Parsed {
     /// Requests in the order of the sentence.
@@ -123,11 +123,11 @@ fn read_freely(text: &str) -> Option<Parsed> {
 struct Reader {
     words: Vec<String>,
     next: usize,
-    /// Noun of the last noun phrase, for which `one` stands in the next.
+    /// Noun of the last noun phrase, to which `one` in the next phrase refers; `None` before the first.
     noun: Option<String>,
-    /// Object of the last request, for which `it` stands.
+    /// Object of the last request, to which `it` refers; `None` before the first.
     object: Option<Group>,
-    /// Object of the last place, for which `it` stands in another place.
+    /// Object of the last place, to which `it` in another place refers; `None` before the first.
     place: Option<Group>,
     /// True for colloquial English.
     is_free: bool,
@@ -208,7 +208,7 @@ impl Reader {
         index == 0 || [",", ";", "so", "and", "then"].contains(&self.word(index - 1))
     }
 
-    /// All requests from an index to the end of the sentence.
+    /// All requests from an index to the end of the sentence; `None` if a part is outside the grammar.
     fn requests(&mut self, start: usize) -> Option<Vec<Command>> {
         self.next = start;
         let mut commands = Vec::new();

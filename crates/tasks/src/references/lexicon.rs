@@ -31,7 +31,7 @@ pub(super) struct Lexicon {
     heads: BTreeMap<String, Vec<String>>,
     /// Nouns that may mean any object.
     everything: Vec<String>,
-    /// Irregular plurals.
+    /// Irregular plurals, each with its singular.
     plurals: BTreeMap<String, String>,
     colors: BTreeSet<String>,
     small: Vec<String>,

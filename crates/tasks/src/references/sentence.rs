@@ -70,7 +70,7 @@ pub(crate) fn read_sentence<'c>(sentence: &str, cards: &'c [ObjectCard]) -> Opti
     if is_clear(&first) { Some(first) } else { Some(readings.find(is_clear).unwrap_or(first)) }
 }
 
-/// Resolves a parsed sentence in a catalogue.
+/// Resolves a parsed sentence in a catalogue; `None` if it compares locations.
 fn resolve<'c>(parsed: &Parsed, cards: &'c [ObjectCard]) -> Option<Sentence<'c>> {
     let things = cards.iter().map(|card| SceneObject { id: &card.uid, card }).collect();
     let mut resolver = Resolver { things, context: &parsed.context, groups: Vec::new(), nouns: Vec::new() };

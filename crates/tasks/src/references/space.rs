@@ -5,11 +5,11 @@ use genmanip_core::{HorizontalAxis, Relation, SceneGraph, Side};
 /// Certainty of a relation in the layouts of a graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Certainty {
-    /// True in every layout.
+    /// True in every layout of the graph.
     Certain,
     /// True in some layouts, as far as the graph determines.
     Possible,
-    /// True in no layout.
+    /// True in no layout of the graph.
     Impossible,
 }
 

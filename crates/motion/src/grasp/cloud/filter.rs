@@ -18,7 +18,7 @@ pub(super) struct Cloud {
     /// Root mean square distance of the target's points from `center` (m).
     pub(super) spread: f64,
     pub(super) table_height: f64,
-    /// Depth buffers of the cameras, to decide what the cameras cannot see.
+    /// Model of what the cameras cannot see: depth buffers and a height grid.
     pub(super) occlusion: Occlusion,
 }
 

@@ -45,7 +45,7 @@ pub enum CloudError {
     /// There are too few points.
     #[error("the cloud of the target has {got} points, expected at least {least}")]
     TooFew {
-        /// Number of points.
+        /// Number of points given.
         got: usize,
         /// Minimum number of points.
         least: usize,
@@ -77,7 +77,7 @@ pub enum CloudError {
 /// Largest side of the bounds of a target, m; bounds the height fields of the search.
 const MAX_EXTENT_M: f64 = 5.0;
 
-/// Sampling settings.
+/// Settings of grasp sampling from point clouds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CloudSettings {
@@ -101,7 +101,7 @@ pub struct CloudSettings {
     pub hand_clearance: f64,
     /// Difference between the maximum opening and the widest grasp (m).
     pub width_clearance: f64,
-    /// Maximum number of candidates.
+    /// Maximum number of candidates returned.
     pub max_candidates: usize,
     /// Weights of the success model.
     pub weights: Weights,

@@ -39,16 +39,16 @@ impl Occlusion {
     /// Completes hidden sides by mirroring observed points into occluded space.
     ///
     /// Assumes symmetry about a vertical plane that roughly faces the cameras (Bohg et al., *Mind the Gap: Robotic
-    /// Grasping under Incomplete Observation*, 2011). For each of several directions, the farthest plane is tested
-    /// whose mirror image is visible to no camera by more than `1 - hidden_share`; the plane whose image best matches
-    /// observed points is used.
+    /// Grasping under Incomplete Observation*, 2011). For each of several directions, the farthest plane is tested of
+    /// whose mirror image at most the share `1 - hidden_share` should have been visible to a camera; the plane whose
+    /// image best matches observed points is used.
     pub(super) fn complete(&self, points: &[DVec3], hidden_share: f64) -> Vec<Seen> {
         let sample: Vec<DVec3> = points.iter().copied().step_by((points.len() / 150).max(1)).collect();
         let allowed = ((1.0 - hidden_share) * sample.len() as f64) as usize;
         let best = self.mirror_normals(points).into_iter().filter_map(|normal| {
             let plane = |step: i32| Mirror { normal, middle: self.middle - normal * (f64::from(step) * OFFSET_M) };
             let matching = |step: i32| self.matching(&sample, &plane(step), allowed).map(|count| (count, step));
-            // One step closer, since the surface extends slightly beyond its points.
+            // The plane one step closer is used, since the surface extends slightly beyond its points.
             OFFSETS.rev().find_map(matching).map(|(count, step)| (count as f64 / sample.len() as f64, plane(step - 1)))
         });
         // Prefer the first direction, towards the cameras, unless another fits clearly better.

@@ -44,7 +44,7 @@ pub(super) fn thinned(points: &[DVec3], cell: f64) -> Vec<DVec3> {
         .collect()
 }
 
-/// Bounding box corners.
+/// Lower and upper corner of the axis-aligned bounding box (m).
 pub(super) fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
     points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), point| (low.min(*point), high.max(*point)))
 }

@@ -25,7 +25,7 @@ pub(super) struct Patch {
     size: [f64; 2],
     /// Tangent of the angle between surface and pad, from a plane fit near the contact.
     slope: f64,
-    /// Share of estimated points.
+    /// Share of estimated points among the points in contact, 0-1.
     guessed: f64,
 }
 
@@ -73,8 +73,8 @@ impl Patch {
     }
 }
 
-/// Tangent of the angle between pad and the least-squares plane of points, regularised towards 0; `origin` is any
-/// nearby point.
+/// Tangent of the angle between pad and the least-squares plane of points, regularised towards 0; the last argument is
+/// any nearby point, to which coordinates are relative.
 fn slope(points: &[Local], [c0, h0, a0]: [f64; 3]) -> f64 {
     let count = points.len().max(1) as f64;
     let mut means = [0.0; 3];

@@ -19,7 +19,8 @@ enum Extra {
     Move(usize, super::Place),
 }
 
-/// One state change, two of them (both or either), or a state change and an object to move.
+/// Composes a task with one state change, with two of them (both or either), or with a state change and an object to
+/// move.
 pub(super) fn compose(composer: &mut Composer) -> Option<Draft> {
     let style = *[Style::Plain, Style::Plain, Style::Looks, Style::Place].choose(&mut composer.rng)?;
     let (object, change) = add_changed(composer, style)?;

@@ -25,7 +25,7 @@ struct Step {
     other: Option<Place>,
 }
 
-/// A sequence of steps, two objects to one place, or a tower of blocks.
+/// Composes a sequence of steps, two objects moved to one place, or a tower of blocks.
 pub(super) fn compose(composer: &mut Composer) -> Option<Draft> {
     // Pairs and towers rarely fail, sequences often do and are drawn again. Pairs and towers always have two steps.
     let is_two = composer.settings.steps[0] <= 2;
@@ -155,7 +155,7 @@ fn alternatives(steps: &[Step]) -> Vec<Vec<Condition>> {
     goal
 }
 
-/// Two objects to one place, or to one of two places.
+/// Composes a task that moves two objects to one place, or to one of two places.
 fn compose_pair(composer: &mut Composer) -> Option<Draft> {
     let relation = wanted_relation(composer, &Relation::SUPPORTS)?;
     let first = mover_for(composer, relation, |_| true)?;
@@ -203,7 +203,7 @@ fn compose_pair(composer: &mut Composer) -> Option<Draft> {
     draft(composer, sentence, goal)
 }
 
-/// A small tower of blocks; the lowest block is not moved.
+/// Composes a task that builds a small tower of blocks; the lowest block is not moved.
 fn compose_tower(composer: &mut Composer) -> Option<Draft> {
     let is_block = |card: &ObjectCard| things().kind(card).is_some_and(|kind| kind.class == "block");
     let lies_level = |upper: &ObjectCard, lower: &ObjectCard| upper.size_m.x <= lower.size_m.x + 0.001;
