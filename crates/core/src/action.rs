@@ -64,7 +64,7 @@ pub enum DeltaFrom {
     ChunkStart,
 }
 
-/// Interpolation of the 60 Hz commands within an action of a lower rate.
+/// Interpolation of the commands at the control rate within an action of a lower rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Interpolation {

@@ -99,14 +99,14 @@ pub struct EpisodeResult {
     pub control_rate_hz: f64,
     /// Number of control steps that were simulated.
     pub frames: usize,
-    /// Number of actions that were held because their pose is unreachable; absent if there were none.
+    /// Number of actions that were held because their pose is unreachable; files omit 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub unreachable_actions: usize,
     /// Path length of the TCP, m.
     pub tcp_path_m: f64,
     /// Peak stray contact force of the robot, N.
     pub max_stray_contact_n: f64,
-    /// Details of that contact; `None` if there was none.
+    /// Details of the contact with the peak stray force; `None` if there was none.
     #[serde(default)]
     pub stray_contact: Option<StrayContact>,
     /// Hashes of the world's parts, including its robot; absent in results of older versions and in attempts without a
@@ -228,7 +228,7 @@ pub struct NotRun {
     pub id: String,
     /// Id of the scenario that was to be run.
     pub scenario_id: String,
-    /// Error reported by the policy's endpoint, or its mistake.
+    /// Error reported by the policy's endpoint or program.
     pub reason: String,
     /// True for a mistake of the policy's program; absent otherwise.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]

@@ -69,7 +69,7 @@ pub struct AgentFailure {
 }
 
 named_enum! {
-    /// Failure class of an agent's episode: the six classes of the paper, and three more for a closed loop.
+    /// Failure class of an agent's episode: the six classes of the paper, and four more for a closed loop.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
     #[serde(rename_all = "snake_case")]
     pub enum FailureClass {

@@ -104,7 +104,7 @@ pub enum GraspNetError {
 }
 
 impl GraspNetGrasp {
-    /// From a 17-number row; the pose is in the row's frame (the camera frame for the original service).
+    /// Grasp from a 17-number row; the pose is in the row's frame (the camera frame for the original service).
     ///
     /// # Errors
     /// For non-finite numbers, a matrix that is not a rotation, or an invalid object id.

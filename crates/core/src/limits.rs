@@ -78,7 +78,7 @@ pub const VIEWS: Limit = Limit::mib("a list of views of a calibration board", 64
 pub const IDENTITY: Limit = Limit::mib("the identity of an evaluation", 4);
 /// Results of an evaluation in progress, one per line.
 pub const RESULTS: Limit = Limit::mib("the results of an unfinished evaluation", 192);
-/// Maximum length of a line of those results; a result lists every condition of its goal.
+/// Maximum length of a line of [`RESULTS`]; a result lists every condition of its goal.
 pub const RESULT_LINE: Limit = Limit::mib("a result", 1);
 /// Grasps with the results of their physics trials; those of the catalogue take 1 MiB.
 pub const GRASPS: Limit = Limit::mib("a file of tried grasps", 16);

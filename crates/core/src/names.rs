@@ -22,7 +22,8 @@ pub fn fits_file_name(c: char) -> bool {
 
 /// The known name that was most likely meant, if any is similar.
 ///
-/// Two names are similar if one contains the other, or if at most a third of the letters differ.
+/// Names are similar if one contains the other and the given one has more than two letters, or if the edit distance is
+/// at most a third of the known name's length.
 ///
 /// ```
 /// assert_eq!(genmanip_core::names::near_misses("expret", &["expert", "replay"]), ["expert"]);

@@ -129,7 +129,7 @@ pub struct ObjectModel {
     pub joint_states: Vec<JointState>,
 }
 
-/// One rigid body of an object.
+/// A rigid body of an object.
 #[derive(Clone, Debug)]
 pub struct ObjectLink {
     /// Name, unique in the object.

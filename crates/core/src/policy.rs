@@ -96,7 +96,7 @@ pub struct EpisodeStart {
     pub scenario: Option<Arc<Scenario>>,
 }
 
-/// What a policy observes at the time of a decision.
+/// Observation of a policy at the time of a decision.
 #[derive(Clone, Debug, Default)]
 pub struct Observation {
     /// Time since the start of the episode, s.

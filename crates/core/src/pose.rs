@@ -33,7 +33,7 @@ impl Pose {
         Self { position, rotation: DQuat::IDENTITY }
     }
 
-    /// Upright at `position`, turned by `yaw` radians about +z.
+    /// Upright pose at `position`, rotated by `yaw` radians about +z.
     pub fn from_position_yaw(position: DVec3, yaw: f64) -> Self {
         Self { position, rotation: DQuat::from_rotation_z(yaw) }
     }

@@ -34,7 +34,7 @@ pub struct RobotModel {
     pub never_colliding: Vec<(usize, usize)>,
 }
 
-/// One body of the robot.
+/// A rigid body of the robot.
 #[derive(Clone, Debug)]
 pub struct RobotLink {
     /// Name, e.g. `link4`.

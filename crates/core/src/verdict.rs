@@ -31,7 +31,7 @@ pub struct AtomVerdict {
     /// Measurements of readings of the relation that do not count in this world, such as *between* in space.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub other_readings: Vec<Measurement>,
-    /// Explanation, e.g. `left: gap 0.042 m ≤ 0.150 m`.
+    /// Explanation in words and numbers, e.g. `left: gap 0.042 m ≤ 0.150 m`.
     pub explanation: String,
 }
 

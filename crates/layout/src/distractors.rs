@@ -5,7 +5,7 @@ use std::sync::Arc;
 use genmanip_core::{AssetRef, Atom, ObjectCard, Seed, Task, TaskKind};
 use rand::RngExt;
 
-/// Maximum horizontal extent of a distractor (m). Chosen: visible in the image but not in the way.
+/// Maximum horizontal extent of a distractor (m). Chosen: visible in the images but not in the way.
 const MAX_EXTENT_M: f64 = 0.2;
 
 /// Samples up to `count` different assets as distractors, in random order.

@@ -42,7 +42,7 @@ pub struct LayoutSettings {
     pub goal_pose: GoalPoseSettings,
     /// Criteria for joints to be movable by the arm.
     pub joint: JointSettings,
-    /// Gap between an object and what is below it when settling starts (m).
+    /// Gap between an object and its support when settling starts (m).
     pub drop_m: f64,
     /// Maximum settling time [s, simulated].
     pub settle_s: f64,

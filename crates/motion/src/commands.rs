@@ -26,7 +26,7 @@ pub fn fingers(arm: &[f64], from: f64, to: f64, steps: usize) -> Vec<Vec<f32>> {
         .collect()
 }
 
-/// One command: joint targets and gripper width.
+/// One command: arm joint targets (rad) and gripper width (m).
 pub fn command(arm: &[f64], width: f64) -> Vec<f32> {
     arm.iter().chain([&width]).map(|&value| value as f32).collect()
 }

@@ -222,7 +222,7 @@ fn compass(way: DVec2) -> u32 {
     }
 }
 
-/// One height per column of points within the bounds, chosen from the lowest and the highest.
+/// Per column of points within the bounds, the height that `choose` takes from the lowest and the highest (m).
 fn columns(cloud: &Cloud, within: &Aabb, width: f64, choose: impl Fn([f64; 2]) -> f64) -> BTreeMap<[i64; 2], f64> {
     let (min, max) = (within.min.truncate() - width, within.max.truncate() + width);
     let mut spans: BTreeMap<[i64; 2], [f64; 2]> = BTreeMap::new();

@@ -15,7 +15,7 @@ use crate::hull::Hull;
 /// Approximate spacing of the points of one object, metres.
 const SPACING_M: f64 = 0.003;
 
-/// A point is in free space if a camera sees something at least this far behind it, metres.
+/// Minimum distance (m) by which a camera must see past a point for the point to lie in free space.
 const FREE_SPACE_M: f64 = 0.006;
 
 /// Minimum number of observed points of an object; with fewer it gets no cloud.
@@ -51,7 +51,7 @@ pub fn clouds_of_views(views: &[RgbdImage], instances: &[u16]) -> Vec<Option<Clo
     instances.iter().map(cloud).collect()
 }
 
-/// Observed points of an instance in the world frame.
+/// Observed points of an instance in the world frame, one per pixel with depth.
 fn points_of(view: &RgbdImage, instance: u16) -> impl Iterator<Item = DVec3> + '_ {
     let seen = view.ids.iter().enumerate().filter(move |(_, id)| **id == instance);
     seen.filter_map(|(index, _)| view.point(index))

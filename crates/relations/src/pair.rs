@@ -8,32 +8,32 @@ use super::contact::Contact;
 use super::extent::{Extent, Extents};
 use super::{PosedScene, RelationSettings};
 
-/// Position of one object ("it") relative to another.
+/// Position of object A relative to object B.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Label {
-    /// Most of its surface is in the other's cavity.
+    /// Most of A's surface is in B's cavity.
     In,
-    /// The other is in it.
+    /// B is in A.
     OutOf,
-    /// It rests on the other.
+    /// A rests on B.
     On,
-    /// The other rests on it.
+    /// B rests on A.
     Beneath,
-    /// It is to the robot's left of the other (+y).
+    /// A is to the robot's left of B (+y).
     Left,
-    /// It is to the robot's right of the other (-y).
+    /// A is to the robot's right of B (-y).
     Right,
-    /// It is farther from the robot than the other (+x).
+    /// A is farther from the robot than B (+x).
     Front,
-    /// It is nearer to the robot than the other (-x).
+    /// A is nearer to the robot than B (-x).
     Back,
-    /// It is close in the plane, and none of the above.
+    /// A is close to B in the plane, and none of the above.
     Near,
 }
 
 impl Label {
-    /// The label with the roles exchanged.
+    /// Label of B relative to A.
     #[must_use]
     pub fn inverse(self) -> Self {
         match self {
@@ -177,7 +177,7 @@ impl PairGeometry {
         }
     }
 
-    /// The same pair with the roles exchanged.
+    /// The same pair with A and B exchanged.
     #[must_use]
     pub fn swapped(&self) -> Self {
         Self {

@@ -68,7 +68,7 @@ pub struct FlatJoint {
     pub name: String,
     /// Kind of motion: free, ball, slide or hinge.
     pub kind: FlatJointKind,
-    /// Anchor in the body's frame.
+    /// Anchor in the body's frame, m.
     pub anchor: DVec3,
     /// Unit axis in the body's frame.
     pub axis: DVec3,
@@ -278,7 +278,7 @@ fn geom(model: &MjModel, index: usize) -> FlatGeom {
     }
 }
 
-/// A mesh with one vertex per pair of position and texture coordinate.
+/// Mesh `index` of a model, with one vertex per pair of position and texture coordinate.
 fn mesh(model: &MjModel, index: usize) -> FlatMesh {
     let of = |address: i32| usize::try_from(address).unwrap_or(0);
     let (vertex, face) = (of(model.mesh_vertadr()[index]), of(model.mesh_faceadr()[index]));

@@ -101,7 +101,7 @@ fn compiler() -> Element {
         .text("angle", "radian")
         .text("autolimits", "true")
         .text("inertiafromgeom", "false")
-        // Where no thread can be created, the engine's compiler throws, which terminates the process.
+        // Where no thread can be created, the engine's compiler throws an exception, which terminates the process.
         .text("usethread", "false")
 }
 

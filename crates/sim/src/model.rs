@@ -24,7 +24,7 @@ pub struct Model {
     pub(crate) objects: Vec<ObjectIndex>,
     /// Ids of the support surfaces, the table first.
     surfaces: Vec<String>,
-    /// Our id of each body of the engine, in the engine's order.
+    /// [`BodyId`] of each body of the engine, in the engine's order.
     pub(crate) bodies: Vec<BodyId>,
 }
 

@@ -115,7 +115,7 @@ impl Designer {
         })
     }
 
-    /// Also offers support surfaces of a world other than the table as references.
+    /// Offers the support surfaces of a world other than the table as references, too.
     #[must_use]
     pub fn with_surfaces(self, surfaces: Vec<NamedSurface>) -> Self {
         Self { surfaces, ..self }

@@ -33,7 +33,7 @@ pub struct LlmSettings {
     pub cassettes: CassetteSettings,
     /// Rounds, workers, prompts and object sampling of the generation.
     pub generation: GenerationSettings,
-    /// Token prices by model name; a model that is not listed costs `unknown`.
+    /// Token prices by model name; the costs of a model that is not listed are unknown.
     pub prices: BTreeMap<String, Price>,
 }
 

@@ -208,8 +208,8 @@ fn capitalised(text: &str) -> String {
 
 /// Instruction for the next step on one object towards the goal, such as `Put the red mug on the plate.`
 ///
-/// `alternative` is the alternative of the goal that is attempted. An object that it does not move is taken to be in
-/// the way.
+/// `alternative` is the index of the goal alternative that is attempted. An object that this alternative does not move
+/// is assumed to be in the way.
 pub fn step(task: &Task, object: &str, alternative: usize) -> String {
     let twins = task.interchangeable.iter().find(|group| group.iter().any(|id| id == object));
     let is_meant = |id: &str| id == object || twins.is_some_and(|group| group.iter().any(|twin| twin == id));

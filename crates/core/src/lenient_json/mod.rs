@@ -23,7 +23,7 @@ const ENCODED_TWICE: &str = "JSON within a text";
 /// Kinds of outermost values that may be an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
-    /// Objects only, lists are searched for them.
+    /// Objects only; lists are searched for objects.
     Objects,
     /// Objects and lists, whichever is outermost.
     ObjectsAndLists,

@@ -31,7 +31,7 @@ impl std::fmt::Display for WorldFault {
 }
 
 impl WorldFault {
-    /// A fault at a place.
+    /// A fault at a field path, without a suggested fix.
     pub fn new(place: impl Into<String>, expected: impl Into<String>, got: impl ToString) -> Self {
         Self { place: place.into(), expected: expected.into(), got: got.to_string(), hint: String::new() }
     }
@@ -49,7 +49,7 @@ impl WorldFault {
 }
 
 impl World {
-    /// All faults of this world for a robot; engine settings are validated by the `sim` crate.
+    /// All faults of this world with its robot; engine settings are validated by the `sim` crate.
     pub fn faults(&self, robot: &RobotModel) -> Vec<WorldFault> {
         let mut faults = Vec::new();
         self.check_surfaces(&mut faults);

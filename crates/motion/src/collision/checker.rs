@@ -145,7 +145,7 @@ impl<'a> Checker<'a> {
     pub fn is_free(&self, config: &[f64]) -> bool {
         let frames = self.robot.chain.frames(config);
         let world_from = |body: &Body| frames[body.frame] * body.frame_from_body;
-        // From the gripper down, where contacts are most frequent.
+        // From the gripper to the base, since contacts are most frequent at the gripper.
         if (0..self.bodies.len()).rev().any(|index| self.violates_obstacle(index, &frames)) {
             return false;
         }
@@ -235,8 +235,8 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Pieces of robot and attached object at a configuration (`true`), then those of obstacles (`false`); without
-    /// surfaces.
+    /// Convex pieces of robot and attached object at a configuration (with `true`), then those of obstacles (with
+    /// `false`). Surfaces have none.
     pub(crate) fn solids(&self, config: &[f64]) -> impl Iterator<Item = (Solid<'_>, bool)> {
         let frames = self.robot.chain.frames(config);
         let moving = self.bodies.iter().flat_map(move |body| {

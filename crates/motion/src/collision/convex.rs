@@ -228,7 +228,7 @@ fn with_neighbors(points: Vec<DVec3>) -> (Vec<DVec3>, Vec<Vec<u32>>) {
 
 /// Hill climbing along edges; on a convex hull a local maximum is global.
 fn hill_climb(corners: &[DVec3], neighbors: &[Vec<u32>], direction: DVec3) -> DVec3 {
-    // Several spread starts shorten the walk.
+    // Of several spread vertices the best is the start, which shortens the walk.
     let stride = corners.len().div_ceil(12);
     let mut best = (f64::NEG_INFINITY, 0);
     for index in (0..corners.len()).step_by(stride) {
@@ -251,7 +251,7 @@ fn hill_climb(corners: &[DVec3], neighbors: &[Vec<u32>], direction: DVec3) -> DV
     }
 }
 
-/// parry uses a different glam version; convert by numbers.
+/// parry uses a different version of glam, so vectors are converted component by component.
 impl SupportMap for Core {
     fn local_support_point(&self, direction: Vector) -> Vector {
         Vector::from_array(self.farthest(DVec3::from_array(direction.to_array())).to_array())
@@ -348,7 +348,7 @@ pub(super) fn cores_separation(
     }
 }
 
-/// GJK reports "far apart" when it runs out of iterations: verify with a separating direction.
+/// GJK reports "far apart" when it runs out of iterations, so the result is verified with a separating direction.
 fn separated(pose: &ParryPose, a: &Core, b: &impl SupportMap, direction: Vector, reach: f64) -> bool {
     -direction.dot(CsoPoint::from_shapes(pose, a, b, direction).point) > reach
 }

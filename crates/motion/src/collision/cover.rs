@@ -122,7 +122,7 @@ fn split(corners: Vec<DVec3>, rounding: f64, depth: usize, balls: &mut Vec<Ball>
     split(extreme(high), rounding, depth - 1, balls);
 }
 
-/// Reduces points to hull vertices if worthwhile.
+/// Reduces more than 32 points to the vertices of their hull.
 fn extreme(points: Vec<DVec3>) -> Vec<DVec3> {
     if points.len() <= 32 {
         return points;

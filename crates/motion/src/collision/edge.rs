@@ -37,7 +37,7 @@ impl Checker<'_> {
             }
             self.unresolved_are_free(&scratch.unresolved, |lane| lerp(from, to, time(lane)))
         });
-        // Last, because self-collision follows the whole edge, and most edges end at an obstacle.
+        // Self-collision is checked last, because it follows the whole edge, and most edges end at an obstacle.
         obstacles_are_clear
             && self
                 .body_pairs

@@ -117,7 +117,7 @@ pub(super) fn find_unresolved(model: &FastModel<'_>, scratch: &mut Scratch) -> b
     }
     let count = model.obstacles.len();
     scratch.near.clear();
-    // From gripper to base: most contacts are at the tip, and one is enough.
+    // From the gripper to the base, since most contacts are at the gripper and one is enough.
     for (index, body) in model.bodies.iter().enumerate().rev() {
         let center = scratch.centers[index];
         scratch.cover.clear();

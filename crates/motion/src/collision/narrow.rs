@@ -128,7 +128,7 @@ impl Skeleton {
     }
 }
 
-/// Simplified vertices, and how far the full hull extends beyond theirs (m).
+/// Simplified vertices, and how far the full hull extends beyond the hull of these (m).
 fn simplified(all: &[DVec3]) -> (Vec<DVec3>, f64) {
     let mut kept: Vec<DVec3> = Vec::new();
     for x in -1..=1 {

@@ -14,7 +14,7 @@ use super::world::Attached;
 use crate::chain::{Chain, ChainJoint, ModelError};
 use crate::rigid::Rigid;
 
-/// Links that always stay farther apart than this are not checked against each other (m).
+/// Distance (m): pairs of links that never come nearer than this are not checked. Chosen by hand.
 const NEVER_NEAR_M: f64 = 0.02;
 
 /// Exact convex bodies of a robot's links and the link pairs to check.

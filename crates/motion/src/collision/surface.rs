@@ -281,7 +281,7 @@ impl Facets {
         }
     }
 
-    /// Cell size for which subdividing all triangles stays cheap (m).
+    /// Cell size of the distance field (m) for which subdividing all triangles stays cheap.
     fn smallest_cell(&self) -> f64 {
         const PIECES: f64 = 4e6;
         let Self::Triangles(triangles) = self else { return 0.0 };

@@ -35,15 +35,15 @@ pub enum GraspRejection {
 pub struct GraspRejections {
     /// Number of grasps without an IK solution.
     pub out_of_reach: usize,
-    /// Blocked grasps, by the name of the first obstacle.
+    /// Number of blocked grasps by the name of the first obstacle.
     pub blocked: BTreeMap<String, usize>,
-    /// Grasps without a possible release at any goal pose.
+    /// Number of grasps without a possible release at any goal pose.
     pub no_use: usize,
-    /// Grasps without a straight approach.
+    /// Number of grasps without a straight approach.
     pub no_approach: usize,
-    /// Grasps without a free motion to the pre-grasp.
+    /// Number of grasps without a free motion to the pre-grasp.
     pub no_reach: usize,
-    /// Grasps without a straight lift.
+    /// Number of grasps without a straight lift.
     pub no_lift: usize,
 }
 

@@ -19,8 +19,8 @@ const SAME_COSINE: f64 = 0.05;
 /// Distance before the TCP at which rays along the closing line start (m): outside of any object that fits the gripper.
 const OUTSIDE_M: f64 = 0.3;
 
-/// Grasps (object frame), each turned about the vertical through the centre of mass as near to a tool orientation (world
-/// frame) as that gets, where the object is round; the others as they are.
+/// Grasps (object frame) on a round object, each turned about the vertical through the centre of mass as near to a tool
+/// orientation (world frame) as possible; other grasps unchanged.
 ///
 /// # Errors
 /// Fails if a collision piece has no volume.

@@ -99,8 +99,8 @@ impl InverseKinematics {
         self.refined(world_from_tcp, reference, Self::unrefined)
     }
 
-    /// Like [`InverseKinematics::solutions`] without the fine sweep at the reach limit, thirty times faster for
-    /// unreachable poses with the closed form. Other arms are unaffected.
+    /// Like [`InverseKinematics::solutions`] without the fine sweep at the reach limit, which makes the closed form
+    /// thirty times faster for unreachable poses. Makes no difference for other arms.
     pub fn coarse_solutions(
         &self,
         world_from_tcp: &Pose,
@@ -163,7 +163,7 @@ impl InverseKinematics {
     }
 
     /// Like [`InverseKinematics::follow`] with null-space motion: each joint moves by `drift` (rad or m, base to hand)
-    /// as far as that leaves the tool pose unchanged. `None` if it does not converge, even if it would without drift.
+    /// as far as this does not change the tool pose. `None` if it does not converge, even if it would without drift.
     pub fn follow_drifting(
         &self,
         world_from_tcp: &Pose,

@@ -179,7 +179,7 @@ pub(crate) fn within_limits(checker: &Checker, which: &'static str, config: &[f6
     if config.len() != chain.dof() || !config.iter().all(|q| q.is_finite()) {
         return Err(PlanError::BadConfiguration { which, expected: chain.dof(), got: config.to_vec() });
     }
-    // Measured positions may be slightly outside.
+    // Measured positions may be slightly beyond a limit.
     let margin = chain.limit_margin(config);
     if margin < -2e-3 {
         return Err(PlanError::OutsideLimits { which, beyond: -margin });

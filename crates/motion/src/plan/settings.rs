@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub struct PlanSettings {
     /// Clearance to everything that must not be touched (m).
     pub padding: f64,
-    /// Allowed penetration of start and goal (m) (physical contacts penetrate slightly).
+    /// Allowed penetration at start and goal (m), since physical contacts penetrate slightly.
     pub contact_tolerance: f64,
     /// Maximum edge of the search tree (rad) (`rrt_range` of the paper's planner, which used 0.001).
     pub rrt_range: f64,

@@ -53,8 +53,8 @@ impl Enclosure {
         count.sure + count.open.iter().filter(|&&point| within(exact, point)).count() >= needed
     }
 
-    /// Counts the points of a node. `outer` are the planes that cross its parent, `inner` those not known to contain
-    /// it.
+    /// Counts the points of a node that are in the hull. `outer` are the outer planes that cross the parent's box,
+    /// `inner` the inner planes not known to contain it.
     fn count(&self, tree: &Tree, index: usize, outer: &[usize], inner: &[usize], count: &mut Count) {
         if count.decided() {
             return;

@@ -53,8 +53,9 @@ pub enum CloudLabel {
     /// As `In` with the roles exchanged, and not `In`.
     #[serde(rename = "out of")]
     OutOf,
-    /// Most of the target's horizontal bounds lie over the anchor's, its lowest point within 0.10 m of the anchor's
-    /// highest, and it is not much larger.
+    /// A share of the target's horizontal bounds (70 % for GenManip 0.9, 40 % for Suite 0.2.3) lies over the anchor's,
+    /// the bounds' area is not above 1.5 or 1.8 times the anchor's, and the target's lowest point is within 0.10 m of
+    /// the anchor's highest.
     #[serde(rename = "on")]
     On,
     /// `On` with the roles exchanged.

@@ -23,7 +23,7 @@ pub enum NpzError {
     Array {
         /// Name of the array in the archive.
         name: String,
-        /// Its actual type or shape.
+        /// Actual type or shape of the array.
         got: String,
     },
 }

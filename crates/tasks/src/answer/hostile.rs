@@ -156,7 +156,7 @@ pub fn worst_cases() -> Vec<(&'static str, String)> {
 
 /// Mutation fuzzer that keeps texts with a new combination of flaws.
 pub struct Fuzzer {
-    /// Initial texts, then kept ones, each with the index of its initial text.
+    /// Initial texts, then the texts kept, each with the index of the initial text from which it derives.
     corpus: Vec<(usize, String)>,
     given: usize,
     outcomes: BTreeSet<String>,
@@ -176,7 +176,7 @@ impl Fuzzer {
     pub fn text(&mut self) -> (usize, String) {
         let rng = &mut self.seed.fork_index(self.made).rng();
         self.made += 1;
-        // Half of the texts derive directly from initial ones, because kept ones are mostly broken.
+        // Half of the texts derive directly from initial texts, because most of the texts kept are broken.
         let choices = if rng.random_bool(0.5) { self.given } else { self.corpus.len() };
         let (origin, text) = &self.corpus[rng.random_range(0..choices)];
         let mut bytes = text.clone().into_bytes();

@@ -23,8 +23,8 @@ pub struct TaskRequest {
     pub surfaces: Vec<NamedSurface>,
     /// Minimum number of objects in the scene.
     pub min_objects: usize,
-    /// Allow the position `between`, with the second reference in `obj3` and `obj3_uid`; not part of the published
-    /// exchange format.
+    /// True to allow the position `between`, with the second reference in `obj3` and `obj3_uid`; not part of the
+    /// published exchange format.
     #[serde(default)]
     pub between: bool,
     /// Origin of the answer, stored in the task.

@@ -243,7 +243,7 @@ impl<'a> Composer<'a> {
         }
     }
 
-    /// Adds an object and another one of its kind, so placed that the position tells them apart.
+    /// Adds an object and another one of its kind at positions that distinguish them.
     fn add_placed(&mut self, card: &'a ObjectCard) -> Option<usize> {
         match self.rng.random_range(0..10) {
             0..3 => self.add_between(card),

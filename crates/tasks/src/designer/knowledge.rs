@@ -51,7 +51,7 @@ impl Need {
         self.is_met_by(card) || self.rivals.iter().any(|sort| is_of(sort, card))
     }
 
-    /// True if the object may be the one that is moved.
+    /// True if the object may be the moved one.
     pub fn may_move(&self, card: &ObjectCard) -> bool {
         let class = things().kind(card).map(|kind| &kind.class);
         self.movers.iter().any(|mover| Some(mover) == class || is_of(mover, card))

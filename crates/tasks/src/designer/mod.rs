@@ -68,7 +68,7 @@ pub enum DesignError {
     NoKinds,
 }
 
-/// Tasks, and the rejections on the way.
+/// Tasks, and the designs rejected before they were found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Batch {
     /// The tasks in order; the kinds alternate.

@@ -21,13 +21,13 @@ const HOLLOW_DIRECTED: [&str; 2] = ["into", "in"];
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Phrases {
-    /// One object to one place.
+    /// Requests to bring one object to one place.
     pub r#move: Vec<String>,
-    /// Same, for an object that is described by a whole clause.
+    /// Requests to bring one object, described by a whole clause, to one place.
     pub move_described: Vec<String>,
-    /// One object to one of two places.
+    /// Requests to bring one object to one of two places.
     pub alternatives: Vec<String>,
-    /// Same, for an object that is described by a whole clause.
+    /// Requests to bring one object, described by a whole clause, to one of two places.
     pub alternatives_described: Vec<String>,
     /// Noun phrases for a moved object that a common-sense need decides: `what I need`.
     pub needed: Vec<String>,
@@ -103,7 +103,7 @@ impl Phrases {
     }
 }
 
-/// True if a subject that may be on or in the reference is said to be in it.
+/// True if a subject that may be on or in the reference is described as in it.
 fn is_said_in(relation: Relation, reference: &ObjectCard) -> bool {
     let is_hollow = things().host(reference).is_some_and(|host| host.relations.contains(&Relation::In));
     relation.kind() == RelationKind::Support(Support::OnOrIn) && is_hollow

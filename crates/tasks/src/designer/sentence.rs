@@ -64,10 +64,11 @@ fn listed(candidates: &[String]) -> String {
     if candidates.is_empty() { String::new() } else { format!("; candidates: {}", candidates.join(", ")) }
 }
 
-/// Composes the task that a sentence states, from these objects; `seed` decides which of several suitable objects are
-/// taken, what else is on the table and where.
+/// Composes the task that a sentence states, from these objects; `seed` decides among several suitable objects, and
+/// what else is on the table and where.
 ///
-/// The sentence stays as it is. It is read back in the finished scene, so that it is never ambiguous there.
+/// The sentence becomes the instruction unchanged. It is read back in the finished scene, so that it is never ambiguous
+/// there.
 ///
 /// # Errors
 /// [`SentenceError`] if the sentence or a phrase is not understood, or no scene suits it.

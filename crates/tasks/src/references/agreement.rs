@@ -21,7 +21,7 @@ const OTHER_WORDS: [&str; 40] = [
     "current",
 ];
 
-/// The reason why the sentence of a task cannot mean its goal; `None` if it means it or may do so.
+/// Reason why the sentence of a task cannot mean its goal; `None` if it does or may mean it.
 ///
 /// A sentence may say less than the goal (`next to` for `left`).
 pub fn disagreement(task: &Task) -> Option<String> {
@@ -128,7 +128,8 @@ mod tests {
         }
     }
 
-    /// True if the sentence cannot be read in the scene, and names what the goal is about or has unknown words.
+    /// True if the sentence cannot be read in the scene, but its words name the objects of the goal or are partly
+    /// unknown.
     fn unresolved(task: &Task) -> bool {
         read(&task.instruction, &task.objects, &task.scene_graph).is_err() && unnamed(task).is_none()
     }

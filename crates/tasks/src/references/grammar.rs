@@ -55,7 +55,7 @@ pub(super) fn read(instruction: &str) -> Option<Parsed> {
     readings(instruction).next()
 }
 
-/// The ways to parse an instruction: as a plain request, then as colloquial English, which is parsed only when asked for.
+/// The parsed instruction, read as a plain request, then as colloquial English, which is parsed only on demand.
 pub(super) fn readings(instruction: &str) -> impl Iterator<Item = Parsed> {
     let text = instruction.to_lowercase();
     read_plain(&text).into_iter().chain(std::iter::once_with(move || read_freely(&colloquial::plain(&text))).flatten())

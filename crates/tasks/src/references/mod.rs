@@ -44,7 +44,7 @@ pub use necessity::{Clue, clues_at_places, is_needless};
 pub struct Reading {
     /// Noun phrases and the ids of their referents, in the order of the sentence.
     pub phrases: Vec<(String, Vec<String>)>,
-    /// For each phrase that fits several identical copies, their ids; the goal names the first.
+    /// Ids of the identical copies that a phrase fits, one entry per such phrase; the goal names the first of each.
     pub choices: Vec<Vec<String>>,
     /// Goal in disjunctive normal form: alternatives of conditions that must all hold.
     pub goal: Vec<Vec<ReadAtom>>,
@@ -52,7 +52,7 @@ pub struct Reading {
 
 /// Reads an instruction in a scene. `cards` are those of the graph's nodes, in the same order.
 ///
-/// A phrase that fits several identical copies is not ambiguous: it leaves open which of them is meant.
+/// A phrase that fits several identical copies is not ambiguous: it does not specify one of them.
 ///
 /// # Errors
 /// [`Mismatch`] if the instruction is outside the grammar, or a phrase has no referent or several.

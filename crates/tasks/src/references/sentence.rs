@@ -12,7 +12,7 @@ use super::words::EXTREMES;
 /// A sentence with its noun phrases resolved in a catalogue.
 #[derive(Debug)]
 pub(crate) struct Sentence<'c> {
-    /// Noun phrases, each for an object of its own.
+    /// Noun phrases, one per object to which the sentence refers.
     pub nouns: Vec<Noun<'c>>,
     /// Alternative lists of commands, one of which is to be carried out.
     pub alternatives: Vec<Vec<Command>>,

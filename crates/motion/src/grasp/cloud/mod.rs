@@ -64,7 +64,7 @@ pub enum CloudError {
         /// Standard deviation along the second principal axis, mm.
         extent_mm: f64,
     },
-    /// The points are too far apart for one object; stray points or another unit.
+    /// The points are too far apart for one object, because of stray points or another unit than metres.
     #[error(
         "the cloud of the target is {extent_m:.3e} m wide, expected at most {MAX_EXTENT_M} m: are its points metres?"
     )]
@@ -179,7 +179,7 @@ fn approaches(cloud: &filter::Cloud, settings: &CloudSettings) -> Vec<(DVec3, Ve
     let long = points::long_axis(cloud.target.iter().map(|seen| seen.point), cloud.center);
     let down = [DVec3::new(-long.y, long.x, 0.0), long].into_iter().chain(even).collect();
     let mut all = vec![(DVec3::NEG_Z, down)];
-    // From the side the gripper closes along the table, as from above: the palm's long side stays horizontal.
+    // From the side, too, the gripper closes horizontally, so that the palm's long side stays horizontal.
     let height = cloud.target.iter().map(|seen| seen.point.z).fold(f64::NEG_INFINITY, f64::max) - cloud.table_height;
     let directions = rolls / 2;
     for &tilt in settings.tilts.iter().filter(|&&tilt| height > 0.03 + 0.05 * tilt) {

@@ -11,7 +11,7 @@ use crate::designer::naming::{Namer, Style};
 use crate::designer::phrasing::{capitalised, choose, fill, phrases};
 use crate::designer::sketch::Condition;
 
-/// A second goal beside the change of state.
+/// A second goal besides the change of state.
 enum Extra {
     Nothing,
     /// A change of state of another object with this handling; `true` if it is an alternative to the first one.
