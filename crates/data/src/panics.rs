@@ -15,7 +15,7 @@ static QUIET: Once = Once::new();
 
 /// Runs a decoder on a file; a panic is reported as a damaged file.
 ///
-/// For parquet 60.1, which panics on pages that lack their dictionary, among others (found by fuzzing).
+/// Needed for parquet 60.1, which panics e.g. on pages that lack their dictionary (found by fuzzing).
 pub fn catch_panics<T>(path: &Path, read: impl FnOnce() -> T) -> Result<T, DataError> {
     QUIET.call_once(|| {
         let previous = panic::take_hook();

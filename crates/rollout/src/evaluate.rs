@@ -13,9 +13,9 @@ use crate::{Cores, RolloutError, Stage, run_episode};
 /// One episode to run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// Id of the episode.
+    /// Id of the episode, unique among the cases.
     pub id: String,
-    /// Its scenario.
+    /// Initial scenario of the episode.
     pub scenario: Arc<Scenario>,
     /// Random stream of the episode.
     pub seed: Seed,
@@ -89,7 +89,7 @@ fn run(
     settings: &PipelineSettings,
     keep: Option<&EpisodeStore>,
 ) -> Result<Result<EpisodeResult, NotRun>, RolloutError> {
-    // Stored by a run that was interrupted before reporting it.
+    // A run that was interrupted had stored this episode before reporting it.
     if let Some(store) = keep.filter(|store| store.contains(&case.id)) {
         return Ok(Ok(store.read_result(&case.id)?));
     }

@@ -29,7 +29,7 @@ pub struct ImageSettings {
     /// Randomised aspects of the appearance, by the episode's seed ([`appearance_seed`]); none if empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub vary: Vec<AppearanceFactor>,
-    /// Index of the appearance randomisation.
+    /// Index of the appearance: other indices give other random appearances of the same episode.
     #[serde(skip_serializing_if = "is_first")]
     pub look: u64,
 }
@@ -57,7 +57,7 @@ pub struct Exposure<'a> {
     pub noise: Seed,
     /// Recorded frames before this one; nothing moved before the first.
     pub before: &'a [Frame],
-    /// Time between frames, and from the last of them to this one, s.
+    /// Time between consecutive frames, and from the last earlier frame to this one, s.
     pub step_s: f64,
 }
 

@@ -7,7 +7,7 @@ use crate::S3Error;
 /// Default region for signing; servers other than Amazon's ignore it.
 const REGION: &str = "us-east-1";
 
-/// Credentials, region and endpoint.
+/// Credentials, region and endpoint for signed requests.
 #[derive(Clone)]
 pub struct Access {
     pub(crate) key_id: String,

@@ -11,9 +11,9 @@ pub enum S3Error {
     /// An invalid S3 address.
     #[error("expected s3://BUCKET or s3://BUCKET/PREFIX, got {got:?}: {why}")]
     Address {
-        /// The text.
+        /// Address as given.
         got: String,
-        /// The reason.
+        /// Reason why it is invalid.
         why: String,
     },
     /// A missing or invalid environment variable.
@@ -21,7 +21,7 @@ pub enum S3Error {
     Environment {
         /// Name of the variable.
         variable: &'static str,
-        /// Expected value.
+        /// Expected value, in words.
         expected: &'static str,
         /// Actual value; never a secret.
         got: String,
@@ -29,24 +29,24 @@ pub enum S3Error {
     /// A permanent refusal by the server.
     #[error("{what}: the server responded {status}: {message}")]
     Refused {
-        /// Description of the request.
+        /// Description of the refused request.
         what: String,
         /// HTTP status.
         status: u16,
-        /// The server's message.
+        /// Message of the server.
         message: String,
     },
     /// Failure after all retries.
     #[error("{what}: gave up after {attempts} attempts; last error: {last}")]
     GaveUp {
-        /// Description of the request.
+        /// Description of the failing request.
         what: String,
         /// Number of attempts.
         attempts: u32,
         /// Error of the last attempt.
         last: String,
     },
-    /// A response that is not valid S3.
+    /// A response that does not follow the S3 protocol.
     #[error("{what}: expected {expected}, got {got}")]
     InvalidResponse {
         /// Description of the request.
@@ -59,13 +59,13 @@ pub enum S3Error {
     /// No complete folder at the address.
     #[error("{object} does not exist: expected the file list that a push writes last")]
     NotComplete {
-        /// The missing object.
+        /// Key of the missing object.
         object: String,
     },
     /// An invalid file list.
     #[error("cannot read the file list {object}")]
     List {
-        /// The object.
+        /// Key of the object with the file list.
         object: String,
         /// Parse error.
         source: DocumentError,
@@ -73,7 +73,7 @@ pub enum S3Error {
     /// A file that changed during the upload.
     #[error("the file changed while it was uploaded: {}", .path.display())]
     Changed {
-        /// The file.
+        /// Path of the local file.
         path: PathBuf,
     },
     /// A file that cannot be stored as an object.
@@ -83,19 +83,19 @@ pub enum S3Error {
         expected: &'static str,
         /// Actual kind of file.
         found: &'static str,
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
     },
     /// A partial transfer.
     #[error("stopped after {done} of {all} files were {moved}")]
     Stopped {
-        /// Number of transferred files.
+        /// Number of files transferred before the failure.
         done: usize,
-        /// Number of all files.
+        /// Number of files to be transferred.
         all: usize,
         /// `uploaded` or `downloaded`.
         moved: &'static str,
-        /// Cause.
+        /// Error that stopped the transfer.
         source: Box<S3Error>,
     },
     /// A local file error.
@@ -104,7 +104,7 @@ pub enum S3Error {
 }
 
 impl S3Error {
-    /// Suggested fix.
+    /// Advice on how to fix the error.
     pub fn hint(&self) -> String {
         match self {
             Self::Address { .. } => "for example s3://my-bucket/runs/monday".into(),

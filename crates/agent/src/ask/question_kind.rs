@@ -24,11 +24,11 @@ pub enum QuestionKind {
 }
 
 impl QuestionKind {
-    /// All kinds.
+    /// All kinds, in pipeline order.
     pub const ALL: [Self; 7] =
         [Self::Decompose, Self::Object, Self::Part, Self::GrabPoint, Self::GridPath, Self::PointToPoint, Self::Check];
 
-    /// Name in files.
+    /// Name of the kind in transcripts and recorded answers.
     pub fn name(self) -> &'static str {
         AgentStage::from(self).name()
     }

@@ -22,7 +22,8 @@ use self::stray_points::without_stray_points;
 use crate::image::RgbImage;
 use crate::segmentation::{Mask, SegmentError, SegmentQuestion, Segmenter};
 
-/// Maximum depth difference between two views of one point [m]: a pixel's width on a slanted surface plus some noise.
+/// Maximum depth difference between two views of one point [m]: about the depth range of one pixel on a slanted
+/// surface, plus noise.
 const DEPTH_TOLERANCE_M: f64 = 0.01;
 /// Minimum share of a mask's visible points inside a mask of another view for the two to match.
 const MIN_OVERLAP: f64 = 0.5;
@@ -40,7 +41,7 @@ pub struct View {
     pub masks: Arc<[Mask]>,
 }
 
-/// Segmented images of all cameras at one moment; the first one is shown to models.
+/// Segmented images of all cameras at one moment.
 #[derive(Clone, Debug)]
 pub struct SegmentedViews {
     /// Views; the first one is shown to models.
@@ -96,8 +97,8 @@ impl SegmentedViews {
         Self { views, matches }
     }
 
-    /// Points of an object from all cameras, by its mask in the first view, world frame, without stray ones on what lies
-    /// behind it.
+    /// Points of an object from all cameras, by its mask in the first view; world frame. Outliers on the background
+    /// behind the object are removed.
     pub fn points(&self, mask: usize) -> Vec<DVec3> {
         let mut points = Vec::new();
         let mut shown = None;

@@ -5,11 +5,11 @@ use crate::{ColorHistogram, EncodedVideo};
 /// Numeric column, one vector per frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Feature {
-    /// Name of the column.
+    /// Name of the column, e.g. `observation.state`.
     pub key: String,
     /// Names of the vector's elements; empty for scalars.
     pub names: Vec<String>,
-    /// Values of all rows.
+    /// Values of all rows, one vector per row.
     pub values: Values,
 }
 
@@ -22,18 +22,18 @@ pub enum Values {
     F64(Vec<f64>),
     /// Integers.
     I64(Vec<i64>),
-    /// Flags.
+    /// Truth values.
     Bool(Vec<bool>),
 }
 
 /// Video column.
 #[derive(Clone, Debug)]
 pub struct VideoFeature {
-    /// Name of the column.
+    /// Name of the column, e.g. `observation.images.static`.
     pub key: String,
     /// One frame per row.
     pub video: EncodedVideo,
-    /// Colours of all frames.
+    /// Colour histogram of all frames, for the statistics.
     pub colors: ColorHistogram,
 }
 
@@ -42,9 +42,9 @@ pub struct VideoFeature {
 pub struct ImageFeature {
     /// Name of the column.
     pub key: String,
-    /// Pixels per row.
+    /// Width, pixels.
     pub width: u32,
-    /// Pixel rows.
+    /// Height, pixels.
     pub height: u32,
     /// PNG file of each row; depth is 16-bit, mm, 0 = no return.
     pub png: Vec<Vec<u8>>,

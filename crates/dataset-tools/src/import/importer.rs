@@ -11,7 +11,8 @@ use super::metadata::ImportedMetadata;
 /// Settings of an import.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ImportSettings {
-    /// Path of ffmpeg, for video codecs other than H.264, which is then re-encoded. Default none.
+    /// Path of ffmpeg, which decodes video codecs other than H.264; the frames are re-encoded as H.264. Without (the
+    /// default), such videos are an error.
     pub ffmpeg: Option<PathBuf>,
     /// Episodes per data and video file. Default 100.
     pub episodes_per_file: usize,
@@ -29,7 +30,7 @@ impl Default for ImportSettings {
 pub(super) trait Importer {
     fn info(&self) -> SourceInfo;
 
-    /// Passes every episode to `take`, in order.
+    /// Reads every episode in order and passes it to `take`.
     fn each(&mut self, take: OnEpisode) -> Result<(), DataError>;
 
     /// Differences from the source; complete after [`Importer::each`].

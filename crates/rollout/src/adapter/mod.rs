@@ -1,8 +1,8 @@
 //! Conversion of policy actions to native joint commands.
 //!
-//! Actions of other spaces than the native one are executed only through this module; the inverse, from recorded
-//! commands to actions, is [`ActionSpec::encode`]. End-effector actions become joint targets by inverse kinematics,
-//! seeded with the reference configuration; unreachable poses are an error, on which [`crate::Driver`] holds the command.
+//! Actions in any space but the native one are executed only through this module; the inverse, from recorded commands
+//! to actions, is [`ActionSpec::encode`]. End-effector actions become joint targets by inverse kinematics, seeded with
+//! the reference configuration. Unreachable poses are an error; [`crate::Driver`] then holds the command in force.
 //!
 //! Deltas from the command are relative to the last request, not to the state reached by then, so that tracking errors
 //! do not accumulate. That reference stays within [`MAX_LEAD_M`], [`MAX_LEAD_RAD`] or [`MAX_LEAD_JOINT_RAD`] of the
@@ -21,10 +21,10 @@ use genmanip_core::{ActionMismatch, ActionSpace, ActionSpec, DeltaFrom, Interpol
 use genmanip_motion::{Chain, IkSettings, InverseKinematics, ModelError};
 use path_follower::Follower;
 
-/// Maximum distance between the reference of tool deltas and the measured tool, m; chosen: several times the tracking
-/// error of free motion, less than half of the usual largest delta.
+/// Maximum distance between the reference of tool deltas and the measured tool, m. Chosen by hand: several times the
+/// tracking error of free motion, less than half of the usual largest delta.
 pub const MAX_LEAD_M: f64 = 0.02;
-/// The same of the rotation, rad.
+/// Maximum angle between the reference of tool deltas and the measured tool, rad. Chosen in the same way.
 pub const MAX_LEAD_RAD: f64 = 0.2;
 /// Maximum difference between the reference of joint deltas and velocities and the measured joint, rad; chosen as above.
 pub const MAX_LEAD_JOINT_RAD: f64 = 0.1;
@@ -34,7 +34,7 @@ pub const MAX_LEAD_JOINT_RAD: f64 = 0.1;
 pub struct Adapter {
     spec: ActionSpec,
     robot: Arc<RobotModel>,
-    /// `None` for joint spaces.
+    /// Inverse kinematics; `None` for joint spaces.
     kinematics: Option<InverseKinematics>,
     /// Maximum rotation of each arm joint during an action, rad.
     reach: Vec<f64>,
@@ -59,11 +59,11 @@ pub struct ArmReference<'a> {
     pub command: &'a [f64],
     /// Gripper opening of the command in force, m; fully open before the first one.
     pub width_m: f32,
-    /// Current arm joint positions.
+    /// Measured arm joint positions.
     pub measured: &'a [f64],
     /// Arm joint positions when the chunk was requested.
     pub chunk_start: &'a [f64],
-    /// Part of the path that earlier actions left unexecuted.
+    /// Rest of the path that earlier actions have not executed.
     pub pending: &'a Pending,
 }
 
@@ -89,9 +89,9 @@ pub enum AdapterError {
     /// A NaN or infinite value.
     #[error("number {index} of the action is {value}, expected a finite one")]
     NotFinite {
-        /// Its index.
+        /// Index of the value in the action.
         index: usize,
-        /// Its value.
+        /// Value at the index.
         value: f32,
     },
     /// Numbers that do not encode a rotation.
@@ -105,11 +105,11 @@ pub enum AdapterError {
     /// A pose that no configuration of the arm reaches.
     #[error("no configuration of the arm brings the tcp to x {x_m:.3}, y {y_m:.3}, z {z_m:.3} m in that orientation")]
     OutOfReach {
-        /// Along x, metres.
+        /// Position along x in the world frame, metres.
         x_m: f64,
-        /// Along y, metres.
+        /// Position along y, metres.
         y_m: f64,
-        /// Along z, metres.
+        /// Position along z, metres.
         z_m: f64,
     },
 }
@@ -198,7 +198,7 @@ impl Adapter {
                 let in_force = from.command.iter().copied().chain([f64::from(from.width_m)]);
                 in_force.zip(&target).map(|(old, &new)| (old + (f64::from(new) - old) * share) as f32).collect()
             }
-            // The last command is bit-identical to the target.
+            // The last command must be bit-identical to the target.
             Interpolation::Linear | Interpolation::Hold => target.clone(),
         };
         Ok(NativeAction { commands: (1..=self.repeat).map(step).collect(), pending })

@@ -33,8 +33,8 @@ use self::joint::Turning;
 use self::pick::Pick;
 use crate::Stage;
 
-/// Joint step between the states at which clearance for opening the gripper is tested, rad: coarse, because without
-/// clearance the gripper opens before the motion.
+/// Joint step at which clearance for opening the gripper is tested along a path, rad: coarse, since a missed
+/// collision-free pose only makes the gripper open before the motion.
 const CLEARANCE_STEP_RAD: f64 = 0.05;
 
 /// Solves tasks from simulator ground truth; its results are marked `oracle`.
@@ -51,22 +51,22 @@ pub struct Expert {
     plans: Vec<Vec<Move>>,
     /// Number of picks so far; each has its own random stream.
     picks: u64,
-    /// Number of picks for the current move.
+    /// Number of picks so far for the current move.
     tries: usize,
     /// Number of waits for objects to come to rest since the last pick.
     waits: usize,
     phase: Phase,
-    /// Initial orientation of each object, in which it is placed.
+    /// Initial orientation of each object, which placements preserve up to yaw.
     upright: Vec<DQuat>,
     last_failure: Option<Failure>,
 }
 
 enum Phase {
-    /// Before the first action.
+    /// No action was executed yet.
     Beginning,
     /// The gripper is empty.
     Free,
-    /// A pick was executed.
+    /// A pick was executed; its success is not checked yet.
     Picked { step: Move, open_width: f64, hold_width: f64, taken_from: GoalPose },
     /// The gripper is moving a joint's link.
     Turning(Box<Turning>),
@@ -74,7 +74,7 @@ enum Phase {
     Home,
 }
 
-/// Current activity of the expert, for policies that imitate it with mistakes.
+/// Current activity of the expert, for policies that imitate the expert with injected mistakes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Activity {
     /// Picking an object.
@@ -88,11 +88,11 @@ pub(crate) enum Activity {
 /// Current state of arm and gripper.
 struct ArmState {
     arm: Vec<f64>,
-    /// Current gripper opening.
+    /// Current gripper opening, m.
     width: f64,
-    /// Gripper opening for the release.
+    /// Gripper opening for the release, m.
     open_width: f64,
-    /// Gripper opening commanded while holding.
+    /// Gripper opening commanded while holding, m.
     hold_width: f64,
 }
 
@@ -133,7 +133,7 @@ impl Expert {
         Self { grasp_proposer: Some(source), ..self }
     }
 
-    /// From the next reset on, pursues this goal instead of the task's.
+    /// Replaces the task's goal from the next reset on.
     pub(crate) fn set_goal(&mut self, goal: Goal) {
         self.stage.goal = Arc::new(goal);
     }
@@ -172,7 +172,7 @@ impl Expert {
         self.precomputed.get(object).map_or(&[], Vec::as_slice)
     }
 
-    /// Goal poses of an object at which all conditions of its move hold.
+    /// Goal poses of an object at which all conditions of its move hold and which `usable` accepts.
     fn goals(&self, scene: &PosedScene, step: &Move, usable: &dyn Fn(&Pose) -> bool, seed: Seed) -> Vec<GoalPose> {
         let search = GoalSearch {
             scene,
@@ -266,7 +266,7 @@ impl Expert {
                     }
                 }
             };
-            // The alternative is exhausted; start the next one.
+            // No move of this alternative is left; start the next alternative.
             self.plans.pop();
             self.tries = 0;
             if self.plans.is_empty() {
@@ -285,8 +285,8 @@ impl Expert {
         GoalPose { world_from_object, support: None, bounds }
     }
 
-    /// Initial phase: an earlier policy may have left an object in the gripper. It is carried on if the next move is
-    /// about it, otherwise put back at its initial pose.
+    /// Initial phase: an earlier policy may have left an object in the gripper. The expert places it if the next move
+    /// concerns it, otherwise it puts it back at its initial pose.
     fn take_over(&mut self, scene: &PosedScene, truth: &PrivilegedState, width: f64) -> Phase {
         let Some(held) = truth.grasped else { return Phase::Free };
         let step = self.next_move(scene).filter(|step| step.object == held && step.state().is_none());
@@ -338,7 +338,7 @@ impl Expert {
     fn go_home(&self, scene: &PosedScene, arm: &[f64], width: f64) -> Vec<Vec<f32>> {
         let world = obstacles::around(scene, None);
         let open = self.stage.robot.gripper.max_width;
-        // The gripper opens at home, where it has clearance.
+        // The gripper opens at the home configuration, where it has clearance.
         let around =
             PlanningScene { world: &world, attached: None, allowed: &AllowedCollisions::none(), gripper_width: width };
         let home = std::slice::from_ref(&self.stage.robot.home);
@@ -383,9 +383,9 @@ impl Policy for Expert {
         self.seed = start.seed;
         self.plans = moves(&self.stage.goal, self.stage.start());
         match self.settings.style {
-            // So that demonstrations of a disjunction cover all its alternatives.
+            // Random order, so that demonstrations of a disjunction cover all its alternatives.
             ExpertStyle::Default => self.plans.shuffle(&mut start.seed.fork("alternative").rng()),
-            // The first alternative is the last of the list.
+            // Alternatives are popped from the end.
             ExpertStyle::Consistent => self.plans.reverse(),
         }
         self.upright = scenario.objects.iter().map(|object| object.pose.rotation).collect();

@@ -80,8 +80,8 @@ pub const FEATURES: [&str; COUNT] = [
     "border_size",
 ];
 
-/// Weights of the logistic regression for the merge probability; from `genmanip-lab segment --seed 101 --count 60
-/// --fit`.
+/// Weights of the logistic regression for the merge probability, fitted with `genmanip-lab segment --seed 101 --count
+/// 60 --fit`.
 const WEIGHTS: Features = [
     5.19, 0.52, -1.79, 4.33, -3.29, 1.58, -0.21, 0.76, -0.6, -1.39, -1.5, 0.0, -0.22, -9.99, 1.13, -3.99, -0.08, 4.28,
     -0.22, -2.1, -0.58, 4.18, 1.47, 0.37,
@@ -154,7 +154,7 @@ impl Graph {
         Self { regions, borders }
     }
 
-    /// Merges pairs by descending probability while it is at least `min`; returns the group of each region.
+    /// Merges pairs by descending probability while it is at least `min`; returns the index of each region's group.
     pub fn merge(mut self, merge_probability: impl Fn(&Features) -> f64, min: f64) -> Vec<u32> {
         let count = self.regions.len();
         let mut group: Vec<u32> = (0..count as u32).collect();
@@ -325,7 +325,8 @@ const BEND_PX: usize = 3;
 const MAX_STEEP_NORMAL_Z: f32 = 0.35;
 
 impl Border {
-    /// `pixels` are adjacent to the border, `inside` lie farther from it, where normals are undisturbed.
+    /// Adds one pixel edge. `pixels` are adjacent to the border, `inside` lie farther from it, where normals are
+    /// undisturbed.
     fn add(
         &mut self,
         cloud: &OrganizedCloud,
