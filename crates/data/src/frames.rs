@@ -1,4 +1,4 @@
-//! Frames as a table, lossless.
+//! Lossless table of an episode's frames.
 //!
 //! One row per control step. Columns of `frames.parquet`, in order:
 //!

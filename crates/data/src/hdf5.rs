@@ -29,7 +29,7 @@ use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selecti
 use crate::{CameraTrack, DataError, EpisodeStore, video};
 
 const DEMO: &str = "data/demo_0";
-/// zlib level; higher ones take several times as long for a few percent.
+/// zlib level; higher levels take several times as long for a few percent.
 const LEVEL: u32 = 1;
 /// Maximum size of the decoded images of a camera and episode, bytes; they are held in memory all at once.
 const MAX_IMAGE_BYTES: usize = 600 << 20;

@@ -21,7 +21,7 @@ use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use crate::panics::catch_panics;
 use crate::{DataError, files};
 
-/// Columns under construction, in insertion order; all have one element per row.
+/// Columns under construction, in insertion order; all must have the same number of rows.
 #[derive(Debug, Default)]
 pub struct Columns {
     fields: Vec<Field>,
@@ -44,13 +44,13 @@ impl Columns {
         self.push(name, Arc::new(PrimitiveArray::<Int32Type>::from_iter(values)), true);
     }
 
-    /// Adds a column of flags.
+    /// Adds a column of truth values.
     pub fn bool(&mut self, name: &str, values: impl IntoIterator<Item = bool>) {
         let values: Vec<bool> = values.into_iter().collect();
         self.push(name, Arc::new(BooleanArray::from(values)), false);
     }
 
-    /// Nullable column.
+    /// Adds a column of truth values, some of which may be null.
     pub fn optional_bool(&mut self, name: &str, values: impl IntoIterator<Item = Option<bool>>) {
         let values: Vec<Option<bool>> = values.into_iter().collect();
         self.push(name, Arc::new(BooleanArray::from(values)), true);
@@ -61,19 +61,19 @@ impl Columns {
         self.push(name, Arc::new(StringArray::from_iter_values(values)), false);
     }
 
-    /// Variable-length lists.
+    /// Adds a column of variable-length lists.
     pub fn lists<T: ArrowPrimitiveType>(&mut self, name: &str, rows: &[&[T::Native]]) {
         let values = PrimitiveArray::<T>::from_iter_values(rows.iter().flat_map(|row| row.iter().copied()));
         self.nested(name, Arc::new(values), rows.iter().map(|row| row.len()));
     }
 
-    /// Variable-length lists of texts.
+    /// Adds a column of variable-length lists of texts.
     pub fn text_lists(&mut self, name: &str, rows: &[Vec<String>]) {
         let values = StringArray::from_iter_values(rows.iter().flatten());
         self.nested(name, Arc::new(values), rows.iter().map(Vec::len));
     }
 
-    /// Fixed-size lists; length 1 gives a scalar column.
+    /// Adds a column of fixed-size lists; length 1 gives a scalar column.
     pub fn vectors<T: ArrowPrimitiveType>(&mut self, name: &str, length: usize, values: Vec<T::Native>) {
         let values: ArrayRef = Arc::new(PrimitiveArray::<T>::from_iter_values(values));
         if length == 1 {
@@ -84,7 +84,8 @@ impl Columns {
         self.push(name, Arc::new(array), false);
     }
 
-    /// Images in the `datasets` library's layout: a struct of the file's bytes and an unused path.
+    /// Adds a column of images in the layout of the `datasets` library: a struct of the file's bytes and an unused
+    /// path.
     pub fn images(&mut self, name: &str, files: &[Vec<u8>]) {
         let bytes: ArrayRef = Arc::new(BinaryArray::from_iter_values(files));
         let paths: ArrayRef = Arc::new(StringArray::new_null(files.len()));
@@ -95,7 +96,7 @@ impl Columns {
         self.push(name, Arc::new(array), true);
     }
 
-    /// `[C][1][1]` per row, the shape of an image statistic.
+    /// Adds a column of nested lists of shape `[C][1][1]` per row, as LeRobot stores image statistics.
     pub fn channel_lists(&mut self, name: &str, rows: &[&[f64]]) {
         let ones = || std::iter::repeat_n(1, rows.iter().map(|row| row.len()).sum());
         let values = PrimitiveArray::<Float64Type>::from_iter_values(rows.iter().flat_map(|row| row.iter().copied()));
@@ -144,7 +145,7 @@ pub struct TableWriter {
 }
 
 impl TableWriter {
-    /// `path` is used in error messages only.
+    /// A writer; `path` is used in error messages only.
     pub fn new(path: &Path, schema: Arc<Schema>, purpose: Purpose) -> Result<Self, DataError> {
         let properties = WriterProperties::builder()
             .set_compression(Compression::SNAPPY)
@@ -208,7 +209,7 @@ fn uncompressed_size(column: &ColumnChunkMetaData) -> i64 {
     if bytes < 0 || entries < 0 { i64::MAX } else { bytes.max(entries.saturating_mul(8)) }
 }
 
-/// All rows of a Parquet file, whose number must match the record.
+/// All rows of a Parquet file, whose number must be `rows`.
 pub fn from_parquet(path: &Path, bytes: Vec<u8>, rows: usize) -> Result<RecordBatch, DataError> {
     let fail = |error: ParquetError| DataError::table(path, error);
     let opened = catch_panics(path, || ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes)))?;

@@ -12,9 +12,9 @@ use crate::error::ImageError;
 /// One message of a conversation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// Sender.
+    /// Role of the sender.
     pub role: Role,
-    /// Parts, in order.
+    /// Texts and images, in order.
     pub parts: Vec<Part>,
 }
 
@@ -66,15 +66,15 @@ impl Message {
     }
 }
 
-/// Sender.
+/// Role of a message's sender.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
-    /// System instructions.
+    /// Instructions for the model that precede the conversation.
     System,
-    /// The user.
+    /// The user, who asks.
     User,
-    /// The model.
+    /// The model, which replies.
     Assistant,
 }
 
@@ -111,12 +111,12 @@ impl Image {
         Ok(Self { media_type, bytes })
     }
 
-    /// The format.
+    /// Format detected by signature.
     pub fn media_type(&self) -> MediaType {
         self.media_type
     }
 
-    /// File bytes.
+    /// Bytes of the image file.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
@@ -127,7 +127,7 @@ impl Image {
     }
 }
 
-/// Omits the bytes.
+/// Debug output without the bytes.
 impl fmt::Debug for Image {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Image({}, {} bytes)", self.media_type.name(), self.bytes.len())
@@ -135,7 +135,7 @@ impl fmt::Debug for Image {
 }
 
 impl MediaType {
-    /// All formats.
+    /// All supported formats.
     pub const ALL: [Self; 2] = [Self::Png, Self::Jpeg];
 
     /// MIME type, e.g. `image/png`.
@@ -146,7 +146,7 @@ impl MediaType {
         }
     }
 
-    /// File signature (PNG specification 5.2; JPEG: start of image, next marker).
+    /// Leading bytes of a file of this format (PNG specification 5.2; JPEG: start of image, then the next marker).
     fn signature(self) -> &'static [u8] {
         match self {
             Self::Png => b"\x89PNG\r\n\x1a\n",

@@ -37,7 +37,7 @@ pub struct ServerSettings {
     pub max_retries: u32,
     /// Wait before the first retry (s); doubles each time, and is shortened by up to half at random.
     pub first_backoff_s: f64,
-    /// Maximum such wait (s).
+    /// Maximum of this wait (s).
     pub max_backoff_s: f64,
     /// Maximum wait that a server may request (`Retry-After`) (s); the client gives up beyond it.
     pub max_retry_after_s: f64,

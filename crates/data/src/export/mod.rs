@@ -34,17 +34,18 @@ pub struct ExportSettings {
     /// Extra columns. Default none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub columns: Vec<ExtraColumns>,
-    /// Randomised appearance per episode; its seed is exported as `variation_seed`. Default false.
+    /// True for a randomised appearance per episode; its seed is exported as `variation_seed`. Default false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub is_varied: bool,
-    /// Corrected episodes: another policy acted first. The column `is_correction` marks the rows of the correction.
-    /// Default false.
+    /// True for corrected episodes, in which another policy acted before the expert. The column `is_correction` marks
+    /// the expert's rows. Default false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub has_corrections: bool,
     /// Style of the expert that made the demonstrations. Default `default`.
     #[serde(skip_serializing_if = "ExpertStyle::is_default")]
     pub expert: ExpertStyle,
-    /// Index of the appearance randomisation. Default 0, that of `collect`.
+    /// Index of the appearance randomisation; other indices give other appearances of the same episodes. Default 0,
+    /// that of `collect`.
     #[serde(skip_serializing_if = "is_usual_look")]
     pub look: u64,
 }
@@ -135,7 +136,7 @@ pub fn describe_action(spec: &ActionSpec) -> String {
     format!("{motion}, and opening width (m); what was in force at the end of the row's interval; {between}")
 }
 
-/// Selection of the episodes to export; attempts without frames are never exported.
+/// Selection of the episodes to export; attempts without recorded frames are never exported.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Selection {
     /// Successful episodes.
@@ -169,16 +170,16 @@ impl Selection {
     }
 }
 
-/// Summary of an export.
+/// Summary of an export, for the user.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ExportReport {
-    /// The data set.
+    /// Path of the data set.
     pub dataset: PathBuf,
-    /// The depth data set.
+    /// Path of the depth data set; `None` if there is none.
     pub depth_dataset: Option<PathBuf>,
-    /// Number of episodes.
+    /// Number of exported episodes.
     pub episodes: usize,
-    /// Number of frames.
+    /// Number of rows of all exported episodes.
     pub frames: usize,
     /// Omitted damaged episodes with their errors.
     pub left_out: Vec<(String, String)>,
@@ -190,7 +191,7 @@ pub struct Source {
     pub episode: Episode,
     /// Images of each exported camera.
     pub tracks: Vec<CameraTrack>,
-    /// One per track if masks are exported, else empty.
+    /// Instance masks, one per camera track; empty if masks are not exported.
     pub masks: Vec<MaskTrack>,
 }
 

@@ -17,7 +17,7 @@ pub struct DatasetMetadata {
     /// `features` of `info.json` according to the first episode; all others must match.
     pub features: Option<Value>,
     pub tasks: Vec<String>,
-    /// Distinct texts of the steps.
+    /// Distinct instructions of steps (subtasks), in order of first use.
     pub subtasks: Vec<String>,
     /// Number of episodes and frames written so far.
     pub episodes: usize,
@@ -26,7 +26,7 @@ pub struct DatasetMetadata {
 }
 
 impl DatasetMetadata {
-    /// Values are buffered on the disk of `folder` until their statistics are computed.
+    /// Empty metadata. Values are buffered in files in `folder` until their statistics are computed.
     pub fn new(fps: u32, folder: &Path) -> Self {
         Self {
             fps,
@@ -98,7 +98,7 @@ impl DatasetMetadata {
     }
 }
 
-/// Index of a sentence in a list; appends it if it is missing.
+/// Index of a sentence in a list; the sentence is appended if it is missing.
 fn index_of(sentences: &mut Vec<String>, sentence: &str) -> usize {
     sentences.iter().position(|known| known == sentence).unwrap_or_else(|| {
         sentences.push(sentence.into());

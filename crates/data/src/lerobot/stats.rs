@@ -8,10 +8,10 @@ use serde_json::{Value, json};
 
 use crate::{ColorHistogram, DataError};
 
-/// LeRobot's quantiles by name.
+/// Quantiles in LeRobot's statistics: name and probability.
 const QUANTILES: [(&str, f64); 5] = [("q01", 0.01), ("q10", 0.10), ("q50", 0.50), ("q90", 0.90), ("q99", 0.99)];
 
-/// Statistics per element of a vector, or per colour channel in 0-1.
+/// Statistics per element of a vector, or per colour channel on a scale of 0 to 1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Stats {
     /// `min`, `max`, `mean`, `std` (population), then the quantiles; one number per element.
@@ -57,7 +57,7 @@ impl Stats {
         names.map(|name| Ok((name, value(name)?))).collect()
     }
 
-    /// Statistics of 8-bit colours, scaled to 0-1.
+    /// Statistics of 8-bit colours, scaled to the range 0 to 1.
     pub fn of_colors(colors: &ColorHistogram, frames: usize) -> Self {
         let each = |value: &dyn Fn(&[u64]) -> f64| {
             colors.counts.iter().map(|counts| value(counts) / 255.0).collect::<Vec<f64>>()
@@ -132,7 +132,7 @@ pub struct StatsCollector {
     colors: Vec<(String, ColorHistogram, usize)>,
 }
 
-/// Buffered values of a feature.
+/// Buffer of all values of a feature, in a file.
 #[derive(Debug)]
 struct BufferedFeature {
     key: String,

@@ -88,7 +88,8 @@ pub fn check(dataset: &Path, robots: &[Arc<RobotModel>]) -> Result<DatasetCheck,
 /// Reads the metadata of a LeRobot data set, with findings for invalid parts.
 ///
 /// # Errors
-/// If the folder cannot be listed, is not a LeRobot data set of a known version, or lacks a file that its metadata name.
+/// If the folder cannot be listed, is not a LeRobot data set of a known version, or lacks a file that its metadata
+/// names.
 pub(crate) fn read_metadata(dataset: &Path) -> Result<(Metadata, Vec<Finding>), DataError> {
     let mut findings = Findings::default();
     let listed = paths::list(dataset)?;

@@ -10,7 +10,7 @@ use super::totals::Totals;
 /// Episodes of one kind of task, or with one instruction if kinds are unknown.
 #[derive(Clone, Debug, Serialize)]
 pub struct Group {
-    /// The kind, or the instruction.
+    /// Kind of the tasks, or the common instruction if kinds are unknown.
     pub kind: String,
     /// Number of distinct instructions.
     pub sentences: usize,
@@ -25,11 +25,11 @@ pub struct Group {
 /// Minimum and maximum of one element of a feature.
 #[derive(Clone, Debug, Serialize)]
 pub struct Range {
-    /// Feature and element.
+    /// Names of feature and element, e.g. of a joint in `observation.state`.
     pub name: String,
-    /// Minimum.
+    /// Minimum over all rows.
     pub min: f64,
-    /// Maximum.
+    /// Maximum over all rows.
     pub max: f64,
 }
 
@@ -42,7 +42,7 @@ pub struct Bin {
     pub episodes: usize,
 }
 
-/// Number of bins.
+/// Number of bins of the histogram.
 const BINS: usize = 10;
 
 /// Contents of a data set.
@@ -50,17 +50,17 @@ const BINS: usize = 10;
 pub struct Overview {
     /// Rows per second.
     pub fps: f64,
-    /// Robot.
+    /// Name of the robot; empty if unknown.
     pub robot: String,
-    /// Short description of the action space.
+    /// Short description of the action space; `None` if it is unknown.
     pub action: Option<String>,
-    /// Video features.
+    /// Names of the video features.
     pub videos: Vec<String>,
-    /// Images of all cameras, as videos or as single images.
+    /// Image features of all cameras, stored as videos or as single images.
     pub images: Vec<ImageFeature>,
-    /// By kind of task.
+    /// Groups of episodes by kind of task.
     pub groups: Vec<Group>,
-    /// By sentence.
+    /// Groups of episodes by instruction.
     pub tasks: Vec<Group>,
     /// Histogram of episode lengths.
     pub lengths: Vec<Bin>,
@@ -73,7 +73,8 @@ pub struct Overview {
 pub struct ImageFeature {
     /// Feature, e.g. `observation.images.static`.
     pub key: String,
-    /// Sizes along the dimensions that the dataset names; rows, columns and channels in datasets of this program.
+    /// Sizes along the dimensions in the order of the data set; rows, columns and channels in data sets of this
+    /// program.
     pub shape: Vec<usize>,
     /// `video` or `image`.
     pub stored_as: String,
@@ -142,7 +143,7 @@ pub(super) fn overview(metadata: &Metadata, totals: &Totals) -> Overview {
     }
 }
 
-/// Histogram of lengths; the bin width is a multiple of 0.1 s.
+/// Histogram of episode lengths; the bin width is a multiple of 0.1 s.
 fn lengths(metadata: &Metadata) -> Vec<Bin> {
     let seconds: Vec<f64> = metadata.episodes.iter().map(|episode| episode.length as f64 / metadata.info.fps).collect();
     let finite = || seconds.iter().copied().filter(|length| length.is_finite());

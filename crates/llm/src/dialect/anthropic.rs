@@ -30,7 +30,7 @@ impl Wire for Anthropic {
         [("anthropic-version", INTERFACE_VERSION.into())].into_iter().chain(key).collect()
     }
 
-    /// Prompt only: tools are not used to enforce a structure.
+    /// Prompt only: tools are not used to enforce structured output.
     fn structures(&self) -> &'static [Structure] {
         &[Structure::Plain]
     }

@@ -33,8 +33,8 @@ use self::joint::Turning;
 use self::pick::Pick;
 use crate::Stage;
 
-/// Joint step at which clearance for opening the gripper is tested along a path, rad: coarse, since a missed
-/// collision-free pose only makes the gripper open before the motion.
+/// Joint step between the states of a path at which clearance for a wider gripper is tested, rad. Coarse, since the
+/// test only decides whether the gripper opens during the motion or before.
 const CLEARANCE_STEP_RAD: f64 = 0.05;
 
 /// Solves tasks from simulator ground truth; its results are marked `oracle`.
