@@ -20,14 +20,14 @@ pub(super) enum Node {
         name: String,
         is_big: bool,
     },
-    /// An array before its state is set.
+    /// A NumPy array before BUILD sets its shape, dtype and data.
     EmptyArray,
     Array {
         kind: Kind,
         shape: Vec<usize>,
         bytes: ValueId,
     },
-    /// An array of records or objects, whose contents are not read.
+    /// An array of a structured or object dtype, whose contents are not read.
     Opaque,
 }
 
