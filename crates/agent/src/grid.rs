@@ -9,13 +9,13 @@ pub struct Grid {
     pub rows: u32,
     /// Number of columns.
     pub columns: u32,
-    /// Left edge (px).
+    /// Left edge in the image (px).
     pub left: u32,
-    /// Upper edge (px).
+    /// Upper edge in the image (px).
     pub top: u32,
-    /// Width (px).
+    /// Width of the whole grid (px).
     pub width: u32,
-    /// Height (px).
+    /// Height of the whole grid (px).
     pub height: u32,
 }
 

@@ -32,7 +32,7 @@ const RELEASE_S: f64 = 1.0;
 pub struct Environment {
     settings: RolloutSettings,
     session: Option<Session>,
-    /// Reused by all episodes of the same stage.
+    /// Renderer, reused by all episodes of the same stage; `None` before the first image.
     renderer: Option<StageRenderer>,
 }
 
@@ -42,11 +42,12 @@ pub struct Step {
     /// State after the step, without images and simulator ground truth; see [`Environment::observe`] and
     /// [`Environment::truth`].
     pub observation: Observation,
-    /// Goal verdict, if this step was judged: every `judge_every` steps, and after settling.
+    /// Goal verdict if this step was judged (every `judge_every` steps and after settling), else `None`.
     pub verdict: Option<GoalVerdict>,
-    /// The goal has held for the settling time and the settings say to stop then, or the episode has settled.
+    /// True if the goal has held for the settling time and the settings say to stop then, or if the episode has
+    /// settled.
     pub terminated: bool,
-    /// The time limit is reached.
+    /// True if the time limit is reached.
     pub truncated: bool,
     /// Events during the step.
     pub events: Vec<Event>,
@@ -128,15 +129,15 @@ struct Record {
     held_since: Option<usize>,
     worst_stray_n: f64,
     stray_contact: Option<StrayContact>,
-    /// Bodies of the stray contact in the last interval.
+    /// Bodies of the stray contact in the last control interval; `None` without one.
     stray_bodies: Option<[BodyId; 2]>,
-    /// Object gripped last, and time of the last grip.
+    /// Index of the object gripped last, and time of the last grip (s).
     last_gripped: Option<(usize, f64)>,
-    /// State of each object at the last verdict, for hysteresis: a state lasts until it is clearly left.
+    /// Named state of each object's joints at the last verdict, for hysteresis: a state lasts until it is clearly left.
     joint_states: Vec<Option<String>>,
-    /// Actions whose pose was unreachable.
+    /// Summary of the actions whose pose was unreachable; `None` if there were none.
     unreachable: Option<Unreachable>,
-    /// Number of control steps before settling, and the verdict after it.
+    /// Number of control steps before settling, and the verdict after it; `None` before settling.
     settled: Option<(usize, GoalVerdict)>,
 }
 
@@ -260,7 +261,7 @@ impl Environment {
         Ok(PrivilegedState { objects: sim.object_states(), grasped: sim.grasped() })
     }
 
-    /// States of the objects, the cheap part of the ground truth.
+    /// States of the objects; cheaper than [`Environment::truth`].
     ///
     /// # Errors
     /// If the environment was not reset.
@@ -573,7 +574,7 @@ pub(crate) fn steps_in(time_s: f64, stage: &Stage) -> usize {
     (time_s * stage.control_rate_hz()).round() as usize
 }
 
-/// State of each object.
+/// Named state of each object's joints; `None` for objects without named states or between them.
 fn joint_states(scene: &PosedScene, relations: &RelationSettings) -> Vec<Option<String>> {
     (0..scene.objects().len()).map(|index| joint_state(scene, index, relations)).collect()
 }

@@ -12,11 +12,11 @@ use crate::{RolloutSettings, Stage};
 pub struct Slip {
     /// Index of the object.
     pub object: usize,
-    /// Time at which the grip ended.
+    /// Time at which the grip ended, s.
     pub time_s: f64,
-    /// Duration of the grip.
+    /// Duration of the grip, s.
     pub held_s: f64,
-    /// Height above the place where it was gripped, metres.
+    /// Height of the object above the place where it was gripped, metres.
     pub height_m: f64,
     /// True if the object was never gripped again.
     pub for_good: bool,
@@ -25,11 +25,11 @@ pub struct Slip {
 /// Actions of an episode whose pose was unreachable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unreachable {
-    /// Number of them.
+    /// Number of such actions.
     pub actions: usize,
-    /// Control step of the first.
+    /// Control step of the first such action.
     pub step: usize,
-    /// Error of the first: why its pose was unreachable.
+    /// Error of the first such action: why its pose was unreachable.
     pub reason: String,
 }
 

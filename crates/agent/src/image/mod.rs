@@ -154,7 +154,7 @@ impl RgbImage {
         }
     }
 
-    /// Bilinear sample.
+    /// Bilinear interpolation of the colour at a position (px).
     fn bilinear(&self, x: f64, y: f64) -> [f64; 3] {
         let (left, top) = (x.floor(), y.floor());
         let (right, low) = (x - left, y - top);

@@ -1,4 +1,4 @@
-//! Kinds of trials, their grasps and their errors.
+//! Classes and results of grasp trials.
 
 use genmanip_core::{Grasp, PolicyError};
 use genmanip_motion::grasp::cloud::Features;
@@ -18,7 +18,7 @@ pub enum TrialClass {
     Clutter,
 }
 
-/// Observation of the objects.
+/// Viewpoints from which the point cloud is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TrialView {
@@ -30,7 +30,7 @@ pub enum TrialView {
     Three,
 }
 
-/// Choice of the candidate.
+/// Choice of the candidate that is executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CandidateChoice {
