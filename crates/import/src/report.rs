@@ -10,7 +10,7 @@ pub struct Guess {
     pub what: String,
     /// Chosen value.
     pub value: String,
-    /// Reason.
+    /// Reason for the choice.
     pub because: String,
 }
 
@@ -25,7 +25,7 @@ impl Guess {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Report {
-    /// All guesses.
+    /// Guessed properties.
     pub guesses: Vec<Guess>,
     /// Repairs, downscaled textures and omissions.
     pub repairs: Vec<String>,

@@ -11,11 +11,11 @@ use crate::reply::ChatReply;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Price {
-    /// Per million tokens of the conversation.
+    /// Price per million input tokens (conversation).
     pub input_per_million: f64,
-    /// Per million tokens of the answer.
+    /// Price per million output tokens (reply).
     pub output_per_million: f64,
-    /// Currency of both.
+    /// Currency of both prices.
     #[serde(default = "default_currency")]
     pub currency: String,
 }
@@ -38,7 +38,7 @@ fn default_currency() -> String {
     "USD".into()
 }
 
-/// Totals over exchanges, by requested model name.
+/// Totals of exchanges by requested model name.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Ledger {
     /// Totals per model.
@@ -56,9 +56,9 @@ pub struct ModelUsage {
     pub replayed: u64,
     /// Replies without token usage.
     pub uncounted: u64,
-    /// Prompt tokens.
+    /// Sum of prompt tokens, over the replies that report them.
     pub prompt_tokens: u64,
-    /// Completion tokens.
+    /// Sum of completion tokens, over the replies that report them.
     pub completion_tokens: u64,
 }
 
@@ -96,7 +96,7 @@ impl Ledger {
         }
     }
 
-    /// Cost per model, without failed requests, whose cost servers do not report.
+    /// Cost per model. Failed requests are not included, since servers do not report their cost.
     pub fn costs(&self, prices: &BTreeMap<String, Price>) -> BTreeMap<String, Cost> {
         let cost = |model: &str, totals: &ModelUsage| match prices.get(model) {
             _ if totals.answers == 0 => Cost::Known {

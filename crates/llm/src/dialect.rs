@@ -90,8 +90,8 @@ pub(crate) fn error_message(body: &Value) -> Option<String> {
 
 /// True if an error is probably about the requested structured output, so that a retry without it is worthwhile.
 ///
-/// Servers use different statuses and texts; an unrelated error costs at most two unnecessary requests. A message about
-/// the length of the conversation is none, unless it also names the structure.
+/// Servers use different statuses and texts; a false positive costs at most two unnecessary requests. A message about
+/// the length of the conversation does not count, unless it also names the structure.
 pub(crate) fn refuses_structure(error: &ChatError) -> bool {
     let names_structure = |message: &str| {
         let message = message.to_lowercase();
@@ -108,11 +108,11 @@ pub(crate) fn refuses_structure(error: &ChatError) -> bool {
     }
 }
 
-/// Ends of the thoughts of reasoning models; the opening tag is often part of the prompt, hence not of the reply.
+/// Closing tags of the reasoning of models; the opening tag is often part of the prompt, hence missing in the reply.
 const ENDS_OF_THOUGHTS: [&str; 6] =
     ["</think>", "</thinking>", "</reasoning>", "[/THINK]", "◁/think▷", "<|channel|>final<|message|>"];
 
-/// Removes the thoughts of reasoning models: everything up to the last closing tag that text follows.
+/// Text without the reasoning: everything up to the last closing tag is removed if text follows it.
 fn without_reasoning(text: &str) -> &str {
     let end = |tag: &str| text.rfind(tag).map(|at| at + tag.len());
     let answers = ENDS_OF_THOUGHTS.iter().filter_map(|tag| end(tag)).max().map(|at| text[at..].trim_start());

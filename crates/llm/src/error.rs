@@ -13,10 +13,10 @@ pub enum ChatError {
     Unreachable {
         /// Address without secrets.
         url: String,
-        /// System message.
+        /// Message of the operating system.
         message: String,
     },
-    /// Timeout.
+    /// The server did not respond in time.
     #[error("no complete response from {url} within {limit_s} s ({phase})")]
     Timeout {
         /// Address without secrets.
@@ -49,7 +49,7 @@ pub enum ChatError {
     TooLarge {
         /// Address without secrets.
         url: String,
-        /// The limit.
+        /// Maximum response size.
         limit_bytes: u64,
     },
     /// The response is not JSON, for example a web page.
@@ -57,9 +57,9 @@ pub enum ChatError {
     NotJson {
         /// Address without secrets.
         url: String,
-        /// Content type.
+        /// Content type of the response.
         content_type: String,
-        /// First characters.
+        /// First characters of the response.
         beginning: String,
     },
     /// The JSON is not a chat completion.
@@ -67,7 +67,7 @@ pub enum ChatError {
     NotACompletion {
         /// Address without secrets.
         url: String,
-        /// JSON path.
+        /// JSON path of the unexpected value.
         path: String,
         /// Expected value.
         expected: String,
@@ -91,15 +91,15 @@ pub enum ChatError {
         message: usize,
         /// Size of the file.
         size_bytes: u64,
-        /// The limit.
+        /// Maximum image size.
         limit_bytes: u64,
     },
     /// A request above the size limit; nothing was sent.
     #[error("the request has {size_bytes} bytes, images included, more than the limit of {limit_bytes}")]
     RequestTooLarge {
-        /// Size of the body.
+        /// Size of the request body.
         size_bytes: u64,
-        /// The limit.
+        /// Maximum size of the request body.
         limit_bytes: u64,
     },
     /// The model refused to answer.
@@ -111,9 +111,9 @@ pub enum ChatError {
     /// All retries failed.
     #[error("gave up after {attempts} requests; the last failure: {last}")]
     GaveUp {
-        /// Requests sent.
+        /// Number of requests sent.
         attempts: u32,
-        /// Last error.
+        /// Error of the last request.
         last: Box<ChatError>,
     },
     /// The server requests a longer wait than allowed.
@@ -121,7 +121,7 @@ pub enum ChatError {
     WaitTooLong {
         /// Requested wait (s).
         asked_s: f64,
-        /// The limit.
+        /// Maximum wait (s).
         limit_s: f64,
         /// Error response with the request to wait.
         last: Box<ChatError>,
@@ -141,7 +141,7 @@ pub enum ChatError {
     Cassette {
         /// Description of the problem.
         message: String,
-        /// The file.
+        /// Path of the cassette file.
         path: String,
     },
     /// A question in a folder was not answered in time.
@@ -157,7 +157,7 @@ pub enum ChatError {
     Folder {
         /// Description of the problem.
         message: String,
-        /// The folder or file.
+        /// Path of the folder or file.
         path: String,
     },
     /// The cost limit is reached; nothing was sent.
@@ -256,13 +256,13 @@ impl ChatError {
 }
 
 impl ChatError {
-    /// True if the model was stopped at its limit of tokens before it said anything.
+    /// True if the model was stopped at its token limit before it produced any text.
     pub fn is_cut_off(&self) -> bool {
         matches!(self, Self::NoText { finish_reason } if is_token_limit(finish_reason))
     }
 }
 
-/// Finish reason of a reply without text.
+/// Finish reason of a reply without text, for [`ChatError::NoText`].
 fn reason_of(finish_reason: &str) -> String {
     match is_token_limit(finish_reason) {
         true => format!("stopped at its limit of tokens, `max_tokens`; finish reason: {finish_reason}"),
@@ -270,7 +270,7 @@ fn reason_of(finish_reason: &str) -> String {
     }
 }
 
-/// True if a server's message is about the length of the conversation or of the answer, in tokens.
+/// True if a server's message concerns the length, in tokens, of the conversation or of the answer.
 pub(crate) fn is_about_length(message: &str) -> bool {
     let message = message.to_lowercase();
     ["context", "token", "too long", "too large"].iter().any(|word| message.contains(word))

@@ -5,7 +5,7 @@
 //!   fallback.
 //! - [`CassetteChat`]: records exchanges and replays them, looked up by request content.
 //! - [`FolderChat`]: writes questions to a folder and waits for answers there.
-//! - [`Service`]: the same for JSON services: over HTTP, recorded, replayed.
+//! - [`Service`]: interface of JSON services, over HTTP, recorded or replayed.
 //! - [`Ledger`]: counts replies, requests, tokens and cost.
 //! - [`fake`]: a scripted model and a configurable misbehaving loopback server, for tests.
 //!

@@ -147,7 +147,7 @@ impl Service for HttpService {
     }
 }
 
-/// A recorded response of a service; of the request, which may contain megabytes of pixels, only the hash.
+/// A recorded response of a service. Of the request, which may contain megabytes of pixels, only the hash is stored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ServiceCassette {

@@ -1,4 +1,5 @@
-//! Client of openpi's policy server: an observation as MessagePack over a WebSocket out, an action chunk back.
+//! Client of openpi's policy server, which receives an observation as MessagePack over a WebSocket and returns an
+//! action chunk.
 //!
 //! Keys, sizes and formats of the presets follow `examples/droid` and `examples/libero` of
 //! Physical-Intelligence/openpi; scales of DROID velocities and robosuite deltas are documented at the constants.
@@ -24,7 +25,7 @@ const SIDE: usize = 224;
 const DROID_RAD_S: f64 = 0.2 * 15.0;
 /// Position delta of an action of 1 in robosuite's operational space controller with LIBERO's settings (m).
 const LIBERO_M: f64 = 0.05;
-/// Rotation delta of an action of 1 (rad).
+/// Rotation delta of such an action of 1 (rad).
 const LIBERO_RAD: f64 = 0.5;
 /// Maximum actions of a chunk.
 const MAX_ACTIONS: usize = 1000;
@@ -44,7 +45,7 @@ impl Preset {
     /// All presets.
     pub const ALL: [Self; 3] = [Self::Droid, Self::DroidJointPosition, Self::Libero];
 
-    /// Name of the preset.
+    /// Name of the preset in files and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Droid => "droid",

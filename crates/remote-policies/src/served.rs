@@ -1,4 +1,4 @@
-//! Policies in their own formats over openpi's protocol, as `genmanip serve policy` offers them; both sides.
+//! Policies that describe themselves over openpi's protocol, as `genmanip serve policy` offers them; client and server.
 //!
 //! The server's metadata holds the robot and the policy's [`PolicySpec`]. A request holds `prompt`, the state and an
 //! RGB image per camera in the sizes of the spec, under LeRobot's names; the response `actions` in the layout of the
@@ -108,8 +108,8 @@ pub fn question(spec: &PolicySpec, instruction: &str, observation: &Observation)
     Ok(Value::Map(entries))
 }
 
-/// Instruction and observation of a request to a policy that moves an arm with `arm_dof` joints; images without camera
-/// poses.
+/// Instruction and observation of a request to a policy that moves an arm with `arm_dof` joints. The images have no
+/// camera poses.
 ///
 /// # Errors
 /// Names the entry, the expected form and what came.
@@ -159,7 +159,7 @@ fn chunk(answer: &Value, length: usize) -> Result<ActionChunk, String> {
     let Array { shape, numbers } = actions.map_err(|what| format!("invalid `actions`: {what}"))?;
     let finished = get(answer, "finished").and_then(Value::as_bool).unwrap_or_default();
     match (&shape[..], numbers) {
-        // Only a policy that has finished has nothing left to do.
+        // Only a policy that has finished may return no actions.
         ([count @ 0..=MAX_ACTIONS, width], Numbers::F32(numbers)) if *width == length && (*count > 0 || finished) => {
             Ok(ActionChunk { actions: numbers.chunks_exact(length).map(<[f32]>::to_vec).collect(), finished })
         }

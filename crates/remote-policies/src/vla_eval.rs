@@ -1,4 +1,5 @@
-//! Client of vla-eval's model servers (allenai/vla-evaluation-harness): one observation out, one action or chunk back.
+//! Client of vla-eval's model servers (allenai/vla-evaluation-harness), which receive one observation and return one
+//! action or a chunk.
 //!
 //! A message is a MessagePack map of `type`, `payload`, `seq` and `timestamp`. Both sides start with `hello`;
 //! `episode_start` and `episode_end` enclose the observations of an episode. The server ties episode state to the
@@ -92,7 +93,7 @@ pub struct VlaEvalSettings {
     pub timeouts: Timeouts,
 }
 
-/// A policy behind the protocol, with one connection per episode.
+/// A policy behind vla-eval's protocol, with one connection per episode.
 pub struct VlaEvalPolicy {
     settings: VlaEvalSettings,
     robot: Arc<RobotModel>,

@@ -16,11 +16,11 @@ use crate::error::WorkspaceError;
 /// One finished item.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Entry {
-    /// Name, unique within a ledger.
+    /// Name of the item, unique within a ledger.
     pub name: String,
     /// Hash of all inputs of the item.
     pub key: String,
-    /// Reason that the item has no file; `None` if it has one.
+    /// Reason why the item has no file; `None` if it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
 }

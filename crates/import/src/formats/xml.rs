@@ -8,10 +8,10 @@ use roxmltree::{Document, Node, ParsingOptions};
 use crate::ImportError;
 use crate::files::{Files, shortened};
 
-/// Maximum number of elements and attributes, and maximum nesting depth.
+/// Maximum number of elements and attributes, and (`MAX_DEPTH`) maximum nesting depth.
 const MAX_NODES: u32 = 400_000;
 const MAX_DEPTH: usize = 128;
-/// Maximum number of undeclared prefixes.
+/// Maximum number of undeclared namespace prefixes.
 const MAX_PREFIXES: usize = 16;
 
 /// An XML element.
@@ -50,7 +50,8 @@ pub fn parse(path: &str, files: &mut Files<'_>) -> Result<Element, ImportError> 
     Err(ImportError::new(path, format!("more than {MAX_PREFIXES} undeclared prefixes")))
 }
 
-/// The text with a declaration of its type blanked; one that defines entities stays, and is refused.
+/// Text with its document type declaration blanked; a declaration that defines entities is kept, and then rejected by
+/// the parser.
 fn without_doctype(text: String) -> String {
     let Some(start) = text.find("<!DOCTYPE") else { return text };
     let Some(end) = text[start..].find('>').map(|end| start + end + 1) else { return text };
@@ -62,7 +63,7 @@ fn without_doctype(text: String) -> String {
     format!("{}{blank}{}", &text[..start], &text[end..])
 }
 
-/// The text with a prefix declared at its first element.
+/// Text with a namespace prefix declared at the first element that uses it; `None` if none does.
 fn with_prefix(text: &str, prefix: &str) -> Option<String> {
     let is_start = |(at, _): &(usize, &str)| text[at + 1..].starts_with(|c: char| c.is_alphabetic() || c == '_');
     let mut outside = 0;

@@ -1,4 +1,4 @@
-//! SRDF: pairs of links that are never checked, and the end effector.
+//! SRDF: link pairs excluded from self-collision checks, and the end effector.
 
 use genmanip_core::limits;
 
@@ -11,7 +11,7 @@ use crate::formats::xml;
 pub struct Semantics {
     /// Pairs of links of `disable_collisions`.
     pub disabled: Vec<[String; 2]>,
-    /// Parent link of the first end effector.
+    /// Parent link of the first end effector; `None` if there is none.
     pub end_effector: Option<String>,
 }
 

@@ -76,7 +76,7 @@ fn is_handle(handle: &[DVec3], body: &[DVec3]) -> bool {
     !middle.is_empty() && arch_m >= MIN_ARCH_M && ends.iter().all(touches)
 }
 
-/// Bounds of the points.
+/// Minimum and maximum corner of the points' bounding box.
 fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
     let all = points.iter().copied();
     all.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), point| (low.min(point), high.max(point)))
