@@ -22,9 +22,9 @@ pub struct Grid {
 /// A grid cell, indexed from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Cell {
-    /// Row from the top.
+    /// Index of the row, from the top.
     pub row: u32,
-    /// Column from the left.
+    /// Index of the column, from the left.
     pub column: u32,
 }
 

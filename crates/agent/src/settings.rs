@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::perception::CellSettings;
 
-/// Settings of the agent.
+/// Settings of the agent: questions, views, motions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AgentSettings {
@@ -43,7 +43,7 @@ pub struct AgentSettings {
     /// Ask for grab point and placement concurrently. The placement question then marks the mask's middle pixel as its
     /// start instead of the grab point.
     pub asks_at_once: bool,
-    /// Questions that are asked.
+    /// Questions that are asked: all, or those whose answer matters.
     pub asks: Asks,
     /// Start a new round with the remaining sub-tasks reported by the check; otherwise, or if it reports none,
     /// decompose again.
@@ -77,7 +77,7 @@ fn is_perfect(error_m: &f64) -> bool {
 pub enum Preset {
     /// As published: three rounds, only the best grasp, no check after a pick, plain cell centres.
     Paper,
-    /// All robustness features.
+    /// All robustness features, beyond the published agent.
     Full,
 }
 
@@ -95,7 +95,7 @@ pub enum Asks {
 }
 
 impl Asks {
-    /// All values.
+    /// All values, in the order of their names in help texts.
     pub const ALL: [Self; 2] = [Self::Every, Self::Needed];
 
     /// Name in files and on the command line.
@@ -111,7 +111,7 @@ impl Asks {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PathKind {
-    /// One cell.
+    /// One cell, where the object is placed.
     P2p,
     /// A path over the grid with heights and yaw.
     Grid,

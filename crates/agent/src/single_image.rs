@@ -12,7 +12,7 @@ use crate::ask::TranscriptRecorder;
 use crate::pipeline::Agent;
 use crate::settings::AgentSettings;
 
-/// Camera name.
+/// Name given to the only camera.
 const CAMERA: &str = "camera";
 /// Rate of the planned commands, Hz.
 const RATE_HZ: f64 = 60.0;
@@ -48,7 +48,7 @@ pub struct Acted {
 /// One motion from rest to rest.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct ActedStep {
-    /// Description of the motion.
+    /// Description of the motion, for people.
     pub what: String,
     /// Time since the start of the first step (s).
     pub start_s: f64,

@@ -8,7 +8,7 @@ use genmanip_core::limits::Limit;
 /// A failed read, write or export, with the file it concerns.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
-    /// An operating-system error.
+    /// A failed call of the operating system.
     #[error("cannot {action}: {source}: {}", path.display())]
     Io {
         /// The attempted action, e.g. `write`.
@@ -51,19 +51,19 @@ pub enum DataError {
         "\"{name}\" cannot be a file name: expected 1 to 200 letters, digits or any of `-_.+=@`, not starting with a dot"
     )]
     BadName {
-        /// Rejected name.
+        /// Name that was given.
         name: String,
     },
     /// A path that exists and is not overwritten.
     #[error("already exists: {}", path.display())]
     Exists {
-        /// The existing path.
+        /// Path that exists already.
         path: PathBuf,
     },
     /// An episode that the store does not contain.
     #[error("no episode \"{id}\"{}: {}", near_misses(near), root.display())]
     UnknownEpisode {
-        /// The requested id.
+        /// Id that was requested.
         id: String,
         /// Root folder of the store.
         root: PathBuf,
@@ -73,15 +73,15 @@ pub enum DataError {
     /// An episode stored without frames.
     #[error("only the result of this attempt was stored, not its frames: {}", path.display())]
     NotRecorded {
-        /// The episode's folder.
+        /// Folder of the episode without frames.
         path: PathBuf,
     },
     /// A missing attachment of an episode.
     #[error("the episode has no {name}: {}", path.display())]
     NoAttachment {
-        /// Name, e.g. `images_15hz/static.h264`.
+        /// Name of the attachment, e.g. `images_15hz/static.h264`.
         name: String,
-        /// The episode's folder.
+        /// Folder of the episode without the attachment.
         path: PathBuf,
     },
     /// A file whose size or hash differs from the manifest.
@@ -89,9 +89,9 @@ pub enum DataError {
     Damaged {
         /// Damaged file.
         path: PathBuf,
-        /// Recorded size and SHA-256.
+        /// Size and SHA-256 in the manifest.
         expected: String,
-        /// Actual size and SHA-256.
+        /// Size and SHA-256 of the file as it is.
         got: String,
     },
     /// An invalid JSON file.
@@ -113,7 +113,7 @@ pub enum DataError {
     /// A table that cannot be read or written.
     #[error("table {}: {source}", path.display())]
     Table {
-        /// Parquet file.
+        /// Path of the Parquet file.
         path: PathBuf,
         /// Error of the Parquet library, or what is missing.
         source: Box<dyn std::error::Error + Send + Sync>,
@@ -123,9 +123,9 @@ pub enum DataError {
     Mismatch {
         /// The compared quantity, e.g. `objects in frame 3 of episode 017`.
         what: String,
-        /// The expected value.
+        /// Value that the other quantity requires.
         expected: String,
-        /// The actual value.
+        /// Value found.
         got: String,
     },
     /// An error of the video encoder or muxer.

@@ -51,7 +51,7 @@ pub fn export(
     Ok(report)
 }
 
-/// Folder of one episode.
+/// Folder of one episode under construction.
 struct Folder<'a> {
     staging: &'a AtomicFolder,
     name: &'a str,

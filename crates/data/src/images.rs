@@ -29,11 +29,11 @@ pub struct CameraTrack {
     pub camera: Camera,
     /// Camera poses: one per frame, or a single one for a camera fixed in the world.
     pub world_from_camera: Vec<Pose>,
-    /// Colour images.
+    /// Colour images as H.264 video.
     pub video: EncodedVideo,
     /// 16-bit PNG files in millimetres, one per frame; empty without depth.
     pub depth_png: Vec<Vec<u8>>,
-    /// Colour statistics.
+    /// Colour statistics of all images.
     pub colors: ColorHistogram,
 }
 

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 /// Valid attempt with its files on disk.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inspected {
-    /// Result of the attempt.
+    /// Result in the attempt's `episode.json`.
     pub result: EpisodeResult,
     /// True if frames of the attempt were stored.
     pub recorded: bool,

@@ -15,7 +15,7 @@ pub use genmanip_core::perception::{FIRST_OBJECT, VisibleRegion};
 /// Instance masks of one camera during one episode.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MaskTrack {
-    /// Name of the camera.
+    /// Camera that the masks belong to, by name.
     pub camera: String,
     /// Masks per second.
     pub fps: u32,

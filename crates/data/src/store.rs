@@ -80,7 +80,7 @@ impl Document for EpisodeRecord {
     });
 }
 
-/// Contents of `store.json`.
+/// Contents of `store.json`, which marks a folder as an episode store.
 #[derive(Serialize, Deserialize)]
 struct StoreMark {
     content: String,

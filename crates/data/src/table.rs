@@ -167,12 +167,12 @@ impl TableWriter {
         self.writer.write(batch).map_err(|error| DataError::table(&self.path, error))
     }
 
-    /// Appends a row group.
+    /// Writes a batch as a row group of its own.
     pub fn write(&mut self, batch: &RecordBatch) -> Result<(), DataError> {
         self.writer.write(batch).and_then(|()| self.writer.flush()).map_err(|error| DataError::table(&self.path, error))
     }
 
-    /// Completes the file.
+    /// Writes the footer; returns the bytes of the file.
     pub fn finish(self) -> Result<Vec<u8>, DataError> {
         let path = self.path;
         self.writer.into_inner().map_err(|error| DataError::table(&path, error))
@@ -271,7 +271,7 @@ impl Table {
         }
     }
 
-    /// Column names.
+    /// Names of all columns in the file.
     pub fn names(&self) -> Vec<String> {
         let schema = self.builder.parquet_schema();
         schema.root_schema().get_fields().iter().map(|field| field.name().to_owned()).collect()

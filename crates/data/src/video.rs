@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{DataError, yuv};
 
-/// Encoder settings.
+/// Settings of the H.264 encoder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VideoSettings {
@@ -56,7 +56,7 @@ pub struct EncodedVideo {
     pub frames: Vec<Vec<u8>>,
 }
 
-/// Streaming encoder.
+/// Encoder that takes one image at a time.
 pub struct VideoEncoder {
     encoder: Encoder,
     video: EncodedVideo,
@@ -121,7 +121,7 @@ impl VideoEncoder {
         Ok(())
     }
 
-    /// Completes the video.
+    /// Ends the encoding; returns all frames appended so far.
     pub fn finish(self) -> EncodedVideo {
         self.video
     }

@@ -47,7 +47,7 @@ fn luma_row(pixels: &[u8], [red, green, blue]: &mut [Vec<u8>; 3], y: &mut [u8]) 
     }
 }
 
-/// Chroma of two rows.
+/// Chroma of two rows of pixels: one value per 2×2 pixels.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 fn chroma_row(upper: &[Vec<u8>; 3], lower: &[Vec<u8>; 3], u: &mut [u8], v: &mut [u8]) {
     let [(red, red_below), (green, green_below), (blue, blue_below)] =

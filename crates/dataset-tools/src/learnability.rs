@@ -26,7 +26,7 @@ const MIN_EPISODES: usize = 40;
 /// Learnability of a set of demonstrations.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Learnability {
-    /// Number of successful episodes.
+    /// Number of successful episodes, which are measured.
     pub episodes: usize,
     /// Number of successful episodes without a grasp, which do not count in `grasp`.
     pub without_grasp: usize,

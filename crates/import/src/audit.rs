@@ -27,7 +27,7 @@ const REFLECTANCE: [f64; 2] = [0.02, 0.17];
 const COMPARED: [(&str, &str, f64); 4] =
     [("density", " kg/m³", 3.0), ("longest side", " m", 2.5), ("friction", "", 2.0), ("roughness", "", 4.0)];
 
-/// An implausible value.
+/// A value outside the plausible range.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
     /// Uid of the object, or the category for a difference between sources.

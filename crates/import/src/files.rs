@@ -30,7 +30,7 @@ pub struct Files<'a> {
     read: &'a mut ReadFile<'a>,
     known: BTreeMap<String, Arc<Vec<u8>>>,
     bytes: u64,
-    /// Decoded images by path.
+    /// Decoded textures by path.
     images: BTreeMap<String, Arc<Texture>>,
     /// Remaining budget of pixels to decode.
     pub pixels_left: usize,
@@ -49,7 +49,7 @@ pub struct Files<'a> {
 pub struct Packages {
     /// Folder of each named package.
     pub named: BTreeMap<String, PathBuf>,
-    /// Folders that contain packages.
+    /// Folders whose subfolders may be packages.
     pub search: Vec<PathBuf>,
 }
 

@@ -32,11 +32,11 @@ pub struct BakeSettings {
     pub brief: bool,
     /// Settings of the candidate generator.
     pub generator: GraspSettings,
-    /// Name of the catalogue.
+    /// Name of the catalogue, which the file states.
     pub catalog: String,
 }
 
-/// Result of grasp baking.
+/// Result of testing the grasps of all requested objects.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Baked {
     /// One row per object in the file.

@@ -70,7 +70,7 @@ struct Part {
     texture_size: Option<[u32; 2]>,
 }
 
-/// Serialises an object.
+/// Bytes of an object file.
 pub fn to_bytes(object: &Imported) -> Vec<u8> {
     let (mut numbers, mut texels, mut known) = (Vec::new(), Vec::new(), BTreeMap::new());
     let model = &object.model;

@@ -11,7 +11,7 @@ pub const MAX_LINKS: usize = 64;
 /// Up axis of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Up {
-    /// +y, as in glTF.
+    /// +y points up, as in glTF.
     Y,
     /// +z, as in URDF and MJCF.
     Z,
@@ -37,9 +37,9 @@ pub struct RawObject {
     pub name: String,
     /// Links, parents first.
     pub links: Vec<RawLink>,
-    /// Length unit.
+    /// Length unit of the file.
     pub unit: Unit,
-    /// Up axis.
+    /// Up axis of the file.
     pub up: Up,
     /// Licence; `None` if the file states none.
     pub licence: Option<String>,
@@ -82,7 +82,7 @@ pub struct Surface {
 /// Collision geometry of a link.
 #[derive(Clone, Debug)]
 pub enum RawCollision {
-    /// A convex piece.
+    /// A convex primitive or polytope.
     Piece(Piece),
     /// Convex hull of points, as MJCF interprets meshes.
     HullOf(Vec<DVec3>),
@@ -119,7 +119,7 @@ impl RawMesh {
         self
     }
 
-    /// Appends another mesh.
+    /// Appends the triangles of another mesh in the same frame.
     pub fn append(&mut self, other: &Self) {
         let offset = self.positions.len() as u32;
         if !self.uvs.is_empty() || !other.uvs.is_empty() {

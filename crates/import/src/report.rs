@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub struct Guess {
     /// Property, e.g. `unit`.
     pub what: String,
-    /// Chosen value.
+    /// Value that was chosen, with its unit.
     pub value: String,
     /// Reason for the choice.
     pub because: String,

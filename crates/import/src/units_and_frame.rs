@@ -72,7 +72,7 @@ fn unit(longest: f64, is_metric: bool, prior: Option<&Prior>) -> (f64, String, S
     (wanted / longest.max(1e-12), format!("{:.5} m", wanted / longest.max(1e-12)), why)
 }
 
-/// Rotates an object upright.
+/// Rotates an object so that its up axis is +z, and adds a guess if the axis was not given.
 pub fn upright(raw: &mut RawObject, given: Option<Up>, prior: Option<&Prior>, guesses: &mut Vec<Guess>) {
     let (up, because) = match (given, raw.up) {
         (Some(up), _) => (up, "given".to_owned()),

@@ -23,7 +23,7 @@ use crate::settings::ServerSettings;
 /// Maximum number of cassettes compared with an unrecorded request, to name the most similar one in the error.
 const MAX_COMPARED: usize = 2_000;
 
-/// Recording and replay settings.
+/// Settings of recording and replay.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CassetteSettings {
@@ -41,7 +41,7 @@ impl Default for CassetteSettings {
     }
 }
 
-/// Treatment of requests.
+/// Use of server and cassettes for requests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CassetteMode {
@@ -55,7 +55,7 @@ pub enum CassetteMode {
     Replay,
 }
 
-/// One recorded exchange.
+/// Recorded exchange: one request with its reply.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cassette {

@@ -41,20 +41,20 @@ fn default_currency() -> String {
 /// Totals of exchanges by requested model name.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Ledger {
-    /// Totals per model.
+    /// Totals by requested model name.
     pub models: BTreeMap<String, ModelUsage>,
 }
 
-/// Totals of one model.
+/// Totals of the exchanges with one model.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModelUsage {
-    /// Replies from a server.
+    /// Number of replies from a server.
     pub answers: u64,
     /// HTTP requests sent, retries included.
     pub requests: u64,
     /// Replies from cassettes, free of charge.
     pub replayed: u64,
-    /// Replies without token usage.
+    /// Number of replies without token usage, whose cost is unknown.
     pub uncounted: u64,
     /// Sum of prompt tokens, over the replies that report them.
     pub prompt_tokens: u64,
@@ -62,15 +62,15 @@ pub struct ModelUsage {
     pub completion_tokens: u64,
 }
 
-/// Cost of one model.
+/// Cost of the exchanges with one model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cost {
-    /// Known amount.
+    /// All prices and token counts are known.
     Known {
         /// Amount in units of the currency.
         amount: f64,
-        /// Currency.
+        /// Currency of the amount.
         currency: String,
     },
     /// Unknown, because a price or token usage is missing.
@@ -78,7 +78,7 @@ pub enum Cost {
 }
 
 impl Ledger {
-    /// Adds a reply.
+    /// Adds a reply to the totals of the requested model.
     pub fn add(&mut self, model: &str, reply: &ChatReply) {
         let totals = self.models.entry(model.to_owned()).or_default();
         if reply.attempts == 0 {

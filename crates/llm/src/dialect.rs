@@ -17,11 +17,11 @@ mod openai;
 dialects! {
     /// OpenAI chat completions, supported by most servers and gateways.
     OpenAi = openai::OpenAi,
-    /// Anthropic messages.
+    /// Anthropic messages API.
     Anthropic = anthropic::Anthropic,
 }
 
-/// Interface of a dialect.
+/// Encoding and decoding of a dialect.
 pub(crate) trait Wire: Sync {
     /// Path after the base URL, e.g. `/chat/completions`.
     fn path(&self) -> &'static str;
@@ -35,7 +35,7 @@ pub(crate) trait Wire: Sync {
     /// Body fields that are set from the request and must not be parameters.
     fn reserved(&self) -> &'static [&'static str];
 
-    /// Encodes the request body.
+    /// Request body as JSON.
     fn request_body(&self, request: &ChatRequest, structure: Structure) -> Value;
 
     /// Decodes the body of a successful response; leaves `attempts` at 0.

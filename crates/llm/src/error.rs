@@ -21,9 +21,9 @@ pub enum ChatError {
     Timeout {
         /// Address without secrets.
         url: String,
-        /// The exceeded limit (s).
+        /// Timeout that was exceeded (s).
         limit_s: f64,
-        /// Phase of the request.
+        /// Phase of the request in which it was exceeded, e.g. connecting.
         phase: String,
     },
     /// The connection closed before the response was complete.
@@ -39,7 +39,7 @@ pub enum ChatError {
     Status {
         /// HTTP status.
         status: u16,
-        /// Server message, truncated.
+        /// Error message of the server, truncated.
         message: String,
         /// Address without secrets.
         url: String,
@@ -49,7 +49,7 @@ pub enum ChatError {
     TooLarge {
         /// Address without secrets.
         url: String,
-        /// Maximum response size.
+        /// Maximum response size (bytes).
         limit_bytes: u64,
     },
     /// The response is not JSON, for example a web page.
@@ -69,7 +69,7 @@ pub enum ChatError {
         url: String,
         /// JSON path of the unexpected value.
         path: String,
-        /// Expected value.
+        /// Expected value at the path.
         expected: String,
     },
     /// The completion has no text.
@@ -89,9 +89,9 @@ pub enum ChatError {
     ImageTooLarge {
         /// Index of the message, from 0.
         message: usize,
-        /// Size of the file.
+        /// Size of the image file (bytes).
         size_bytes: u64,
-        /// Maximum image size.
+        /// Maximum image size (bytes).
         limit_bytes: u64,
     },
     /// A request above the size limit; nothing was sent.
@@ -108,7 +108,7 @@ pub enum ChatError {
         /// Text of the refusal, truncated.
         message: String,
     },
-    /// All retries failed.
+    /// A request that failed in all attempts.
     #[error("gave up after {attempts} requests; the last failure: {last}")]
     GaveUp {
         /// Number of requests sent.
@@ -126,20 +126,20 @@ pub enum ChatError {
         /// Error response with the request to wait.
         last: Box<ChatError>,
     },
-    /// An unrecorded request.
+    /// A request without a cassette, in replay mode.
     #[error("no cassette {key} in {folder}{}", nearest.as_ref().map_or_else(String::new, |near| format!("; nearest is {near}")))]
     CassetteMiss {
         /// Content hash of the request.
         key: String,
         /// Most similar cassette and its first difference.
         nearest: Option<NearestCassette>,
-        /// Folder of cassettes.
+        /// Folder that was searched for the cassette.
         folder: String,
     },
     /// A cassette cannot be read or written.
     #[error("{message}: {path}")]
     Cassette {
-        /// Description of the problem.
+        /// Description of what is wrong with the cassette.
         message: String,
         /// Path of the cassette file.
         path: String,
@@ -149,13 +149,13 @@ pub enum ChatError {
     Unanswered {
         /// Path of the expected answer.
         path: String,
-        /// The exceeded limit (s).
+        /// Time waited for the answer (s).
         limit_s: f64,
     },
     /// A question cannot be written, or an answer cannot be read.
     #[error("{message}: {path}")]
     Folder {
-        /// Description of the problem.
+        /// Description of what failed.
         message: String,
         /// Path of the folder or file.
         path: String,
@@ -163,23 +163,23 @@ pub enum ChatError {
     /// The cost limit is reached; nothing was sent.
     #[error("the cost of {amount:.2} {currency} has reached the limit of {limit:.2}")]
     Spent {
-        /// Cost so far.
+        /// Cost of all requests so far.
         amount: f64,
-        /// Cost limit.
+        /// Cost limit from the user's settings.
         limit: f64,
-        /// Currency of both.
+        /// Currency of cost and limit.
         currency: String,
     },
     /// The cost limit cannot be enforced because the server does not report token usage; nothing was sent.
     #[error("the server reports no token usage, so the cost limit of {limit:.2} cannot be enforced")]
     Uncounted {
-        /// Cost limit.
+        /// Cost limit from the user's settings.
         limit: f64,
     },
     /// The script of a fake model has ended.
     #[error("the script ended after {answers} answers")]
     ScriptEnded {
-        /// Number of answers given.
+        /// Number of answers in the script.
         answers: usize,
     },
 }
@@ -187,7 +187,7 @@ pub enum ChatError {
 /// The most similar cassette to an unrecorded request.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NearestCassette {
-    /// File name.
+    /// File name of the cassette.
     pub file: String,
     /// First difference from the request.
     pub difference: String,
@@ -276,7 +276,7 @@ pub(crate) fn is_about_length(message: &str) -> bool {
     ["context", "token", "too long", "too large"].iter().any(|word| message.contains(word))
 }
 
-/// Error in the settings.
+/// Error in settings that a user wrote.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SettingsError {
     /// The text is not valid TOML for these settings. The line is not shown, since it could contain a key.
@@ -287,18 +287,18 @@ pub enum SettingsError {
         /// Description of the problem.
         message: String,
     },
-    /// An invalid value.
+    /// A field with an invalid value.
     #[error("`{field}`: expected {expected}")]
     Invalid {
         /// Field name in the file.
         field: &'static str,
-        /// Expected value.
+        /// Description of valid values.
         expected: String,
     },
     /// The environment variable of the key is not set.
     #[error("the environment variable {variable} (from `server.api_key_env`) is not set")]
     MissingKey {
-        /// Name of the variable.
+        /// Name of the environment variable.
         variable: String,
     },
     /// The environment variable contains no valid key.
@@ -312,7 +312,7 @@ pub enum SettingsError {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected a PNG or JPEG file, got {size_bytes} bytes beginning {beginning:?} in hexadecimal")]
 pub struct ImageError {
-    /// Size (bytes).
+    /// Number of bytes.
     pub size_bytes: u64,
     /// First eight bytes in hexadecimal.
     pub beginning: String,

@@ -21,19 +21,19 @@ pub struct Message {
 /// A part of a message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// A text.
+    /// A text part.
     Text(String),
     /// An image; only allowed in user messages, since servers reject others.
     Image(Image),
 }
 
 impl Message {
-    /// System instructions.
+    /// Message with system instructions.
     pub fn system(text: impl Into<String>) -> Self {
         Self { role: Role::System, parts: vec![Part::Text(text.into())] }
     }
 
-    /// A user message.
+    /// Message of the user with a text.
     pub fn user(text: impl Into<String>) -> Self {
         Self { role: Role::User, parts: vec![Part::Text(text.into())] }
     }
@@ -51,7 +51,7 @@ impl Message {
         Self { role: Role::User, parts: parts.into_iter().collect() }
     }
 
-    /// A model message.
+    /// Message of the model with a text.
     pub fn assistant(text: impl Into<String>) -> Self {
         Self { role: Role::Assistant, parts: vec![Part::Text(text.into())] }
     }
@@ -88,7 +88,7 @@ pub struct Image {
 /// Supported image formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum MediaType {
-    /// Portable Network Graphics.
+    /// PNG (Portable Network Graphics).
     #[serde(rename = "image/png")]
     Png,
     /// JPEG.

@@ -27,9 +27,9 @@ pub struct RecordedText(#[serde(with = "crate::lines")] pub String);
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RecordedPart {
-    /// A text.
+    /// A text part.
     Text(RecordedText),
-    /// An image.
+    /// An image part, as its hash.
     Image(RecordedImage),
 }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Reply of a model.
+/// Reply of a model to a request.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ChatReply {

@@ -35,7 +35,7 @@ impl<S: Service + ?Sized> Service for Box<S> {
 pub struct ServiceSettings {
     /// URL for requests, e.g. `http://127.0.0.1:8091/segment`; no user, password or query.
     pub url: String,
-    /// Connection timeout (s).
+    /// Timeout of connecting to the service (s).
     pub connect_timeout_s: f64,
     /// Timeout of one whole request (s).
     pub total_timeout_s: f64,
@@ -156,7 +156,7 @@ pub struct ServiceCassette {
     /// Comment: who answered and why it was recorded.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub note: String,
-    /// The response.
+    /// Response of the service, as JSON.
     pub answer: Value,
 }
 
@@ -179,7 +179,7 @@ impl<S: Service> RecordedService<S> {
 }
 
 impl RecordedService<HttpService> {
-    /// Replays recorded responses only.
+    /// Replays recorded responses of a folder; nothing is ever sent.
     pub fn replay(folder: &Path) -> Self {
         let settings =
             CassetteSettings { mode: CassetteMode::Replay, folder: folder.to_owned(), ..CassetteSettings::default() };

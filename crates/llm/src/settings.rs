@@ -12,7 +12,7 @@ use crate::reply::Structure;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ServerSettings {
-    /// API dialect.
+    /// API dialect that the server speaks.
     pub dialect: Dialect,
     /// Base URL up to the dialect's path (`/chat/completions`); user, password and query are rejected, because URLs
     /// appear in errors.
@@ -23,7 +23,7 @@ pub struct ServerSettings {
     pub api_key_env: Option<String>,
     /// Allow sending the key unencrypted to another machine. (To this machine it is always allowed.)
     pub allow_key_over_http: bool,
-    /// Connection timeout (s).
+    /// Timeout of connecting to the server (s).
     pub connect_timeout_s: f64,
     /// Timeout of one whole request, including connecting (s).
     pub total_timeout_s: f64,

@@ -10,7 +10,7 @@ use crate::error::{ChatError, shortened};
 use crate::retry::retry_after_s;
 use crate::secret::ApiKey;
 
-/// Limits of one request.
+/// Limits on time and size of one request.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
     pub connect_timeout_s: f64,
@@ -18,7 +18,7 @@ pub(crate) struct Limits {
     pub max_body_bytes: u64,
 }
 
-/// Sends and receives JSON.
+/// HTTP client that posts and receives JSON within limits.
 #[derive(Debug)]
 pub(crate) struct Transport {
     agent: ureq::Agent,

@@ -133,7 +133,7 @@ pub struct ImageBatch {
 /// Batch of normalised samples; each is a window of a demonstration that starts at a row.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Batch {
-    /// Number of samples.
+    /// Number of samples in the batch.
     pub size: usize,
     /// Robot tokens: size × robot.
     pub robot: Vec<f32>,

@@ -13,7 +13,7 @@ pub struct PolicyDescription {
     pub preset: Preset,
     /// True if the policy reads simulator ground truth; its results are then marked `oracle`.
     pub privileged: bool,
-    /// Sizes of the network.
+    /// Architecture of the network.
     pub model: ModelSettings,
     /// Layout of the network's input tokens and images.
     pub inputs: Inputs,
@@ -66,7 +66,7 @@ named_enum! {
     }
 }
 
-/// Sizes of the transformer.
+/// Architecture of the transformer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelSettings {
@@ -143,9 +143,9 @@ pub struct Inputs {
     /// Names of the numbers of an object's token, in order. The first number is 1 where the slot holds an object; all
     /// numbers of an empty slot are 0.
     pub object: Vec<String>,
-    /// Number of object slots.
+    /// Number of object slots; further objects are omitted.
     pub slots: usize,
-    /// Input images, in order.
+    /// Input images, in the order in which the network receives them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub images: Vec<ImageInput>,
     /// Buckets of the hashed words of the instruction, see [`crate::instruction_words`]; 0 without language.
@@ -157,7 +157,7 @@ pub struct Inputs {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ImageInput {
-    /// Name of the camera.
+    /// Name of the camera that provides the image.
     pub camera: String,
     /// Width, pixels.
     pub width: usize,
@@ -225,7 +225,7 @@ pub struct TrainingSettings {
     pub start_copies: usize,
     /// Weight of the auxiliary loss of labelled keypoints, relative to the L1 loss of actions.
     pub label_weight: f64,
-    /// Data augmentation of samples.
+    /// Data augmentation of the training samples.
     pub augmentation: Augmentation,
 }
 
@@ -273,7 +273,7 @@ pub struct TrainingFacts {
     pub seed: Seed,
     /// Number of optimiser steps.
     pub steps: u64,
-    /// Hyperparameters that were used.
+    /// Hyperparameters of the run.
     pub settings: TrainingSettings,
     /// Mean L1 error of normalised actions over the last hundredth of the steps.
     pub final_l1: f64,

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scale {
-    /// Means of the entries.
+    /// Mean of each entry.
     pub mean: Vec<f32>,
     /// Standard deviations of the entries, positive.
     pub deviation: Vec<f32>,
@@ -41,7 +41,7 @@ impl Scale {
         (is_usable && self.mean.len() == self.deviation.len()).then_some(self.mean.len())
     }
 
-    /// Normalised vector.
+    /// Vector with the mean subtracted, divided by the standard deviation.
     pub fn normalise<'a>(&'a self, vector: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
         vector
             .iter()

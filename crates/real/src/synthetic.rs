@@ -36,7 +36,7 @@ pub enum Degeneracy {
     SmallTurns,
     /// Tiny board far away, whose pose is ambiguous.
     PlanarFlip,
-    /// Board larger than stated.
+    /// Board that is larger than its description states.
     WrongScale,
     /// Camera with the other mounting than stated.
     OtherMounting,

@@ -18,7 +18,7 @@ const MAX_DEPTH: usize = 32;
 /// Maximum reported length of a server's traceback (characters); its end contains the error.
 const MAX_TRACEBACK_CHARS: usize = 400;
 
-/// Timeouts and reconnects.
+/// Timeouts and reconnects of a connection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timeouts {
     /// Timeout of connecting.
@@ -27,7 +27,7 @@ pub struct Timeouts {
     pub answer: Duration,
     /// Maximum number of reconnects after a connection is lost before the response.
     pub reconnects: u32,
-    /// Pause before reconnecting.
+    /// Pause before each reconnect.
     pub pause: Duration,
 }
 
@@ -58,7 +58,7 @@ pub enum RemoteError {
     TimedOut {
         /// URL of the server.
         url: String,
-        /// Timeout (s).
+        /// Timeout that was exceeded (s).
         seconds: u64,
     },
     /// The server failed with a traceback.
@@ -74,7 +74,7 @@ pub enum RemoteError {
     Answer {
         /// URL of the server.
         url: String,
-        /// Description of the problem.
+        /// Description of what is invalid in the response.
         what: String,
     },
 }

@@ -8,7 +8,7 @@ use rmpv::Value;
 /// Maximum number of elements of an array.
 const MAX_ELEMENTS: usize = 1 << 20;
 
-/// An array of numbers.
+/// NumPy array of numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Array {
     /// Length along each axis.
@@ -20,15 +20,15 @@ pub struct Array {
 /// The elements of an array, by their type.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Numbers {
-    /// `|u1`
+    /// dtype `|u1`.
     U8(Vec<u8>),
-    /// `<f4`
+    /// dtype `<f4`.
     F32(Vec<f32>),
-    /// `<f8`
+    /// dtype `<f8`.
     F64(Vec<f64>),
-    /// `<i4`
+    /// dtype `<i4`.
     I32(Vec<i32>),
-    /// `<i8`
+    /// dtype `<i8`.
     I64(Vec<i64>),
 }
 

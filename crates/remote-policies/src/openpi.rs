@@ -54,7 +54,7 @@ impl Preset {
         }
     }
 
-    /// Action rate (Hz).
+    /// Rate of the actions (Hz).
     pub fn rate_hz(self) -> f64 {
         match self {
             Self::Droid | Self::DroidJointPosition => 15.0,
@@ -108,7 +108,7 @@ impl Preset {
     }
 }
 
-/// Server settings.
+/// Address, format and cameras of an openpi policy server.
 #[derive(Clone, PartialEq)]
 pub struct OpenpiSettings {
     /// Server URL, e.g. `ws://127.0.0.1:8000`.
@@ -123,7 +123,7 @@ pub struct OpenpiSettings {
     pub execute_steps: Option<usize>,
     /// API key, sent as `Authorization: Api-Key …`; never displayed.
     pub api_key: Option<String>,
-    /// Timeouts and reconnects.
+    /// Timeouts and reconnects of the connection.
     pub timeouts: Timeouts,
 }
 

@@ -26,7 +26,7 @@ const MAKING: &str = "the constructor or spec()";
 pub struct ProcessSettings {
     /// Class as `module:Class`; the module is resolved from the working folder.
     pub class: String,
-    /// Python interpreter.
+    /// Path or name of the Python interpreter.
     pub python: String,
     /// Response timeout; the first response waits for the module import.
     pub answer: Duration,

@@ -84,7 +84,7 @@ impl Policy for ServedPolicy {
     }
 }
 
-/// Metadata of a server.
+/// Metadata by which a server describes its policy.
 pub fn metadata(robot: &str, spec: &PolicySpec) -> Value {
     map(vec![("server", "genmanip".into()), (ROBOT, robot.into()), (SPEC, wire::of(spec))])
 }
@@ -153,7 +153,7 @@ pub fn answer(chunk: &ActionChunk, length: usize, seconds: f64) -> Value {
     map(vec![("actions", actions.value()), ("finished", chunk.finished.into()), ("server_timing", timing)])
 }
 
-/// Chunk of a response.
+/// Action chunk in a response; `Err` describes what is invalid.
 fn chunk(answer: &Value, length: usize) -> Result<ActionChunk, String> {
     let actions = Array::read(get(answer, "actions").ok_or("no `actions`")?);
     let Array { shape, numbers } = actions.map_err(|what| format!("invalid `actions`: {what}"))?;

@@ -17,7 +17,7 @@ use crate::connection::{Connection, RemoteError, Timeouts};
 use crate::numpy::{Array, get};
 use crate::openpi::{self, libero_state};
 
-/// Protocol version.
+/// Version of the protocol that this client speaks.
 const PROTOCOL: u64 = 1;
 /// Image size (px), as the harness renders LIBERO.
 const SIDE: u32 = 256;
@@ -36,7 +36,7 @@ impl Preset {
     /// All presets.
     pub const ALL: [Self; 2] = [Self::Libero, Self::Joint];
 
-    /// Name of the preset.
+    /// Name of the preset in files and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Libero => "libero",
@@ -44,7 +44,7 @@ impl Preset {
         }
     }
 
-    /// Action rate (Hz).
+    /// Rate of the actions (Hz).
     pub fn rate_hz(self) -> f64 {
         match self {
             Self::Libero => openpi::Preset::Libero.rate_hz(),
@@ -78,7 +78,7 @@ impl Preset {
     }
 }
 
-/// Server settings.
+/// Address, format and cameras of a vla-eval model server.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VlaEvalSettings {
     /// Server URL, e.g. `ws://127.0.0.1:8000`.

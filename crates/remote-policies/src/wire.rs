@@ -23,7 +23,7 @@ pub fn read(bytes: &[u8]) -> Result<Json, String> {
     json(&value)
 }
 
-/// Encodes a value.
+/// MessagePack encoding of a value.
 pub fn encoded(value: &Value) -> Vec<u8> {
     let mut bytes = Vec::new();
     // Writing to memory does not fail.

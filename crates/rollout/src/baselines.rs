@@ -133,7 +133,7 @@ impl Policy for Blind {
     }
 }
 
-/// Mistake of [`Clumsy`].
+/// Kind of mistake that [`Clumsy`] makes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mistake {
     /// Closes the gripper beside the object.

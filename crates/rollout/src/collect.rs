@@ -36,7 +36,7 @@ pub struct PipelineSettings {
     /// Settings of the episode loop.
     #[serde(default)]
     pub rollout: RolloutSettings,
-    /// Settings of the expert.
+    /// Settings of the expert that makes the demonstrations.
     #[serde(default)]
     pub expert: ExpertSettings,
     /// Images of successful episodes; `None` for none.
@@ -126,7 +126,7 @@ impl<'a> Resources<'a> {
 /// One attempt of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Attempt<'a> {
-    /// Task to solve.
+    /// Task that the attempt tries to solve.
     pub task: &'a Task,
     /// Index among the task's attempts.
     pub number: u64,

@@ -19,14 +19,14 @@ pub struct Driver {
     stop_on_unreachable: bool,
 }
 
-/// Outcome of one action.
+/// Outcome of executing one action.
 #[derive(Clone, Debug, Default)]
 pub struct ActionOutcome {
     /// Number of control steps executed.
     pub steps: usize,
     /// Last goal verdict during the action, if any.
     pub verdict: Option<GoalVerdict>,
-    /// Events during the action.
+    /// Events in the simulation during the action.
     pub events: Vec<Event>,
     /// The goal has held for the settling time and the settings say to stop then.
     pub terminated: bool,

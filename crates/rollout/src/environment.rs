@@ -49,7 +49,7 @@ pub struct Step {
     pub terminated: bool,
     /// True if the time limit is reached.
     pub truncated: bool,
-    /// Events during the step.
+    /// Events in the simulation during the step.
     pub events: Vec<Event>,
 }
 
@@ -58,11 +58,11 @@ pub struct Step {
 pub struct Event {
     /// Start of the control interval of the event; for goal events, the time of the verdict.
     pub time_s: f64,
-    /// Kind of event.
+    /// Kind of event, with its object or bodies.
     pub kind: EventKind,
 }
 
-/// Kinds of events.
+/// Kinds of events that the environment reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EventKind {
     /// Both fingers started to press on the object with this index.
@@ -82,11 +82,11 @@ pub enum EventKind {
 pub struct Conclusion<'a> {
     /// Id of the episode, usable as a file name.
     pub id: &'a str,
-    /// Name of the policy.
+    /// Name of the policy, written to the result.
     pub policy: &'a str,
     /// True if the policy read simulator ground truth.
     pub oracle: bool,
-    /// Ending of the episode.
+    /// Ending of the episode, as the driver saw it.
     pub ending: Ending,
     /// The policy's reason for giving up, if it did.
     pub gave_up: Option<Failure>,
@@ -148,12 +148,12 @@ impl Record {
 }
 
 impl Environment {
-    /// Environment without an episode.
+    /// Environment before the first [`Environment::reset`].
     pub fn new(settings: RolloutSettings) -> Self {
         Self { settings, session: None, renderer: None }
     }
 
-    /// Settings of the episodes.
+    /// Settings of the episode loop.
     pub fn settings(&self) -> &RolloutSettings {
         &self.settings
     }
@@ -333,7 +333,7 @@ impl Environment {
         self.session.as_ref().map_or(&[], |session| &session.record.frames)
     }
 
-    /// Events so far.
+    /// Events of the episode so far, in order.
     pub fn events(&self) -> &[Event] {
         self.session.as_ref().map_or(&[], |session| &session.record.events)
     }
@@ -497,7 +497,7 @@ impl Session {
         (verdict, states)
     }
 
-    /// Verdict and object states.
+    /// Verdict on the goal, and named state of each object's joints.
     fn judge(&mut self, settings: &RolloutSettings) -> (GoalVerdict, Vec<Option<String>>) {
         let objects = self.sim.object_states();
         let rest = Stage::rest(&objects, self.sim.grasped(), settings);

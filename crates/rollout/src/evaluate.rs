@@ -10,7 +10,7 @@ use crate::cloud_verdict::cloud_verdict;
 use crate::collect::{PipelineSettings, Resources, in_parallel};
 use crate::{Cores, RolloutError, Stage, run_episode};
 
-/// One episode to run.
+/// One episode of an evaluation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
     /// Id of the episode, unique among the cases.
@@ -28,7 +28,7 @@ pub struct Case {
 /// [`RolloutError::NotRun`] means that the policy is unreachable or made a mistake.
 pub type MakePolicy<'a> = dyn Fn(&Stage, &Case) -> Result<Box<dyn Policy>, RolloutError> + Sync + 'a;
 
-/// Result of an evaluation.
+/// Results of an evaluation, by case.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Evaluated {
     /// Results of the judged episodes, in the order of the cases.

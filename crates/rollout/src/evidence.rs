@@ -10,7 +10,7 @@ use crate::{RolloutSettings, Stage};
 /// A grip that ended without an opening command.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slip {
-    /// Index of the object.
+    /// Index of the object that slipped.
     pub object: usize,
     /// Time at which the grip ended, s.
     pub time_s: f64,

@@ -20,11 +20,11 @@ use crate::{RolloutError, Stage};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImageSettings {
-    /// Names of the cameras.
+    /// Names of the cameras to render.
     pub cameras: Vec<String>,
     /// Images per second; must divide the 60 Hz of the recording.
     pub fps: u32,
-    /// Video compression.
+    /// Settings of the video encoder.
     pub video: VideoSettings,
     /// Randomised aspects of the appearance, by the episode's seed ([`appearance_seed`]); none if empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]

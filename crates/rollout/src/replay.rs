@@ -7,7 +7,7 @@ use genmanip_sim::{ContactReport, Sim};
 
 use crate::{RolloutError, Stage};
 
-/// Result of a replay.
+/// Comparison of a replay with the recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReplayCheck {
     /// True if the final state equals the recorded one bit for bit.

@@ -54,7 +54,7 @@ pub struct Shaping {
 /// Progress of a state towards the goal.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Progress {
-    /// Potential, 0 to 1.
+    /// Potential of the state, from 0 (no progress) to 1 (goal).
     pub potential: f64,
     /// True if a milestone before the goal is reached.
     pub is_reached: bool,

@@ -26,7 +26,7 @@ pub struct Stage {
     pub models: Vec<Arc<ObjectModel>>,
     /// Model of the robot.
     pub robot: Arc<RobotModel>,
-    /// Compiled physics.
+    /// Compiled physics model of the scene.
     pub scene: Arc<Model>,
     /// Thresholds of the relations, from the scenario's world.
     pub relations: RelationSettings,
@@ -63,9 +63,9 @@ pub enum RolloutError {
         scenario: String,
         /// Name of the differing field.
         field: String,
-        /// Value in the scenario.
+        /// Value of the field in the scenario.
         expected: String,
-        /// Actual value.
+        /// Value of the field in the other world.
         got: String,
     },
     /// The policy's specification is not supported, or the policy cannot be made.
@@ -111,20 +111,20 @@ pub enum RolloutError {
     UnknownCamera {
         /// Id of the scenario.
         scenario: String,
-        /// Requested name.
+        /// Name of the camera that was requested.
         camera: String,
         /// Names of the scenario's cameras.
         known: String,
     },
-    /// Rendering or encoding failed.
+    /// Rendering or encoding of images failed.
     #[error("images of scenario {scenario}: {source}")]
     Images {
         /// Id of the scenario.
         scenario: String,
-        /// Error of the renderer.
+        /// Error of the renderer or encoder.
         source: Cause,
     },
-    /// The episode store failed.
+    /// The episode store could not be read or written.
     #[error(transparent)]
     Store(#[from] genmanip_data::DataError),
     /// One of several episodes could not be run.
@@ -260,7 +260,7 @@ impl Stage {
         Ok(Camera { intrinsics: camera.intrinsics.resized(width, height), ..camera.clone() })
     }
 
-    /// Control rate, Hz.
+    /// Rate of control steps, Hz.
     pub fn control_rate_hz(&self) -> f64 {
         f64::from(self.scene.physics().control_rate_hz)
     }

@@ -20,7 +20,7 @@ pub struct Access {
 /// An endpoint other than Amazon's.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Endpoint {
-    /// `http` or `https`.
+    /// Scheme of the URL: `http` or `https`.
     pub(crate) scheme: &'static str,
     /// Host, with its port unless it is the scheme's default.
     pub(crate) host: String,

@@ -16,7 +16,7 @@ const MAX_PARTS: u64 = 10_000;
 /// Maximum length of a response other than an object, bytes.
 const MAX_RESPONSE: u64 = 1 << 20;
 
-/// Retry policy.
+/// Number of attempts per request, and delays between them.
 #[derive(Clone, Copy, Debug)]
 pub struct RetryPolicy {
     /// Maximum number of attempts per request.
@@ -41,7 +41,7 @@ pub struct Bucket {
     retry_policy: RetryPolicy,
 }
 
-/// Metadata of an object.
+/// Metadata of an object, from a HEAD request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ObjectInfo {
     pub(crate) bytes: u64,

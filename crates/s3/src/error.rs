@@ -8,7 +8,7 @@ use genmanip_data::DataError;
 /// Reason why a push or pull failed.
 #[derive(Debug, thiserror::Error)]
 pub enum S3Error {
-    /// An invalid S3 address.
+    /// An address that is not `s3://BUCKET/PREFIX`.
     #[error("expected s3://BUCKET or s3://BUCKET/PREFIX, got {got:?}: {why}")]
     Address {
         /// Address as given.
@@ -19,7 +19,7 @@ pub enum S3Error {
     /// A missing or invalid environment variable.
     #[error("{variable}: expected {expected}, got {got}")]
     Environment {
-        /// Name of the variable.
+        /// Name of the environment variable.
         variable: &'static str,
         /// Expected value, in words.
         expected: &'static str,
@@ -31,17 +31,17 @@ pub enum S3Error {
     Refused {
         /// Description of the refused request.
         what: String,
-        /// HTTP status.
+        /// HTTP status of the response.
         status: u16,
         /// Message of the server.
         message: String,
     },
-    /// Failure after all retries.
+    /// A request that failed in all attempts.
     #[error("{what}: gave up after {attempts} attempts; last error: {last}")]
     GaveUp {
         /// Description of the failing request.
         what: String,
-        /// Number of attempts.
+        /// Number of attempts made.
         attempts: u32,
         /// Error of the last attempt.
         last: String,
@@ -51,9 +51,9 @@ pub enum S3Error {
     InvalidResponse {
         /// Description of the request.
         what: String,
-        /// Expected content.
+        /// Content that the response should have.
         expected: &'static str,
-        /// Actual content.
+        /// Content that the response has.
         got: String,
     },
     /// No complete folder at the address.
@@ -62,12 +62,12 @@ pub enum S3Error {
         /// Key of the missing object.
         object: String,
     },
-    /// An invalid file list.
+    /// A file list at the address that cannot be parsed.
     #[error("cannot read the file list {object}")]
     List {
         /// Key of the object with the file list.
         object: String,
-        /// Parse error.
+        /// Parse error with its position.
         source: DocumentError,
     },
     /// A file that changed during the upload.
@@ -79,26 +79,26 @@ pub enum S3Error {
     /// A file that cannot be stored as an object.
     #[error("expected {expected}, found {found}: {}", .path.display())]
     File {
-        /// Expected kind of file.
+        /// Kind of file that is expected.
         expected: &'static str,
-        /// Actual kind of file.
+        /// Kind of file that was found.
         found: &'static str,
-        /// Path of the file.
+        /// Path of the local file.
         path: PathBuf,
     },
-    /// A partial transfer.
+    /// A transfer that stopped after some files.
     #[error("stopped after {done} of {all} files were {moved}")]
     Stopped {
         /// Number of files transferred before the failure.
         done: usize,
         /// Number of files to be transferred.
         all: usize,
-        /// `uploaded` or `downloaded`.
+        /// Verb for the message: `uploaded` or `downloaded`.
         moved: &'static str,
         /// Error that stopped the transfer.
         source: Box<S3Error>,
     },
-    /// A local file error.
+    /// An error of reading or writing a local file.
     #[error(transparent)]
     Data(#[from] DataError),
 }

@@ -38,9 +38,9 @@ pub struct FileList {
 pub struct FileEntry {
     /// Path relative to the folder, separated by slashes.
     pub path: String,
-    /// Size, bytes.
+    /// Size of the file, bytes.
     pub bytes: u64,
-    /// SHA-256, hexadecimal.
+    /// SHA-256 of the file, hexadecimal.
     pub sha256: String,
 }
 

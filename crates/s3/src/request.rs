@@ -30,7 +30,7 @@ pub(crate) struct Request<'a> {
     pub(crate) body: &'a [u8],
 }
 
-/// Failure of one attempt.
+/// Failure of one attempt at a request.
 #[derive(Debug)]
 pub(crate) struct AttemptError {
     pub(crate) message: String,
@@ -40,7 +40,7 @@ pub(crate) struct AttemptError {
     pub(crate) is_transient: bool,
 }
 
-/// Connections to one bucket.
+/// Signed HTTP connections to one bucket.
 #[derive(Debug)]
 pub(crate) struct Connection {
     agent: ureq::Agent,

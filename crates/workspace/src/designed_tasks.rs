@@ -31,7 +31,7 @@ pub struct NewTask {
     pub refused: Option<String>,
 }
 
-/// Input of [`design_into`].
+/// Number, kinds and objects of the tasks that [`design_into`] composes.
 #[derive(Clone, Debug)]
 pub struct Design<'a> {
     /// Kinds of task, composed in rotation.

@@ -40,7 +40,7 @@ pub enum WorkspaceError {
     Document {
         /// File that is not valid.
         path: PathBuf,
-        /// Expected schema.
+        /// Name of the expected schema.
         schema: &'static str,
         /// Parse or validation error.
         source: DocumentError,
@@ -62,7 +62,7 @@ pub enum WorkspaceError {
     /// The user's input exists but is unsuitable.
     #[error("{what}")]
     Input {
-        /// Description of the problem.
+        /// Description of what is unsuitable.
         what: String,
         /// Underlying error, if any.
         source: Option<Cause>,
@@ -94,7 +94,7 @@ pub enum WorkspaceError {
     /// A remote policy cannot be reached; the request may be retried.
     #[error("policy {policy} cannot be reached: {reason}")]
     Unreachable {
-        /// Policy with its arguments.
+        /// Policy with its arguments, as the user named it.
         policy: String,
         /// Reason given by the client or the server.
         reason: String,
@@ -112,9 +112,9 @@ pub enum WorkspaceError {
     /// Unexpected failure of a stage: a defect, or a fault of its environment.
     #[error("{what}")]
     Broken {
-        /// Operation that failed.
+        /// Description of the operation that failed.
         what: String,
-        /// Underlying error.
+        /// Underlying error; `None` for a detected inconsistency.
         source: Option<Cause>,
         /// Suggested fix.
         hint: Option<String>,
@@ -187,7 +187,7 @@ impl WorkspaceError {
         hint(self)
     }
 
-    /// The error's own hint.
+    /// Hint that the error itself gives, without those of its sources.
     fn own_hint(&self) -> Option<String> {
         match self {
             Self::File { hint, .. } | Self::Input { hint, .. } | Self::Broken { hint, .. } => hint.clone(),
@@ -235,7 +235,7 @@ pub fn hint(error: &(dyn std::error::Error + 'static)) -> Option<String> {
 pub enum Stopped {
     /// Error of a file, a service or a setting.
     Run(WorkspaceError),
-    /// Error of an episode.
+    /// Error of running an episode.
     Episode(RolloutError),
 }
 

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::documents;
 use crate::error::WorkspaceError;
 
-/// One finished item.
+/// Ledger line of one finished item.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Entry {
     /// Name of the item, unique within a ledger.

@@ -14,7 +14,7 @@ use crate::error::WorkspaceError;
 /// Maximum number of shards of a run: a folder with as many subfolders can still be listed quickly.
 pub const MAX_SHARDS: usize = 100_000;
 
-/// One of `count` shards.
+/// One of `count` shards of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Shard {
     index: usize,
@@ -36,12 +36,12 @@ impl Shard {
         }
     }
 
-    /// Index, from 0.
+    /// Index of the shard, from 0.
     pub fn index(self) -> usize {
         self.index
     }
 
-    /// Number of shards.
+    /// Number of shards of the run.
     pub fn count(self) -> usize {
         self.count
     }
@@ -67,7 +67,7 @@ impl fmt::Display for Shard {
 /// The user's choice of a shard: `2/10`, `auto` or `auto/10`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShardChoice {
-    /// An explicit shard.
+    /// A shard given by index and number, as `2/10`.
     One(Shard),
     /// Index from the environment of a cluster job; number of shards from it too, unless given.
     Auto(Option<usize>),
@@ -145,7 +145,7 @@ impl ShardChoice {
 /// Contents of `shard.json` in a run folder: the shard that the folder holds.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Manifest {
-    /// The shard.
+    /// Index and number of the shard in the folder.
     #[serde(flatten)]
     pub shard: Shard,
     /// Hash of `run.json` in the same folder, which records the whole run.

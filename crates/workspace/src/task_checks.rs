@@ -18,7 +18,7 @@ use crate::task_files;
 pub struct FileCheck {
     /// Path of the file as given; `FILE:LINE` for a line of a list.
     pub file: String,
-    /// `valid`, `repaired` or `rejected`.
+    /// Verdict on the file: `valid`, `repaired` or `rejected`.
     pub verdict: &'static str,
     /// Names of all flaws, whether repaired or not.
     pub flaws: Vec<String>,

@@ -19,7 +19,7 @@ const MAX_IN_MEMORY_BYTES: usize = 32 << 20;
 #[derive(Clone)]
 pub struct Tasks(Arc<Spooled>);
 
-/// In-memory entry of a task.
+/// Entry of a task that is always in memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TaskEntry {
     /// Id of the task.
@@ -64,7 +64,7 @@ impl Spool {
         Ok(())
     }
 
-    /// All appended tasks.
+    /// All appended tasks, in the order of their addition.
     pub fn finish(self) -> Tasks {
         let Self { texts, entries, .. } = self;
         Tasks(Arc::new(Spooled { texts: Mutex::new(texts), entries }))

@@ -120,7 +120,7 @@ pub fn check(path: &Path) -> Result<Vec<WorldFault>, WorkspaceError> {
 /// File with cameras: a world or a scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraFile {
-    /// A world.
+    /// A world file.
     World(Box<World>),
     /// A scenario with its world.
     Scenario(Box<Scenario>),
@@ -195,7 +195,7 @@ pub struct CameraChange {
     pub on_hand: bool,
     /// Name of a sensor preset, see [`genmanip_core::sensor::SENSORS`], or `none`.
     pub sensor: Option<String>,
-    /// Exposure time, s.
+    /// Exposure time in the camera's sensor model, s.
     pub shutter_s: Option<f64>,
     /// Lens distortion; all zeros for none.
     pub distortion: Option<Distortion>,
@@ -261,14 +261,14 @@ impl CameraChange {
 /// Edit of the cameras of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraEdit {
-    /// Adds a camera.
+    /// Adds a camera of this name, which must be new.
     Add(String, CameraChange),
-    /// Changes an existing camera.
+    /// Changes the existing camera of this name.
     Set(String, CameraChange),
     /// Replaces the camera of the same name by a calibrated one but keeps its sensor model, or adds the calibrated
     /// camera.
     Put(Box<Camera>),
-    /// Removes a camera.
+    /// Removes the camera of this name.
     Remove(String),
 }
 

@@ -27,20 +27,20 @@ const HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.1..=0.5;
 /// Maximum turn of a gripper or object (degrees).
 const MAX_TURN_DEG: f64 = 360.0;
 
-/// A valid answer.
+/// Valid answer to a question, by its kind.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
-    /// Of [`QuestionKind::Decompose`].
+    /// Answer to [`QuestionKind::Decompose`].
     Decompose(DecomposeAnswer),
-    /// Of [`QuestionKind::Object`] and [`QuestionKind::Part`].
+    /// Answer to [`QuestionKind::Object`] or [`QuestionKind::Part`].
     Mark(MarkAnswer),
-    /// Of [`QuestionKind::GrabPoint`].
+    /// Answer to [`QuestionKind::GrabPoint`].
     GrabPoint(GrabPointAnswer),
-    /// Of [`QuestionKind::GridPath`].
+    /// Answer to [`QuestionKind::GridPath`].
     Path(PathAnswer),
-    /// Of [`QuestionKind::PointToPoint`].
+    /// Answer to [`QuestionKind::PointToPoint`].
     Point(PointAnswer),
-    /// Of [`QuestionKind::Check`].
+    /// Answer to [`QuestionKind::Check`].
     Check(CheckAnswer),
 }
 
@@ -62,7 +62,7 @@ pub struct MarkAnswer {
     pub color: String,
 }
 
-/// A chosen grab point.
+/// Answer that names one of the drawn grab points.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GrabPointAnswer {
     /// Index of the point, from 0.
@@ -99,7 +99,7 @@ pub struct PointAnswer {
     pub turn_deg: Option<f64>,
 }
 
-/// Verdict on task completion.
+/// Answer on whether the task is complete.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CheckAnswer {
     /// Scene description given by the model.

@@ -7,7 +7,7 @@ use super::question::{Marks, Question};
 use crate::grid::{Cell, Grid};
 use crate::image::{Color, RgbImage, WHITE, marks};
 
-/// Name of the image.
+/// Name of the image of an answer.
 pub(super) const CHOSEN: &str = "chosen";
 /// Colour of the chosen mark.
 const COLOR: Color = [228, 26, 28];

@@ -23,7 +23,7 @@ pub trait VisionModel: Send + Sync {
     }
 }
 
-/// Reply of a model.
+/// Reply of a model to a question.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ModelReply {
     /// Text of the reply, not yet validated.

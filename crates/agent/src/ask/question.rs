@@ -21,9 +21,9 @@ pub struct Question {
     pub stage: QuestionKind,
     /// Index of the ask in the episode, retries included, from 0.
     pub ask: usize,
-    /// Identity of the prompt.
+    /// Identity of the prompt that the text was made from.
     pub prompt: PromptStamp,
-    /// Text of the question.
+    /// Text of the question, as sent to the model.
     pub text: String,
     /// Instruction: the whole task, or the sub-task.
     pub instruction: String,

@@ -48,7 +48,7 @@ impl From<QuestionKind> for AgentStage {
     }
 }
 
-/// Identity of a prompt.
+/// Identity of a prompt, to detect changes of its text.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PromptStamp {

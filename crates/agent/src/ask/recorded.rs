@@ -22,9 +22,9 @@ const THUMBNAIL: [usize; 2] = [16, 9];
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecordedAnswers {
-    /// Id of the scenario.
+    /// Id of the scenario of the episode.
     pub scenario: String,
-    /// Answers by ask index.
+    /// Answers in the order of their ask index.
     pub answers: Vec<RecordedAnswer>,
 }
 
@@ -42,7 +42,7 @@ pub struct RecordedAnswer {
     pub stage: QuestionKind,
     /// Identity of the prompt, with its version.
     pub prompt: PromptStamp,
-    /// Text of the question.
+    /// Text of the question, as it was sent.
     pub text: String,
     /// True if reasoning was requested.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -52,9 +52,9 @@ pub struct RecordedAnswer {
     pub refused: Vec<[String; 2]>,
     /// Drawn marks (px): centre (column, row) and area of each mask, or column, row and 1 of each point.
     pub marks: Vec<[f64; 3]>,
-    /// Thumbnails of the images.
+    /// Thumbnails of the images that were sent.
     pub pictures: Vec<Thumbnail>,
-    /// Answer text.
+    /// Text of the answer, as the model gave it.
     pub answer: String,
     /// Token usage, if the service reported it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -104,25 +104,25 @@ pub enum Mismatch {
     /// No answer was recorded for this ask.
     #[error("ask {ask} ({}) of {scenario} is not recorded", stage.name())]
     Missing {
-        /// Id of the scenario.
+        /// Id of the scenario of the episode.
         scenario: String,
-        /// Ask index.
+        /// Index of the ask without an answer.
         ask: usize,
-        /// Kind of question.
+        /// Kind of the question.
         stage: QuestionKind,
     },
     /// The recording belongs to a different question.
     #[error("ask {ask} of {scenario} was recorded for another {what}: {recorded}, not {asked}")]
     Other {
-        /// Id of the scenario.
+        /// Id of the scenario of the episode.
         scenario: String,
-        /// Ask index.
+        /// Index of the ask that differs.
         ask: usize,
         /// Differing property, e.g. `prompt`.
         what: &'static str,
-        /// Recorded value.
+        /// Value of the property in the recording.
         recorded: String,
-        /// Current value.
+        /// Value of the property in the question.
         asked: String,
     },
 }

@@ -33,11 +33,11 @@ impl Rejection {
     }
 }
 
-/// A rejected answer.
+/// An answer that was rejected, to be quoted in the next question.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RejectedAnswer {
     /// Text of the answer, truncated.
     pub answer: String,
-    /// Reason for the rejection.
+    /// Reason for the rejection, to be quoted with the answer.
     pub rejection: Rejection,
 }

@@ -19,7 +19,7 @@ pub(crate) const TAKES: &str = "takes ";
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Transcript {
-    /// Task instruction.
+    /// Instruction of the whole task.
     pub instruction: String,
     /// Name of the settings' preset: `paper` or `full`.
     pub preset: String,
@@ -59,7 +59,7 @@ pub enum TranscriptEvent {
     Acted {
         /// Time since the start of the episode (s).
         time_s: f64,
-        /// Description of the action.
+        /// Description of the action, or of the failure to plan it.
         what: String,
     },
 }
@@ -74,7 +74,7 @@ pub struct Exchange {
     pub stage: QuestionKind,
     /// Identity of the prompt.
     pub prompt: PromptStamp,
-    /// Instruction of the question.
+    /// Instruction in the question: the whole task, or the sub-task.
     pub instruction: String,
     /// File names of the images sent.
     pub pictures: Vec<String>,

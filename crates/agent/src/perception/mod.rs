@@ -30,14 +30,14 @@ const MIN_OVERLAP: f64 = 0.5;
 /// Minimum number of common points for two masks to match.
 const MIN_COMMON_POINTS: usize = 5;
 
-/// One camera's segmented image.
+/// Segmented image of one camera.
 #[derive(Clone, Debug)]
 pub struct View {
     /// Camera name.
     pub camera: String,
     /// Colour and depth image.
     pub image: Arc<RgbdImage>,
-    /// Object masks.
+    /// Masks of the objects in the image.
     pub masks: Arc<[Mask]>,
 }
 
@@ -82,7 +82,7 @@ impl SegmentedViews {
         Ok(Self { views, matches })
     }
 
-    /// View shown to models.
+    /// View shown to models; `None` without views.
     pub fn shown(&self) -> Option<&View> {
         self.views.first()
     }

@@ -38,7 +38,7 @@ impl Default for CellSettings {
     }
 }
 
-/// A placement target.
+/// Place for the moved object, in 3D.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlacementTarget {
     /// Rest position of the object's footprint centre, world frame (m).

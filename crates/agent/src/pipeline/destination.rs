@@ -51,7 +51,7 @@ pub(super) struct Places<'a> {
 }
 
 impl Places<'_> {
-    /// The coarse grid.
+    /// Coarse grid over the whole image.
     pub fn grid(&self) -> Grid {
         Grid::usual(self.view.image.width(), self.view.image.height())
     }

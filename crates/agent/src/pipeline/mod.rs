@@ -31,7 +31,7 @@ use crate::settings::{AgentSettings, Asks};
 /// Models and services that the agent queries.
 #[derive(Clone)]
 pub struct Services {
-    /// The vision-language model.
+    /// Vision-language model that answers the questions.
     pub model: Arc<dyn VisionModel>,
     /// Source of segmentation masks.
     pub segmenter: Arc<dyn Segmenter>,
@@ -73,7 +73,7 @@ pub struct Agent {
 enum Phase {
     /// The gripper is empty; the next object is to be picked.
     ReadyToPick,
-    /// A pick was executed.
+    /// A pick was executed; the gripper width shows later if it holds the object.
     Picked(Box<HeldObject>),
     /// A placement of an object of this name was executed.
     Placed(String),
@@ -161,7 +161,7 @@ impl Agent {
         self.settings.cameras.iter().map(image).collect()
     }
 
-    /// Segments the current images.
+    /// Segments the current images of all cameras.
     fn segment(&self, observation: &Observation, state: &ArmState) -> Result<SegmentedViews, Stop> {
         let images = self.images(observation)?;
         let robot = |(_, image): &(String, Arc<RgbdImage>)| self.silhouette.pixels(&state.arm, state.width_m, image);
@@ -459,7 +459,7 @@ impl From<PolicyError> for Stop {
     }
 }
 
-/// Inputs of a [`Question`].
+/// Inputs from which a [`Question`] is made.
 struct QuestionDraft<'a> {
     stage: QuestionKind,
     instruction: &'a str,

@@ -13,7 +13,7 @@ use super::{Agent, place};
 use crate::perception::SegmentedViews;
 use crate::services::{GraspError, GraspQuestion};
 
-/// A planned pick.
+/// A planned pick as commands, with the grasp.
 pub(super) struct Pick {
     /// Joint and gripper commands for reach, approach, close and lift.
     pub commands: Vec<Vec<f32>>,

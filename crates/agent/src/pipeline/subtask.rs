@@ -37,7 +37,7 @@ pub(super) struct Subtask {
     points: Option<(Vec<usize>, usize)>,
     /// Answers to the placement questions.
     pub placement: Placement,
-    /// Placement target.
+    /// Placement target that the answers refer to, in 3D.
     pub target: PlacementTarget,
     /// Waypoints of the carry path without its start cell: points on the table below the path with heights and yaw; the
     /// last one is the placement. Empty when the model was asked for one cell only.
@@ -210,7 +210,7 @@ fn parts(agent: &Agent, view: &View, whole: &Mask) -> Result<Vec<Mask>, FailedSt
     parts.map_err(|error| FailedStage::new(AgentStage::Segmentation, StageCause::Service, error.to_string()))
 }
 
-/// The grab-point question.
+/// Question in which the model chooses a grab point.
 struct GrabPointQuestion<'a> {
     view: &'a View,
     image: &'a QuestionImage,

@@ -10,7 +10,7 @@ use crate::ActQuestion;
 /// Maximum length of an instruction (bytes).
 const MAX_INSTRUCTION: usize = 4096;
 
-/// Request body.
+/// Request body of `POST /agent`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ActRequest {

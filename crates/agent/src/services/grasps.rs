@@ -44,7 +44,7 @@ pub trait GraspSource: Send + Sync {
     fn grasps(&self, question: &GraspQuestion) -> Result<Vec<Grasp>, GraspError>;
 }
 
-/// Grasp source error.
+/// Reason why a source gives no grasps.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GraspError {
     /// The points are unsuitable, for the given reason.
@@ -105,7 +105,7 @@ pub struct GraspReply {
 }
 
 impl GraspRequest {
-    /// Builds the request.
+    /// Request body of a question, with points in the camera frame.
     pub fn of(question: &GraspQuestion) -> Self {
         let camera_from_world = question.world_from_camera.inverse();
         let seen = |points: &[DVec3]| {
@@ -150,14 +150,14 @@ impl GraspReply {
     }
 }
 
-/// Grasps from a service.
+/// [`GraspSource`] that requests grasps from a service.
 #[derive(Clone, Debug)]
 pub struct ServiceGrasps<S> {
     service: S,
 }
 
 impl<S: Service> ServiceGrasps<S> {
-    /// Wraps a service.
+    /// Source that sends its requests to `service`.
     pub fn new(service: S) -> Self {
         Self { service }
     }

@@ -15,10 +15,10 @@ use crate::segmentation::{Mask, SegmentError, SegmentQuestion, Segmenter};
 const MAX_MASKS: usize = 2000;
 /// IoU threshold of non-maximum suppression, as in SAM's mask generator.
 const SUPPRESSION_IOU: f64 = 0.8;
-/// Maximum image side (px).
+/// Maximum image side in a request (px).
 const MAX_SIDE: u32 = 8192;
 
-/// Request body.
+/// Request body of `POST /segment`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SegmentRequest {
@@ -50,7 +50,7 @@ pub struct SegmentReply {
 /// A mask with its score.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ScoredMask {
-    /// Pixels of the mask.
+    /// Pixels of the mask, run-length encoded.
     pub segmentation: RunLengths,
     /// Confidence, higher is better; masks without a score keep the order of the response.
     #[serde(default)]
@@ -68,12 +68,12 @@ pub struct RunLengths {
 }
 
 impl RunLengths {
-    /// Encodes a mask.
+    /// Run lengths of a mask.
     pub fn of(mask: &Mask) -> Self {
         Self::of_pixels(mask.width, mask.height, &mask.pixels)
     }
 
-    /// Encodes row-major pixels.
+    /// Run lengths of a mask given as row-major pixels.
     pub fn of_pixels(width: u32, height: u32, pixels: &[bool]) -> Self {
         let (mut counts, mut inside, mut run) = (Vec::new(), false, 0);
         for x in 0..width as usize {
@@ -118,7 +118,7 @@ impl RunLengths {
 }
 
 impl SegmentRequest {
-    /// Builds the request.
+    /// Request body of a question.
     pub fn of(question: &SegmentQuestion) -> Self {
         let image = question.image;
         let (width, height) = (image.width(), image.height());
@@ -180,14 +180,14 @@ pub(crate) fn decode_image(
     Ok(RgbdImage { rgb, ..RgbdImage::of_depth(intrinsics, world_from_camera, depth) })
 }
 
-/// Masks from a service.
+/// [`Segmenter`] that requests masks from a service.
 #[derive(Clone, Debug)]
 pub struct ServiceMasks<S> {
     service: S,
 }
 
 impl<S: Service> ServiceMasks<S> {
-    /// Wraps a service.
+    /// Segmenter that sends its requests to `service`.
     pub fn new(service: S) -> Self {
         Self { service }
     }

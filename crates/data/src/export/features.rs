@@ -13,20 +13,20 @@ pub struct Feature {
     pub values: Values,
 }
 
-/// Column values, frame-major.
+/// Values of a numeric column, one row after another.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
-    /// 32-bit floats.
+    /// Stored as 32-bit floats.
     F32(Vec<f32>),
-    /// 64-bit floats.
+    /// Stored as 64-bit floats.
     F64(Vec<f64>),
-    /// Integers.
+    /// Stored as signed 64-bit integers.
     I64(Vec<i64>),
-    /// Truth values.
+    /// Stored as Booleans.
     Bool(Vec<bool>),
 }
 
-/// Video column.
+/// Video column of one camera.
 #[derive(Clone, Debug)]
 pub struct VideoFeature {
     /// Name of the column, e.g. `observation.images.static`.
@@ -40,7 +40,7 @@ pub struct VideoFeature {
 /// Image column of depth or masks, stored in the table.
 #[derive(Clone, Debug)]
 pub struct ImageFeature {
-    /// Name of the column.
+    /// Name of the column, e.g. `observation.images.static_depth`.
     pub key: String,
     /// Width, pixels.
     pub width: u32,
@@ -56,7 +56,7 @@ impl Feature {
         Self { key: key.into(), names: names.iter().map(|&name| name.to_owned()).collect(), values }
     }
 
-    /// Length of the vector.
+    /// Number of elements per row, 1 for scalars.
     pub fn length(&self) -> usize {
         self.names.len().max(1)
     }

@@ -14,9 +14,9 @@ const PARAPHRASES: usize = 6;
 /// Metadata of an episode, independent of the format.
 #[derive(Clone, Debug)]
 pub struct EpisodeMetadata {
-    /// Result of the attempt.
+    /// Result of the attempt in the store.
     pub result: EpisodeResult,
-    /// Instruction of the task.
+    /// Instruction of the task, in English.
     pub instruction: String,
     /// Other sentences for the same goal in this scene; empty if the instruction cannot be parsed.
     pub paraphrases: Vec<String>,
@@ -24,9 +24,9 @@ pub struct EpisodeMetadata {
     pub steps: Steps,
     /// Ids of the objects in the scene, in the order of the scenario.
     pub objects: Vec<String>,
-    /// Kind of the task.
+    /// Name of the task's kind.
     pub kind: &'static str,
-    /// The scenario as JSON.
+    /// Initial scenario as JSON text.
     pub scenario_json: String,
     /// Name and fx, fy, cx, cy (pixels) of each camera.
     pub cameras: Vec<(String, [f64; 4])>,
@@ -40,7 +40,7 @@ pub struct EpisodeMetadata {
 pub trait LanguageLabels {
     /// Name of the episode, for messages.
     fn name(&self) -> &str;
-    /// Instruction of the task.
+    /// Instruction of the task, in English.
     fn instruction(&self) -> &str;
     /// Instructions of the steps (subtasks); empty if the steps are unknown.
     fn steps(&self) -> &[String];

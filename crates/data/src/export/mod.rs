@@ -31,7 +31,7 @@ pub struct ExportSettings {
     pub cameras: Vec<String>,
     /// Export depth images too. Default true.
     pub depth: bool,
-    /// Extra columns. Default none.
+    /// Optional columns to export. Default none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub columns: Vec<ExtraColumns>,
     /// True for a randomised appearance per episode; its seed is exported as `variation_seed`. Default false.
@@ -70,7 +70,7 @@ impl Default for ExportSettings {
     }
 }
 
-/// Optional columns.
+/// Optional columns, exported on request only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ExtraColumns {
@@ -139,7 +139,7 @@ pub fn describe_action(spec: &ActionSpec) -> String {
 /// Selection of the episodes to export; attempts without recorded frames are never exported.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Selection {
-    /// Successful episodes.
+    /// Successful episodes only.
     Verified,
     /// Failed episodes too; the column `success` distinguishes them.
     Recorded,
@@ -187,7 +187,7 @@ pub struct ExportReport {
 
 /// Episode with its camera tracks.
 pub struct Source {
-    /// The recorded episode.
+    /// Recorded episode, as read from the store.
     pub episode: Episode,
     /// Images of each exported camera.
     pub tracks: Vec<CameraTrack>,
@@ -197,17 +197,17 @@ pub struct Source {
 
 /// One episode ready to be written, with its metadata.
 pub struct EpisodeRows<F = metadata::EpisodeMetadata> {
-    /// Number of rows.
+    /// Number of rows, also of every column.
     pub frames: usize,
-    /// Numeric columns.
+    /// Numeric columns, without LeRobot's index columns.
     pub features: Vec<features::Feature>,
-    /// Columns of still images.
+    /// Columns of still images (depth, masks).
     pub images: Vec<features::ImageFeature>,
-    /// Columns of video frames.
+    /// Columns of video frames, one per camera.
     pub videos: Vec<features::VideoFeature>,
     /// Step index of each row; empty if the data set has no steps.
     pub steps: Vec<usize>,
-    /// Metadata of the episode.
+    /// Format-independent metadata of the episode.
     pub metadata: F,
 }
 

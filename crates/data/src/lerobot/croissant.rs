@@ -35,7 +35,7 @@ pub struct Card {
     pub imported: BTreeSet<String>,
 }
 
-/// Objects of a scenario.
+/// Part of a scenario that names its objects.
 #[derive(Deserialize)]
 struct ScenarioObjects {
     objects: Vec<ScenarioObject>,
@@ -152,7 +152,7 @@ impl Card {
     }
 }
 
-/// Croissant description in JSON-LD.
+/// Croissant description in JSON-LD of a data set with this `info.json` and these contents and columns.
 fn croissant(name: &str, info: &Value, contents: &Card, columns: &BTreeMap<String, &'static str>) -> Value {
     let set = |id: &str, kind: &str, includes: &str| json!({"@type": "cr:FileSet", "@id": id, "name": id, "encodingFormat": kind, "includes": includes});
     let mut distribution = vec![

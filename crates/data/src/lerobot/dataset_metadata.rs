@@ -59,13 +59,13 @@ impl DatasetMetadata {
         Ok(())
     }
 
-    /// Counts a written episode.
+    /// Adds a written episode of `frames` rows to the totals.
     pub fn end_episode(&mut self, frames: usize) {
         self.episodes += 1;
         self.frames += frames;
     }
 
-    /// LeRobot's five index columns.
+    /// LeRobot's five index columns for the next episode of `frames` rows.
     fn index_columns(&self, frames: usize, task: usize) -> Vec<Feature> {
         let repeated = |value: usize| Values::I64(vec![number(value); frames]);
         let fps = f64::from(self.fps);

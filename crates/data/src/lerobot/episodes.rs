@@ -19,7 +19,7 @@ pub trait EpisodeColumns: LanguageLabels + Clone {
 
 /// One row of the episodes table.
 pub struct EpisodeEntry<F = EpisodeMetadata> {
-    /// Index of the episode.
+    /// Index of the episode in the data set.
     pub episode: usize,
     /// Index of the chunk folder, shared by data, videos and this row.
     pub chunk: usize,
@@ -27,13 +27,13 @@ pub struct EpisodeEntry<F = EpisodeMetadata> {
     pub file: usize,
     /// Index within the data set of the episode's first row.
     pub from: usize,
-    /// Number of rows.
+    /// Number of rows of the episode.
     pub length: usize,
     /// Span of the episode in the file of each video column.
     pub videos: Vec<VideoSpan>,
     /// Statistics of each numeric column.
     pub stats: Vec<(String, Stats)>,
-    /// Metadata of the episode.
+    /// Format-independent metadata of the episode.
     pub metadata: F,
 }
 
@@ -45,7 +45,7 @@ pub struct VideoSpan {
     pub from_s: f64,
     /// End in the file, seconds.
     pub to_s: f64,
-    /// Colour statistics.
+    /// Colour statistics of the episode's frames.
     pub stats: Stats,
 }
 

@@ -12,7 +12,7 @@ pub const SOURCE_HASH: &str = "source_sha256";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Imported {
-    /// `lerobot-v3.0`, `lerobot-v2.1` or `genmanip-0.9`.
+    /// Format of the source: `lerobot-v3.0`, `lerobot-v2.1` or `genmanip-0.9`.
     pub format: String,
     /// Rows per second.
     pub fps: u32,

@@ -17,9 +17,9 @@ pub const FILES_PER_CHUNK: usize = 1000;
 
 /// Numbers of a data set that `meta/info.json` states.
 pub struct Totals {
-    /// Number of episodes.
+    /// Number of episodes in the data set.
     pub episodes: usize,
-    /// Number of rows.
+    /// Number of rows of all episodes.
     pub frames: usize,
     /// Number of distinct instructions.
     pub tasks: usize,

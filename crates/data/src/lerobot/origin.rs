@@ -13,9 +13,9 @@ use crate::{DataError, files};
 /// Origin of a data set.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Origin {
-    /// Exported by this program.
+    /// Exported by this program, with these settings.
     Exported(LerobotSettings),
-    /// Imported from another program.
+    /// Imported from another format.
     Imported(Imported),
 }
 
@@ -67,7 +67,7 @@ impl Origin {
         }
     }
 
-    /// Rows per second.
+    /// Rate of the rows, Hz.
     pub fn fps(&self) -> u32 {
         match self {
             Self::Exported(settings) => settings.export.fps,

@@ -16,7 +16,7 @@ const QUANTILES: [(&str, f64); 5] = [("q01", 0.01), ("q10", 0.10), ("q50", 0.50)
 pub struct Stats {
     /// `min`, `max`, `mean`, `std` (population), then the quantiles; one number per element.
     pub named: Vec<(&'static str, Vec<f64>)>,
-    /// Number of frames.
+    /// Number of rows that the statistics cover.
     pub count: usize,
 }
 
@@ -175,7 +175,7 @@ impl StatsCollector {
         }
     }
 
-    /// The contents of `stats.json`.
+    /// Statistics over all episodes, as in `stats.json`.
     pub fn finish(&mut self) -> Result<Value, DataError> {
         let mut stats = serde_json::Map::new();
         for (key, colors, frames) in &self.colors {

@@ -77,7 +77,7 @@ impl EpisodeFields for EpisodeMetadata {
 
 /// Writer of a v2.1 data set.
 pub struct Writer {
-    /// The unpublished folder.
+    /// Data set folder under its temporary name.
     pub staging: AtomicFolder,
     /// Metadata of the data set so far.
     pub metadata: DatasetMetadata,

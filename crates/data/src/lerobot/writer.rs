@@ -45,7 +45,7 @@ impl<F> Default for OpenFile<F> {
 pub struct Finished(pub AtomicFolder);
 
 impl<F: EpisodeColumns> DatasetWriter<F> {
-    /// An empty data set.
+    /// Writer without episodes, into the unpublished folder `staging`.
     pub fn new(staging: AtomicFolder, episodes_per_file: usize, fps: u32, robot: &str) -> Self {
         Self {
             robot: robot.into(),
@@ -158,7 +158,7 @@ impl<F: EpisodeColumns> DatasetWriter<F> {
 }
 
 impl Finished {
-    /// Publishes the data set.
+    /// Renames the folder to its final name.
     pub fn publish(self) -> Result<(), DataError> {
         self.0.publish()
     }

@@ -92,7 +92,7 @@ pub enum Kind {
 /// Field of a message: name, number, type, and true if repeated.
 pub type Field = (&'static str, u32, Kind, bool);
 
-/// Message type.
+/// Message type of a Protocol Buffers schema.
 #[derive(Debug)]
 pub struct Message {
     pub package: &'static str,

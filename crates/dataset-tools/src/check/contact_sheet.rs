@@ -18,7 +18,7 @@ const MAX_FRAMES: usize = 4000;
 /// Row of a contact sheet: images of one episode.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Strip {
-    /// Index of the episode.
+    /// Index of the episode in the data set.
     pub episode: i64,
     /// Instruction of the episode.
     pub sentence: String,

@@ -26,7 +26,7 @@ const LISTED_PER_FILE: usize = 8;
 /// Maximum findings listed in total.
 const LISTED: usize = 1000;
 
-/// Findings collected so far.
+/// Findings collected by all checks so far, with a count of those beyond the limits.
 #[derive(Debug, Default)]
 pub(crate) struct Findings {
     listed: Vec<Finding>,

@@ -62,7 +62,7 @@ impl Feature {
     }
 }
 
-/// Contents of `info.json`.
+/// Checked contents of `info.json`.
 #[derive(Clone, Debug)]
 pub(crate) struct Info {
     pub(crate) version: Version,

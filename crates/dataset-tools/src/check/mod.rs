@@ -46,7 +46,7 @@ pub struct DatasetCheck {
     pub format: &'static str,
     /// Number of episodes according to the metadata.
     pub episodes: usize,
-    /// Number of rows read.
+    /// Number of rows that were read and checked.
     pub frames: usize,
     /// Findings; empty if the data set is valid.
     pub findings: Vec<Finding>,
@@ -55,7 +55,7 @@ pub struct DatasetCheck {
     /// Identities of the episodes, for [`leaks`].
     #[serde(skip)]
     pub identities: Vec<Identity>,
-    /// Summary of the contents.
+    /// Summary of the data set's contents, for display.
     #[serde(skip)]
     pub overview: Overview,
 }

@@ -12,9 +12,9 @@ use super::totals::Totals;
 pub struct Group {
     /// Kind of the tasks, or the common instruction if kinds are unknown.
     pub kind: String,
-    /// Number of distinct instructions.
+    /// Number of distinct instructions in the group.
     pub sentences: usize,
-    /// Number of episodes.
+    /// Number of episodes in the group.
     pub episodes: usize,
     /// Number of successful episodes; null if unknown.
     pub succeeded: Option<usize>,
@@ -38,7 +38,7 @@ pub struct Range {
 pub struct Bin {
     /// Lower (inclusive) and upper (exclusive) bound, s.
     pub seconds: [f64; 2],
-    /// Number of episodes.
+    /// Number of episodes with such a length.
     pub episodes: usize,
 }
 
@@ -48,7 +48,7 @@ const BINS: usize = 10;
 /// Contents of a data set.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Overview {
-    /// Rows per second.
+    /// Rate of the rows, Hz.
     pub fps: f64,
     /// Name of the robot; empty if unknown.
     pub robot: String,
@@ -62,7 +62,7 @@ pub struct Overview {
     pub groups: Vec<Group>,
     /// Groups of episodes by instruction.
     pub tasks: Vec<Group>,
-    /// Histogram of episode lengths.
+    /// Histogram of the episodes' lengths.
     pub lengths: Vec<Bin>,
     /// Ranges of states and actions.
     pub ranges: Vec<Range>,
@@ -71,12 +71,12 @@ pub struct Overview {
 /// Images of one camera.
 #[derive(Clone, Debug, Serialize)]
 pub struct ImageFeature {
-    /// Feature, e.g. `observation.images.static`.
+    /// Name of the feature, e.g. `observation.images.static`.
     pub key: String,
     /// Sizes along the dimensions in the order of the data set; rows, columns and channels in data sets of this
     /// program.
     pub shape: Vec<usize>,
-    /// `video` or `image`.
+    /// Storage of the images: `video` or `image`.
     pub stored_as: String,
 }
 

@@ -33,7 +33,7 @@ pub type Progress<'a> = &'a mut dyn FnMut(usize);
 pub enum By {
     /// Episodes with the same instruction, so that the parts share no task.
     Task,
-    /// Single episodes.
+    /// Single episodes; the parts may share tasks.
     Episode,
 }
 

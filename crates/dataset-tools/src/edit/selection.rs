@@ -69,7 +69,7 @@ impl Condition {
     }
 }
 
-/// Objects of a scenario.
+/// Part of a scenario that names its objects.
 #[derive(Deserialize)]
 struct ScenarioObjects {
     objects: Vec<ScenarioObject>,

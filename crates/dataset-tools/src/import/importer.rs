@@ -8,7 +8,7 @@ use genmanip_data::{DataError, EpisodeStore};
 
 use super::metadata::ImportedMetadata;
 
-/// Settings of an import.
+/// Settings of the import of a data set.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ImportSettings {
     /// Path of ffmpeg, which decodes video codecs other than H.264; the frames are re-encoded as H.264. Without (the
@@ -42,7 +42,7 @@ pub(super) type OnEpisode<'a> = &'a mut dyn FnMut(&Path, EpisodeRows<ImportedMet
 
 /// Metadata of a data set to import.
 pub(super) struct SourceInfo {
-    /// As in [`Imported::format`].
+    /// Format of the source, as in [`Imported::format`].
     pub(super) format: &'static str,
     pub(super) robot: String,
     pub(super) fps: u32,

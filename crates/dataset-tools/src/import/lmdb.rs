@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use genmanip_data::{DataError, files};
 
 const MAGIC: u32 = 0xBEEF_C0DE;
-/// Page header size, bytes.
+/// Size of the header of a page, bytes.
 const HEADER: usize = 16;
 /// Page type flags, of branch, leaf and overflow pages.
 const BRANCH: u16 = 1;
@@ -27,7 +27,7 @@ const MAX_KEY_BYTES: usize = 511;
 /// Maximum size of a value, bytes.
 const MAX_VALUE_BYTES: u64 = 1 << 30;
 
-/// An open LMDB file.
+/// An open LMDB file with its keys in memory.
 pub(super) struct Lmdb {
     path: PathBuf,
     file: File,

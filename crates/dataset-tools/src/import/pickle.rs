@@ -15,7 +15,7 @@ mod value;
 use unpickler::Unpickler;
 use value::{Function, Kind, Node, ValueId};
 
-/// A parsed pickle.
+/// Values of a parsed pickle.
 #[derive(Debug)]
 pub(super) struct Pickle {
     values: Vec<Node>,
@@ -61,7 +61,7 @@ impl<'a> Value<'a> {
         found.map(|(_, value)| self.at(*value))
     }
 
-    /// Integer value.
+    /// Value of an integer; `None` for other types.
     pub(super) fn integer(self) -> Option<i64> {
         match self.node() {
             Node::Int(value) => Some(*value),

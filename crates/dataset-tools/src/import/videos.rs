@@ -18,7 +18,7 @@ const MAX_LOG_BYTES: u64 = 2000;
 pub(super) struct FrameRequest<'a> {
     pub(super) key: &'a str,
     pub(super) path: PathBuf,
-    /// Height and width, pixels.
+    /// Height and width of the images, pixels.
     pub(super) size: [usize; 2],
     pub(super) fps: u32,
     /// Index of the first frame in the file, and number of frames.

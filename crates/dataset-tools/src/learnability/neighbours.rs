@@ -17,7 +17,7 @@ const MAX_SEARCHED: usize = 20_000;
 /// Mean absolute errors of predicted motions over the next second, in standard deviations of each entry.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Prediction {
-    /// Number of predicted rows.
+    /// Number of rows whose motion was predicted.
     pub rows: usize,
     /// Error of the joints' change, predicted by the nearest neighbours.
     pub joints_l1: f64,
@@ -33,7 +33,7 @@ pub struct Prediction {
 pub(super) struct Row {
     /// Joints (rad), gripper opening (m) and, per object of the goal, position (m) and heading.
     pub state: Vec<f64>,
-    /// Joints, rad.
+    /// Positions of the arm joints, rad.
     pub joints: Vec<f64>,
     /// Tool position (m) and 6D rotation.
     pub tool: Vec<f64>,

@@ -22,7 +22,7 @@ use crate::vertex_colors;
 /// Maximum nesting depth of nodes, and (`MAX_NODES`) maximum number of nodes.
 const MAX_DEPTH: usize = 64;
 const MAX_NODES: usize = 10_000;
-/// Maximum number of textures.
+/// Maximum number of textures of an object.
 const MAX_TEXTURES: usize = 16;
 
 /// Reads an object from one GLB or glTF file.

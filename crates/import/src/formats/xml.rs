@@ -14,14 +14,14 @@ const MAX_DEPTH: usize = 128;
 /// Maximum number of undeclared namespace prefixes.
 const MAX_PREFIXES: usize = 16;
 
-/// An XML element.
+/// An XML element with its place in the file.
 #[derive(Clone, Debug, Default)]
 pub struct Element {
-    /// Tag name.
+    /// Tag name without namespace prefix, except that of xacro.
     pub tag: String,
     /// Attributes by name.
     pub attributes: BTreeMap<String, String>,
-    /// Child elements.
+    /// Child elements, in the order of the file.
     pub children: Vec<Element>,
     /// File and line of the element.
     pub place: (String, u32),

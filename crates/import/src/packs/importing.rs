@@ -37,10 +37,10 @@ const DRIFT_MM: f64 = 1.0;
 /// Side of the preview images, pixels.
 const PREVIEW_PX: u32 = 256;
 
-/// Settings of an import.
+/// Settings of the import of objects into a pack.
 #[derive(Clone, Debug)]
 pub struct ImportSettings {
-    /// Folder of the packs.
+    /// Folder that contains the packs.
     pub folder: PathBuf,
     /// Name of the pack.
     pub pack: String,

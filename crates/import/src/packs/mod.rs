@@ -32,7 +32,7 @@ const LIST: &str = "pack.json";
 const MAX_PACKS: usize = 1000;
 const MAX_OBJECTS: usize = 100_000;
 
-/// Index of a pack.
+/// Index of a pack, in its `pack.json`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PackList {

@@ -13,7 +13,7 @@ const DROP_M: f64 = 0.0005;
 /// Maximum settling time, and (`DRIFT_S`) duration of the drift measurement, simulated seconds.
 const SETTLE_S: f64 = 3.0;
 const DRIFT_S: f64 = 2.0;
-/// Physics rate, Hz.
+/// Rate of the physics steps, Hz.
 const STEPS_HZ: f64 = 480.0;
 
 /// Result of the resting test.

@@ -45,7 +45,7 @@ const NEAR_M: f64 = 0.003;
 pub struct Proposal {
     /// Name of robot and arm.
     pub name: String,
-    /// Contents of `arms/NAME.json`.
+    /// Contents of `arms/NAME.json`, the arm's file.
     pub arm: Value,
     /// Contents of `NAME.json`, which combines arm and gripper.
     pub robot: Value,

@@ -27,7 +27,7 @@ use crate::formats::urdf;
 /// Settings of reading a robot: where its meshes are, and options of the reader.
 #[derive(Clone, Debug, Default)]
 pub struct Settings {
-    /// Folders of ROS packages.
+    /// Folders of ROS packages, in which meshes are searched.
     pub packages: Packages,
     /// Options of the reader.
     pub choices: Choices,

@@ -47,7 +47,7 @@ pub struct Choices {
 /// A robot model for planning, with the assumptions made.
 #[derive(Debug)]
 pub struct PlannedRobot {
-    /// Robot model.
+    /// Robot model with collision hulls.
     pub model: RobotModel,
     /// Assumptions, repairs and omissions, one sentence each.
     pub notes: Vec<String>,

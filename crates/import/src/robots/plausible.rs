@@ -8,7 +8,7 @@ use genmanip_core::{JointKind, RobotLink, RobotModel, Shape, glam::DVec3};
 use crate::ImportError;
 use crate::formats::xml::Element;
 
-/// Maximum number of links.
+/// Maximum number of links of a robot.
 pub const MAX_LINKS: usize = 512;
 /// Maximum number of moving joints: more than a humanoid with hands.
 pub const MAX_JOINTS: usize = 128;

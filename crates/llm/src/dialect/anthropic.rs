@@ -17,7 +17,7 @@ const INTERFACE_VERSION: &str = "2023-06-01";
 /// every model of the service.
 const MAX_TOKENS: u64 = 4096;
 
-/// `POST {base_url}/messages`.
+/// Dialect with the endpoint `POST {base_url}/messages`.
 pub(crate) struct Anthropic;
 
 impl Wire for Anthropic {

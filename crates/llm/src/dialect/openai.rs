@@ -11,7 +11,7 @@ use crate::reply::{ChatReply, Structure, Usage};
 use crate::request::ChatRequest;
 use crate::secret::ApiKey;
 
-/// `POST {base_url}/chat/completions`.
+/// Dialect with the endpoint `POST {base_url}/chat/completions`.
 pub(crate) struct OpenAi;
 
 impl Wire for OpenAi {

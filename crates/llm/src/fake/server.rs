@@ -10,12 +10,12 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-/// Maximum request size (bytes).
+/// Maximum request size that the fake server accepts (bytes).
 const MAX_REQUEST_BYTES: usize = 64 << 20; // twice what the default settings let a client send
 /// Timeout of reading from and writing to a socket.
 const SOCKET_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Behaviour for one request.
+/// Scripted behaviour of the server for one request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Behaviour {
     /// A normal reply with this text, in the dialect of the requested path.
@@ -46,7 +46,7 @@ pub enum Behaviour {
     HangUp,
 }
 
-/// A received request.
+/// A request that the fake server received.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SeenRequest {
     /// Index of the request, from 0.
@@ -69,7 +69,7 @@ pub struct FakeServer {
 struct Shared {
     behaviour: Box<dyn Fn(&SeenRequest) -> Behaviour + Send + Sync>,
     seen: Mutex<Vec<SeenRequest>>,
-    /// Number of requests received.
+    /// Number of requests received so far.
     count: AtomicUsize,
     records: bool,
     bytes_sent: AtomicU64,

@@ -29,7 +29,7 @@ pub struct Seen {
     pub rgb: Vec<u8>,
 }
 
-/// Predicted chunk.
+/// Action chunk predicted by the network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction {
     /// Normalised actions, in the order of their execution.
@@ -44,13 +44,13 @@ pub enum NetworkError {
     /// The weights cannot be read.
     #[error(transparent)]
     Parameters(#[from] ParametersError),
-    /// The description contradicts itself.
+    /// The description is inconsistent.
     #[error(transparent)]
     Description(#[from] genmanip_core::DocumentError),
     /// The hash of the weights differs from that in the description.
     #[error("the tensors have hash {got}, expected {expected}")]
     OtherTensors {
-        /// Hash in the description.
+        /// SHA-256 in the description.
         expected: String,
         /// Hash of the file's tensors.
         got: String,

@@ -29,7 +29,7 @@ pub struct Array {
 /// Floating-point format of the values in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
-    /// 32 bits.
+    /// Single precision, 32 bits.
     Single,
     /// 16 bits (IEEE 754 binary16); exact for values of [`Parameters::rounded_to_half`].
     Half,
@@ -43,7 +43,7 @@ impl Precision {
         }
     }
 
-    /// Bytes of a value.
+    /// Number of bytes per value.
     const fn size(self) -> usize {
         match self {
             Self::Single => 4,
@@ -55,7 +55,7 @@ impl Precision {
 /// Reason why a file of arrays is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ParametersError {
-    /// Not a safetensors file.
+    /// The file is not in safetensors format.
     #[error("not a safetensors file")]
     Format(#[from] safetensors::SafeTensorError),
     /// An array is missing or has another shape.

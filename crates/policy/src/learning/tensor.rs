@@ -76,7 +76,7 @@ impl<B: Backend> Tensor<B> {
         Self(B::float_mul(self.0, other.0))
     }
 
-    /// Product with a number.
+    /// Product of each entry with a number.
     pub fn scale(self, factor: f64) -> Self {
         Self(B::float_mul_scalar(self.0, factor.into()))
     }
@@ -138,7 +138,7 @@ impl<B: Backend> Tensor<B> {
         Self(B::float_reshape(self.0, Shape::from(shape)))
     }
 
-    /// Transposition of two dimensions.
+    /// Transposition of two dimensions, `one` and `other`.
     pub fn swap(self, one: usize, other: usize) -> Self {
         Self(B::float_swap_dims(self.0, one, other))
     }

@@ -57,7 +57,7 @@ pub struct TrainingStep {
     pub label_loss: f64,
     /// Global gradient norm before clipping.
     pub gradient_norm: f64,
-    /// Learning rate.
+    /// Learning rate of the step.
     pub learning_rate: f64,
 }
 
@@ -80,7 +80,7 @@ pub enum TrainError {
     /// The loss has become NaN or infinite.
     #[error("the loss of step {step} is not finite")]
     NotFinite {
-        /// Number of the step.
+        /// Number of the step, from 0.
         step: u64,
     },
     /// The checkpoint cannot be read.
@@ -133,7 +133,7 @@ impl<'a> Trainer<'a> {
         })
     }
 
-    /// Number of finished steps.
+    /// Number of finished steps, which is also the number of the next one.
     pub fn finished(&self) -> u64 {
         self.step
     }

@@ -23,13 +23,13 @@ const NEAR: f64 = 1.6;
 /// Reason why an image shows no board.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum NoBoard {
-    /// No tag was found.
+    /// No tag of the family was found.
     #[error("no board in the image")]
     NoTag,
     /// All tags found belong to another board.
     #[error("{count} tags, none of this board; the first has id {id}: is this the board that is described?")]
     OtherTags {
-        /// Number of tags found.
+        /// Number of tags that were found.
         count: usize,
         /// Id of one of these tags.
         id: u32,

@@ -47,7 +47,7 @@ impl GreyImage {
         &self.values
     }
 
-    /// Value of a pixel.
+    /// Grey level of a pixel, 0 to 255.
     pub fn at(&self, x: usize, y: usize) -> u8 {
         self.values[y * self.width + x]
     }

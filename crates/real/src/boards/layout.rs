@@ -80,7 +80,7 @@ pub struct PlacedTag {
 /// Axis-aligned rectangle on a board, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rectangle {
-    /// Top left corner.
+    /// Top left corner on the board.
     pub at: DVec2,
     /// Width and height.
     pub size: DVec2,
@@ -91,11 +91,11 @@ pub struct Rectangle {
 pub struct Corner {
     /// Position on the board, metres.
     pub at: DVec2,
-    /// Pattern around the corner.
+    /// Printed pattern around the corner, by which it is detected.
     pub kind: CornerKind,
 }
 
-/// Pattern around a corner.
+/// Printed pattern around a corner, by which it is detected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CornerKind {
     /// Inner corner of a chessboard.

@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use super::interpolator::{Interpolator, JointLimits, JointState};
 
-/// Settings of a guard.
+/// Control period and time limits of a guard.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GuardSettings {
@@ -38,7 +38,7 @@ pub struct Command {
     pub lease: u64,
     /// Sequence number; strictly increasing within a lease.
     pub sequence: u64,
-    /// Validity after reception, s.
+    /// Time after reception for which the command is valid, s.
     pub valid_for_s: f64,
     /// True while a person holds the dead-man's switch.
     pub dead_man: bool,
@@ -72,7 +72,7 @@ pub enum Refused {
         /// Number of joints of the arm.
         expected: usize,
     },
-    /// Validity out of range.
+    /// The command's validity is not positive or exceeds the maximum.
     #[error("valid for {got} s; expected more than 0 and at most {most}")]
     Validity {
         /// Validity of the command, s.
@@ -86,7 +86,7 @@ pub enum Refused {
     /// The dead-man's switch is not held.
     #[error("the dead-man's switch is not held")]
     DeadMan,
-    /// The arm still moves.
+    /// The arm is still moving.
     #[error("the arm still moves; wait until it stands")]
     Moving,
 }
@@ -95,7 +95,7 @@ pub enum Refused {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StopReason {
-    /// Not started yet.
+    /// [`Guard::start`] was not called yet.
     NotStarted,
     /// No command came before the deadline of the last one.
     Deadline,
@@ -127,7 +127,7 @@ pub struct Guard {
     next_lease: u64,
 }
 
-/// Lease in force.
+/// Lease in force, with the state of its commands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Lease {
     id: u64,

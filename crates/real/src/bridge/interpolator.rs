@@ -9,9 +9,9 @@ const HALVINGS: usize = 30;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointLimits {
-    /// Minimum position.
+    /// Minimum position, rad or m.
     pub lower: f64,
-    /// Maximum position.
+    /// Maximum position, rad or m.
     pub upper: f64,
     /// Maximum velocity, rad/s or m/s.
     pub velocity: f64,
@@ -52,11 +52,11 @@ impl JointLimits {
 /// Setpoint of one joint; rad or m.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct JointState {
-    /// Position.
+    /// Position, rad or m.
     pub position: f64,
-    /// Velocity, per s.
+    /// Velocity, rad/s or m/s.
     pub velocity: f64,
-    /// Acceleration, per s².
+    /// Acceleration, rad/s² or m/s².
     pub acceleration: f64,
 }
 

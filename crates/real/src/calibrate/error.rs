@@ -10,7 +10,7 @@ pub enum CalibrationError {
     FewViews {
         /// Number of views with both corners and robot state.
         count: usize,
-        /// Minimum number of views.
+        /// Minimum number of views for a calibration.
         needed: usize,
     },
     /// All orientations of the hand are nearly the same.
@@ -25,7 +25,7 @@ pub enum CalibrationError {
     /// The views share too few orientations of the hand.
     #[error("the views have {count} different orientations of the hand; expected at least 3, 10 degrees apart")]
     FewRotations {
-        /// Number of distinct orientations.
+        /// Number of distinct orientations of the hand.
         count: usize,
     },
     /// All relative rotations are near half a turn, whose axis is ambiguous.
@@ -41,9 +41,9 @@ pub enum CalibrationError {
         frame: &'static str,
         /// x component of the unit axis.
         x: f64,
-        /// y component.
+        /// y component of the unit axis.
         y: f64,
-        /// z component.
+        /// z component of the unit axis.
         z: f64,
     },
     /// The board's pose is ambiguous in too many views: its flipped pose explains them equally well.
@@ -52,7 +52,7 @@ pub enum CalibrationError {
          it by 20 to 45 degrees against the image"
     )]
     PlanarFlip {
-        /// Number of ambiguous views.
+        /// Number of views with an ambiguous pose.
         ambiguous: usize,
         /// Number of all views.
         views: usize,
@@ -63,9 +63,9 @@ pub enum CalibrationError {
          `mounting`"
     )]
     OtherMounting {
-        /// Stated mounting.
+        /// Name of the stated mounting.
         stated: &'static str,
-        /// Mounting that fits.
+        /// Name of the mounting that fits better.
         other: &'static str,
         /// Reprojection error with the stated mounting, px.
         stated_px: f64,
@@ -97,7 +97,7 @@ pub enum CalibrationError {
     /// The joint positions of a view do not fit the arm.
     #[error("view {view}: {reason}")]
     Joints {
-        /// Id of the view.
+        /// Id of the view in the input.
         view: String,
         /// Error of the forward kinematics.
         reason: String,

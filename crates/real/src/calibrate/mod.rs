@@ -29,7 +29,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::least_squares::tangent;
 
-/// Settings of a calibration.
+/// Assumed noise and thresholds of a calibration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CalibrationSettings {
@@ -77,7 +77,7 @@ impl Default for CalibrationSettings {
     }
 }
 
-/// Result of a calibration.
+/// Calibrated pose of the camera, with its uncertainty and diagnostics.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Calibration {
     /// Sentence that states direction and frames of the pose.
@@ -120,7 +120,7 @@ pub struct Calibration {
 /// Distance of a closed-form solution from the result.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StartError {
-    /// Name of the method.
+    /// Name of the closed-form method.
     pub method: &'static str,
     /// Distance of the camera positions, m.
     pub position_m: f64,
@@ -131,9 +131,9 @@ pub struct StartError {
 /// Reprojection error of a view.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ViewError {
-    /// Id of the view.
+    /// Id of the view in the input.
     pub id: String,
-    /// Number of corners.
+    /// Number of corners detected in the view.
     pub corners: usize,
     /// Root-mean-square reprojection error with the stated robot pose, px.
     pub rms_px: f64,

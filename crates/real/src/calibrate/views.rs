@@ -93,7 +93,7 @@ pub enum RobotState {
 /// Robot pose with the corners seen from it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
-    /// Id of the view.
+    /// Id of the view in the input.
     pub id: String,
     /// Pose of the hand link in the robot's base frame.
     pub base_from_hand: Pose,
@@ -104,7 +104,7 @@ pub struct View {
 /// A view that is not used.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Skipped {
-    /// Id of the view.
+    /// Id of the view in the input.
     pub id: String,
     /// Reason why the view is not used.
     pub reason: String,
@@ -119,7 +119,7 @@ impl Mounting {
         }
     }
 
-    /// The opposite mounting.
+    /// The mounting with camera and board swapped.
     #[must_use]
     pub const fn other(self) -> Self {
         match self {

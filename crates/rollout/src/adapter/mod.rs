@@ -39,7 +39,7 @@ pub struct Adapter {
     /// Maximum rotation of each arm joint during an action, rad.
     reach: Vec<f64>,
     control_period_s: f64,
-    /// Control steps per action.
+    /// Number of control steps per action.
     repeat: usize,
 }
 
@@ -79,11 +79,11 @@ pub enum AdapterError {
     /// An action of the wrong length.
     #[error("expected {expected} numbers ({spec}), got {got}")]
     Length {
-        /// Expected length.
+        /// Length that the specification requires.
         expected: usize,
-        /// Meaning of the numbers.
+        /// Meaning of the action's entries, from the specification.
         spec: String,
-        /// Actual length.
+        /// Length of the action.
         got: usize,
     },
     /// A NaN or infinite value.
@@ -91,15 +91,15 @@ pub enum AdapterError {
     NotFinite {
         /// Index of the value in the action.
         index: usize,
-        /// Value at the index.
+        /// Value at that index.
         value: f32,
     },
     /// Numbers that do not encode a rotation.
     #[error("expected a rotation as {encoding}, got {numbers:?}")]
     NoRotation {
-        /// Name of the encoding.
+        /// Name of the rotation encoding.
         encoding: &'static str,
-        /// The numbers.
+        /// Entries of the action that should encode the rotation.
         numbers: Vec<f64>,
     },
     /// A pose that no configuration of the arm reaches.
@@ -107,9 +107,9 @@ pub enum AdapterError {
     OutOfReach {
         /// Position along x in the world frame, metres.
         x_m: f64,
-        /// Position along y, metres.
+        /// Position along y in the world frame, metres.
         y_m: f64,
-        /// Position along z, metres.
+        /// Position along z in the world frame, metres.
         z_m: f64,
     },
 }
@@ -137,7 +137,7 @@ impl Adapter {
         Ok(Self { spec, robot: Arc::clone(robot), kinematics, reach, control_period_s, repeat })
     }
 
-    /// Control steps per action.
+    /// Number of control steps per action.
     pub fn repeat(&self) -> usize {
         self.repeat
     }

@@ -28,7 +28,7 @@ pub struct Pending {
     pub(super) posture: Option<Vec<f64>>,
 }
 
-/// Follows the tool path.
+/// Follower of the tool path for one action.
 pub(super) struct Follower<'a> {
     pub(super) robot: &'a RobotModel,
     pub(super) kinematics: &'a InverseKinematics,

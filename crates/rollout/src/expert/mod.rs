@@ -64,7 +64,7 @@ pub struct Expert {
 enum Phase {
     /// No action was executed yet.
     Beginning,
-    /// The gripper is empty.
+    /// The gripper is empty, and the next move can begin.
     Free,
     /// A pick was executed; its success is not checked yet.
     Picked { step: Move, open_width: f64, hold_width: f64, taken_from: GoalPose },
@@ -77,11 +77,11 @@ enum Phase {
 /// Current activity of the expert, for policies that imitate the expert with injected mistakes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Activity {
-    /// Picking an object.
+    /// Reaching for and lifting an object.
     Picking,
-    /// Moving a joint.
+    /// Moving a joint of an object.
     Turning,
-    /// Anything else.
+    /// Carrying, placing or returning home.
     Other,
 }
 

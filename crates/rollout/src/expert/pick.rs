@@ -15,7 +15,7 @@ use super::Expert;
 /// Angle within which two directions count as equal, rad: less than what a policy resolves.
 const SAME_DIRECTION_RAD: f64 = 0.02;
 
-/// A planned pick.
+/// A planned pick as commands.
 pub(super) struct Pick {
     /// Commands for approach, closing and lift.
     pub commands: Vec<Vec<f32>>,

@@ -14,7 +14,7 @@ const GOAL_HEIGHT_M: f64 = 0.01;
 
 /// Held object with its obstacles.
 struct Held<'a> {
-    /// Index of the object.
+    /// Index of the object in the scenario.
     object: usize,
     /// Name of the object in the collision world.
     name: &'a str,

@@ -12,7 +12,7 @@ use genmanip_render::FIRST_OBJECT;
 /// Points of an object and its surroundings seen by all fixed cameras; world frame, metres.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ObservedObject {
-    /// Points on the object.
+    /// Points on the object's surface.
     pub points: Vec<DVec3>,
     /// Points of everything else except the arm and the table.
     pub scene: Vec<DVec3>,

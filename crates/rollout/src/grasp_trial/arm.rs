@@ -49,7 +49,7 @@ const TURN_RAD: f64 = 0.35;
 /// 0.044); larger steps indicate a singular posture.
 const JOINT_STEP: f64 = 0.12;
 
-/// Ending of a trial.
+/// Success of a trial, or the phase in which it failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TrialEnding {

@@ -26,10 +26,10 @@ pub use table::Table;
 pub use trial::{CandidateChoice, ExecutedGrasp, TrialClass, TrialError, TrialView};
 pub use view::{Cloud, ViewSettings};
 
-/// Result of one trial.
+/// Inputs and result of one grasp trial.
 #[derive(Clone, Debug, Serialize)]
 pub struct Trial {
-    /// Class of the trial.
+    /// Class of objects that the trial was made with.
     pub class: TrialClass,
     /// Name of the family's card.
     pub object: String,
@@ -41,7 +41,7 @@ pub struct Trial {
     pub sampler_cpu_s: f64,
     /// Number of grasp candidates.
     pub candidates: usize,
-    /// Ending of the trial.
+    /// Success, or the phase in which the trial failed.
     pub ending: TrialEnding,
     /// Executed grasp; `None` if none was executed.
     pub grasp: Option<ExecutedGrasp>,

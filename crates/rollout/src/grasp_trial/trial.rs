@@ -81,13 +81,13 @@ pub enum TrialError {
     /// An object could not be built.
     #[error(transparent)]
     Asset(#[from] genmanip_assets::AssetError),
-    /// Rendering failed.
+    /// The depth image could not be rendered.
     #[error("rendering a depth image of the table failed: {0}")]
     Render(#[from] genmanip_render::RenderError),
     /// The object's geometry was rejected.
     #[error(transparent)]
     Geometry(#[from] GeometryError),
-    /// The cloud was rejected.
+    /// The grasp sampler rejected the point cloud.
     #[error(transparent)]
     Cloud(#[from] CloudError),
     /// The detector did not answer.

@@ -78,7 +78,7 @@ fn inverse_depth_noise(inverse: &[f32], width: usize) -> f32 {
     1.4826 * *median / 6.0_f32.sqrt()
 }
 
-/// Smoothing radius (px).
+/// Radius of the smoothing filter (px).
 const SMOOTHING_PX: usize = 4;
 /// Noise reduction factor of smoothing near edges; larger on planes, see the test below.
 const SMOOTHING_GAIN: f32 = 6.0;

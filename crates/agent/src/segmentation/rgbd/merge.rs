@@ -43,7 +43,7 @@ struct Border {
     color: Vec3,
 }
 
-/// Number of features.
+/// Number of features of a pair of regions.
 pub const COUNT: usize = 24;
 
 /// Features of a pair of neighbouring regions, in the order of [`FEATURES`].
@@ -87,7 +87,7 @@ const WEIGHTS: Features = [
     -0.22, -2.1, -0.58, 4.18, 1.47, 0.37,
 ];
 
-/// Region adjacency graph.
+/// Region adjacency graph with statistics of regions and borders.
 #[derive(Clone, Debug)]
 pub struct Graph {
     regions: Vec<Region>,
@@ -380,7 +380,7 @@ impl Border {
         self.color += other.color;
     }
 
-    /// Swaps the two sides.
+    /// The same border with its two sides swapped.
     fn swapped(self) -> Self {
         Self { first_in_front: self.second_in_front, second_in_front: self.first_in_front, ..self }
     }

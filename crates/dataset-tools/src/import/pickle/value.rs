@@ -15,7 +15,7 @@ pub(super) enum Node {
     Tuple(Vec<ValueId>),
     Dict(Vec<(ValueId, ValueId)>),
     Function(Function),
-    /// `numpy.dtype`; `is_big` means big-endian.
+    /// A `numpy.dtype` without fields; `is_big` means big-endian.
     Type {
         name: String,
         is_big: bool,

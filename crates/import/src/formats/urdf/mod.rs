@@ -179,7 +179,7 @@ pub fn mass(node: &Element) -> Result<Option<MassProperties>, ImportError> {
 /// Geometry of a visual or collision element.
 #[derive(Clone, Debug)]
 pub enum Form {
-    /// A primitive.
+    /// A primitive shape.
     Shape(Shape),
     /// A mesh file, resolved, and its scale.
     Mesh(String, DVec3),

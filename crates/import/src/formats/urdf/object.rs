@@ -107,7 +107,7 @@ fn object_joint(name: &str, node: &Element, motion: &Motion<'_>) -> Result<Optio
     }))
 }
 
-/// Reader of visual surfaces.
+/// Reader of the visual surfaces of a URDF's links.
 pub struct Surfaces<'a, 'b> {
     path: &'a str,
     files: &'a mut Files<'b>,
