@@ -149,7 +149,7 @@ fn find<'a>(mut boxes: &'a [u8], kind: &[u8; 4]) -> Option<&'a [u8]> {
     }
 }
 
-/// Offset and size of each frame; a chunk holds consecutive frames.
+/// Offset and size of each frame; a chunk holds consecutive frames. `None` if the tables are invalid.
 fn frame_ranges(table: &[u8], sizes: &[u32]) -> Option<Vec<(u64, u32)>> {
     let chunks: Vec<u64> = match (find(table, b"stco"), find(table, b"co64")) {
         (Some(narrow), _) => (0..usize::try_from(u32_at(narrow, 4)?).ok()?)
@@ -177,7 +177,7 @@ fn frame_ranges(table: &[u8], sizes: &[u32]) -> Option<Vec<(u64, u32)>> {
     (places.len() == sizes.len()).then_some(places)
 }
 
-/// SPS and PPS of an H.264 stream; only 4-byte NAL unit lengths are supported.
+/// SPS and PPS of an H.264 stream; only 4-byte NAL unit lengths are supported. `None` if the record is invalid.
 fn parameter_sets(avcc: &[u8]) -> Option<Vec<Vec<u8>>> {
     if avcc.get(4)? & 3 != 3 {
         return None;

@@ -70,7 +70,7 @@ impl Writer {
         format!("{}-{}-{}-{}", self.host, self.boot, self.pid, self.start)
     }
 
-    /// Parses a writer id followed by a counter.
+    /// Parses a writer id followed by a counter. `None` for other texts.
     fn parse(text: &str) -> Option<Self> {
         let mut parts = text.split('-');
         let (host, boot) = (parts.next()?.to_owned(), parts.next()?.to_owned());

@@ -65,7 +65,7 @@ struct Part {
     /// Index of the texture in the file; `None` without texture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     texture: Option<usize>,
-    /// Width and height of the texture (pixels), stored with the first part that uses it.
+    /// Width and height of the texture (pixels), stored with the first part that uses it. `None` for the other parts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     texture_size: Option<[u32; 2]>,
 }

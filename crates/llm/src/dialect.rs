@@ -75,7 +75,7 @@ macro_rules! dialects {
 use dialects;
 
 /// Extracts a server's error message in the common forms: `{"error": {"message"}}`, `{"error": "…"}`, `{"message"}`,
-/// `{"detail"}`. Gateways mix them regardless of dialect.
+/// `{"detail"}`. Gateways mix them regardless of dialect. `None` if there is none.
 pub(crate) fn error_message(body: &Value) -> Option<String> {
     let error = body.get("error").filter(|error| !error.is_null());
     let nested = error.and_then(|error| error.get("message"));
@@ -129,7 +129,7 @@ fn check_error(body: &Value, url: &str) -> Result<(), ChatError> {
     }
 }
 
-/// String field of an object, truncated to one line of 100 characters.
+/// String field of an object, truncated to one line of 100 characters. `None` if it is missing or no text.
 fn short_text(object: &Value, field: &str) -> Option<String> {
     object.get(field).and_then(Value::as_str).map(|text| shortened(text, 100))
 }

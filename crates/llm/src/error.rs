@@ -131,7 +131,7 @@ pub enum ChatError {
     CassetteMiss {
         /// Content hash of the request.
         key: String,
-        /// Most similar cassette and its first difference.
+        /// Most similar cassette and its first difference. `None` if the folder has no cassette.
         nearest: Option<NearestCassette>,
         /// Folder that was searched for the cassette.
         folder: String,

@@ -11,10 +11,10 @@ pub struct ChatReply {
     pub text: String,
     /// Model name reported by the server; often more specific than the requested one.
     pub model: String,
-    /// Finish reason reported by the server; `length` or `max_tokens` means truncated.
+    /// Finish reason reported by the server; `length` or `max_tokens` means truncated. `None` if it reports none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub finish_reason: Option<String>,
-    /// Token usage, if the server reports it.
+    /// Token usage, if the server reports it; `None` otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub usage: Option<Usage>,
     /// Mode in which the server enforced the schema.

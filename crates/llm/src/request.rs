@@ -17,6 +17,7 @@ pub struct ChatRequest {
     /// The conversation so far, oldest first.
     pub messages: Vec<Message>,
     /// Requested structure of the reply; see [`ChatReply::structure`](crate::ChatReply::structure) for its enforcement.
+    /// `None` for free text.
     pub reply_schema: Option<ReplySchema>,
     /// Additional fields of the request body, e.g. `temperature`.
     pub parameters: Map<String, Value>,

@@ -157,7 +157,7 @@ pub struct Sampler {
     seed: Seed,
     /// Episode and row of each sample of an epoch, before shuffling.
     samples: Vec<(u32, u32)>,
-    /// Number and shuffled order of the epoch that was used last.
+    /// Number and shuffled order of the epoch that was used last. `None` before the first batch.
     epoch: Option<(u64, Vec<u32>)>,
     chunk: usize,
     augmentation: Augmentation,

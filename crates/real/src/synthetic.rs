@@ -36,7 +36,7 @@ pub enum Degeneracy {
     SmallTurns,
     /// Tiny board far away, whose pose is ambiguous.
     PlanarFlip,
-    /// Board that is larger than its description states.
+    /// Board that is larger than its description says.
     WrongScale,
     /// Camera with the other mounting than stated.
     OtherMounting,

@@ -121,7 +121,7 @@ pub struct OpenpiSettings {
     pub wrist: String,
     /// Executed actions per chunk; `None` for the preset's.
     pub execute_steps: Option<usize>,
-    /// API key, sent as `Authorization: Api-Key …`; never displayed.
+    /// API key, sent as `Authorization: Api-Key …`; never displayed. `None` for servers without authentication.
     pub api_key: Option<String>,
     /// Timeouts and reconnects of the connection.
     pub timeouts: Timeouts,

@@ -88,7 +88,7 @@ pub struct Conclusion<'a> {
     pub oracle: bool,
     /// Ending of the episode, as the driver saw it.
     pub ending: Ending,
-    /// The policy's reason for giving up, if it did.
+    /// The policy's reason for giving up, if it did; `None` otherwise.
     pub gave_up: Option<Failure>,
 }
 
@@ -125,13 +125,13 @@ struct Record {
     frames: Vec<Frame>,
     events: Vec<Event>,
     success_once: bool,
-    /// Number of control steps when the goal was first seen to hold, if it has held since.
+    /// Number of control steps when the goal was first seen to hold, if it has held since; `None` otherwise.
     held_since: Option<usize>,
     worst_stray_n: f64,
     stray_contact: Option<StrayContact>,
     /// Bodies of the stray contact in the last control interval; `None` without one.
     stray_bodies: Option<[BodyId; 2]>,
-    /// Index of the object gripped last, and time of the last grip (s).
+    /// Index of the object gripped last, and time of the last grip (s). `None` before the first grip.
     last_gripped: Option<(usize, f64)>,
     /// Named state of each object's joints at the last verdict, for hysteresis: a state lasts until it is clearly left.
     joint_states: Vec<Option<String>>,
@@ -563,7 +563,7 @@ impl Session {
     }
 }
 
-/// Failure of an episode that reached its time limit.
+/// Failure of an episode that reached its time limit. `None` for another ending.
 pub(crate) fn timeout(ending: Ending, after_s: f64) -> Option<Failure> {
     let evidence = || format!("not finished after {after_s} s");
     (ending == Ending::Horizon).then(|| Failure { cause: FailureCause::Timeout, evidence: evidence() })

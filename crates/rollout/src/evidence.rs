@@ -38,7 +38,7 @@ pub struct Unreachable {
 pub struct Evidence<'a> {
     /// One frame per control step.
     pub frames: &'a [Frame],
-    /// Actions that were held because their pose was unreachable.
+    /// Actions that were held because their pose was unreachable. `None` if there were none.
     pub unreachable: Option<&'a Unreachable>,
 }
 
@@ -129,7 +129,7 @@ pub fn slips(frames: &[Frame]) -> Vec<Slip> {
     found
 }
 
-/// Evidence of a displaced or toppled object that the goal does not ask to move.
+/// Evidence of a displaced or toppled object that the goal does not ask to move. `None` if there is none.
 fn disturbed(stage: &Stage, last: &Frame, settings: &RolloutSettings) -> Option<String> {
     let goal = &stage.goal;
     stage.scenario.objects.iter().zip(&last.objects).enumerate().find_map(|(index, (before, now))| {

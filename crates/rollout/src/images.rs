@@ -78,7 +78,7 @@ impl<'a> Exposure<'a> {
 #[derive(Debug)]
 pub struct StageRenderer {
     renderer: Renderer,
-    /// Settings of the path tracer if it replaces the rasteriser for colours.
+    /// Settings of the path tracer if it replaces the rasteriser for colours; `None` otherwise.
     reference: Option<ReferenceSettings>,
     scenario: String,
 }
@@ -170,7 +170,7 @@ impl StageRenderer {
         views.iter().zip(buffers).map(image).collect::<Result<_, _>>().map_err(failed)
     }
 
-    /// Replaces the colours by those of an open shutter (motion blur), path traced if requested.
+    /// Replaces the colour image by one averaged over the exposure time (motion blur), path traced if requested.
     fn apply_exposure(
         &mut self,
         job: &ViewJob<'_>,

@@ -165,6 +165,7 @@ fn state(atom: &Atom, start: f64, now: &Now) -> f64 {
 }
 
 /// Sum of the missing joint motions of a state condition, rad or m, and the centre of the first link that must move.
+/// `None` if the object has no such state.
 fn missing_motion(scene: &PosedScene, atom: &Atom) -> Option<(f64, DVec3)> {
     let Atom::State { object, state } = atom else { return None };
     let object = scene.index_of(object)?;

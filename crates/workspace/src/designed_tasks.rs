@@ -46,7 +46,7 @@ pub struct Design<'a> {
     pub settings: DesignSettings,
     /// True if a task whose kind fails is replaced by one of the next kind that succeeds.
     pub fill: bool,
-    /// Uid of an object that the goal of every task involves.
+    /// Uid of an object that the goal of every task involves. `None` for any objects.
     pub include: Option<&'a str>,
 }
 

@@ -66,7 +66,7 @@ pub enum WorkspaceError {
         what: String,
         /// Underlying error, if any.
         source: Option<Cause>,
-        /// Expected input, or a suggested fix.
+        /// Expected input, or a suggested fix. `None` if there is none.
         hint: Option<String>,
     },
     /// The folder holds a run with other inputs, settings or seed.
@@ -116,7 +116,7 @@ pub enum WorkspaceError {
         what: String,
         /// Underlying error; `None` for a detected inconsistency.
         source: Option<Cause>,
-        /// Suggested fix.
+        /// Suggested fix. `None` if there is none.
         hint: Option<String>,
     },
 }
@@ -218,7 +218,7 @@ impl WorkspaceError {
 }
 
 /// Advice on how to fix an error: for a full disk if one is anywhere in the chain of sources, else the first hint of
-/// the chain.
+/// the chain. `None` if there is none.
 pub fn hint(error: &(dyn std::error::Error + 'static)) -> Option<String> {
     let chain = || std::iter::successors(Some(error), |error| error.source());
     let is_full = |error: &std::io::Error| matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded);

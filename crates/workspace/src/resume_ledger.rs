@@ -58,7 +58,7 @@ impl Ledger {
         Ok(Self { path: path.to_owned(), known, file: Mutex::new(file) })
     }
 
-    /// Entry of an item that an earlier call finished.
+    /// Entry of an item that an earlier call finished. `None` if none did.
     pub fn known(&self, name: &str) -> Option<&Entry> {
         self.known.get(name)
     }

@@ -208,7 +208,8 @@ pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, Workspace
     Ok(check_answer(&recorded.response, &request))
 }
 
-/// Objects by a text: uids separated by commas, or a search query for `catalogue` if no part is or looks like a uid.
+/// Objects selected by a text: uids separated by commas, or a search query for `catalogue` if no part is or resembles a
+/// uid.
 ///
 /// # Errors
 /// When a uid is unknown, or nothing fits the query.

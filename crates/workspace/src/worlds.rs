@@ -189,7 +189,7 @@ pub struct CameraChange {
     pub size_px: Option<[u32; 2]>,
     /// Vertical field of view, rad.
     pub vertical_fov_rad: Option<f64>,
-    /// Position of the camera and the point that it looks at, in the frame of its mount, m.
+    /// Position of the camera and the point at the centre of its image, in the frame of its mount, m.
     pub view: Option<[DVec3; 2]>,
     /// True to mount the camera on the hand; without `view`, at the pose of the robot's wrist camera.
     pub on_hand: bool,

@@ -59,8 +59,8 @@ pub fn ask(
     answer
 }
 
-/// Asks independent questions concurrently, then retries those with invalid answers. Asks are numbered in question
-/// order.
+/// Asks independent questions concurrently, then repeats each question whose answer was invalid. Ask indices follow the
+/// order of the questions.
 pub fn ask_each<const COUNT: usize>(
     model: &dyn VisionModel,
     mut questions: [Question; COUNT],

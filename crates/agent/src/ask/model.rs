@@ -28,7 +28,7 @@ pub trait VisionModel: Send + Sync {
 pub struct ModelReply {
     /// Text of the reply, not yet validated.
     pub text: String,
-    /// Token usage, if the service reports it.
+    /// Token usage, if the service reports it; `None` otherwise.
     pub usage: Option<Usage>,
     /// True if the model was stopped at its token limit: asking again would not help.
     pub cut_off: bool,

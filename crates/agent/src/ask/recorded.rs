@@ -56,7 +56,7 @@ pub struct RecordedAnswer {
     pub pictures: Vec<Thumbnail>,
     /// Text of the answer, as the model gave it.
     pub answer: String,
-    /// Token usage, if the service reported it.
+    /// Token usage, if the service reported it; `None` otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub usage: Option<Usage>,
     /// True if the model was stopped at its limit of tokens.

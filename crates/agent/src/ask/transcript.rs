@@ -86,7 +86,7 @@ pub struct Exchange {
     /// Reason for rejecting the answer; `None` if it was accepted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
-    /// Token usage, if the service reports it.
+    /// Token usage, if the service reports it; `None` otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub usage: Option<Usage>,
 }

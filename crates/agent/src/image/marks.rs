@@ -104,7 +104,7 @@ fn tint(image: &mut RgbImage, mask: &Mask, color: Color, fill: f64) {
     }
 }
 
-/// Pixel coordinates of [`Mask::middle`].
+/// Pixel coordinates of [`Mask::middle`]. `None` for an empty mask.
 fn anchor(mask: &Mask) -> Option<[f64; 2]> {
     let width = mask.width as usize;
     mask.middle().map(|index| [(index % width) as f64, (index / width) as f64])

@@ -172,7 +172,8 @@ fn match_masks(views: &[View]) -> Vec<Vec<Option<usize>>> {
     first.masks.iter().map(|mask| others.iter().map(|other| partner(mask, other)).collect()).collect()
 }
 
-/// Mask of `other` that contains most of the points of `mask` visible in `other`.
+/// Mask of `other` that contains most of the points of `mask` visible in `other`. `None` if no mask contains enough of
+/// them.
 fn best_overlap(view: &View, mask: &Mask, other: &View) -> Option<usize> {
     let seen: Vec<usize> = view.points(mask).filter_map(|point| other.pixel_of(point)).collect();
     let votes = other.masks.iter().map(|mask| seen.iter().filter(|&&index| mask.pixels[index]).count());

@@ -64,7 +64,7 @@ pub struct Agent {
     all_picks: u64,
     /// Failures at the current sub-task, one sentence each, for the next questions.
     tried: Vec<String>,
-    /// Valid answers to the placement questions of the current sub-task.
+    /// Valid answers to the placement questions of the current sub-task. `None` before they are answered.
     placement: Option<Placement>,
     phase: Phase,
 }

@@ -6,7 +6,8 @@ use genmanip_tasks::wording;
 /// Minimum duration of a grasp that counts as a step, control steps: 0.1 s at 60 Hz. Chosen by hand: the fingers may
 /// brush a neighbour.
 const MIN_STEPS: usize = 6;
-/// Joint speed of an object above which it counts as being moved, rad/s or m/s; chosen: lids at rest stay far below.
+/// Joint speed of an object above which it counts as being moved, rad/s or m/s. Chosen by hand: lids at rest stay far
+/// below.
 const MOVING_PER_S: f64 = 0.05;
 
 /// Steps (subtasks) of an episode.
@@ -73,7 +74,7 @@ fn segments(frames: &[Frame], rate_hz: f64) -> Vec<(usize, usize)> {
     segments
 }
 
-/// First object whose joints move between two frames.
+/// First object whose joints move between two frames. `None` if none moves.
 fn moved_joint(before: &Frame, now: &Frame, rate_hz: f64) -> Option<usize> {
     let moves = |(a, b): (&f64, &f64)| (b - a).abs() * rate_hz > MOVING_PER_S;
     let pairs = before.objects.iter().zip(&now.objects);

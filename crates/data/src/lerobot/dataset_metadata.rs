@@ -14,7 +14,8 @@ use crate::export::metadata::LanguageLabels;
 /// Metadata of a data set under construction.
 pub struct DatasetMetadata {
     pub fps: u32,
-    /// `features` of `info.json` according to the first episode; all others must match.
+    /// `features` of `info.json` according to the first episode; all others must match. `None` before the first
+    /// episode.
     pub features: Option<Value>,
     pub tasks: Vec<String>,
     /// Distinct instructions of steps (subtasks), in order of first use.

@@ -19,7 +19,7 @@ pub struct MetadataFiles<'a> {
     pub statistics_note: Option<&'a str>,
     /// Origin of the data set.
     pub origin: &'a Origin,
-    /// Contract of the `action` column, if known.
+    /// Contract of the `action` column, if known; `None` otherwise.
     pub contract: Option<&'a ActionContract>,
     /// Contents of `README.md`, the data set card.
     pub card: &'a str,

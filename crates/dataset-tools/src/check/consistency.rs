@@ -45,7 +45,7 @@ impl EpisodeColumns<'_> {
         self.rows.get(key).filter(|column| column.width == width && column.values.len() == values)
     }
 
-    /// Checks joint positions against joint limits and the tool pose.
+    /// Checks joint positions against joint limits and the tool pose. `None` if they agree.
     fn state(&self, robot: &RobotModel) -> Option<Deviation> {
         let dof = robot.arm_dof();
         let state = self.column("observation.state", dof + 1)?;
@@ -72,7 +72,7 @@ impl EpisodeColumns<'_> {
         None
     }
 
-    /// Checks the three encodings of the tool orientation against each other.
+    /// Checks the three encodings of the tool orientation against each other. `None` if they agree.
     fn tool(&self) -> Option<Deviation> {
         let ee = self.column("ee.state", 7)?;
         for (key, encoding) in
@@ -92,7 +92,7 @@ impl EpisodeColumns<'_> {
         None
     }
 
-    /// Checks the actions, decoded by the contract, against the commanded tool pose.
+    /// Checks the actions, decoded by the contract, against the commanded tool pose. `None` if they agree.
     fn action(&self, metadata: &Metadata, robot: &RobotModel) -> Option<Deviation> {
         let (contract, ee) = (metadata.contract.as_ref()?, self.column("ee.action", 7)?);
         let (spec, dof) = (contract.action, robot.arm_dof());

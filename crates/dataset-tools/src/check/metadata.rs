@@ -101,12 +101,12 @@ pub(crate) struct EpisodeEntry {
     pub(crate) store_id: Option<String>,
     pub(crate) scenario_id: Option<String>,
     pub(crate) seed: Option<i64>,
-    /// Instructions of the episode's steps (subtasks), if recorded.
+    /// Instructions of the episode's steps (subtasks), if recorded; `None` otherwise.
     pub(crate) subtasks: Option<Vec<String>>,
     pub(crate) success: Option<bool>,
     pub(crate) failure: Option<String>,
     pub(crate) kind: Option<String>,
-    /// Home joint positions of the robot according to the scenario, rad.
+    /// Home joint positions of the robot according to the scenario, rad. `None` if no scenario is recorded.
     pub(crate) home: Option<Vec<f64>>,
     pub(crate) data: String,
     pub(crate) videos: Vec<VideoSpan>,
@@ -215,7 +215,7 @@ pub(crate) fn read_json(root: &Path, name: &str, findings: &mut Findings) -> Val
     }
 }
 
-/// Reads the action contract, if there is one.
+/// Reads the action contract, if there is one. `None` if it is missing or invalid; an invalid one becomes a finding.
 pub(crate) fn read_contract(root: &Path, findings: &mut Findings) -> Option<ActionContract> {
     let bytes = match files::read(&root.join(CONTRACT), limits::SETTINGS) {
         Ok(bytes) => bytes,

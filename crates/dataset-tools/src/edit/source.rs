@@ -26,7 +26,7 @@ pub(super) struct Source {
     pub(super) episodes: Vec<EpisodeEntry>,
     /// Instructions of the data set's steps (subtasks), by index; empty if it has none.
     pub(super) subtasks: Vec<String>,
-    /// Native record of the episodes, if included.
+    /// Native record of the episodes, if included; `None` otherwise.
     pub(super) record: Option<EpisodeStore>,
     /// Index of the first row in each data file, by chunk and file.
     firsts: BTreeMap<[i64; 2], i64>,

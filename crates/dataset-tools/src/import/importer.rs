@@ -47,8 +47,8 @@ pub(super) struct SourceInfo {
     pub(super) robot: String,
     pub(super) fps: u32,
     pub(super) episodes: usize,
-    /// Action contract, if the data set has one.
+    /// Action contract, if the data set has one; `None` otherwise.
     pub(super) contract: Option<ActionContract>,
-    /// Native record of the episodes, if included.
+    /// Native record of the episodes, if included; `None` otherwise.
     pub(super) record: Option<EpisodeStore>,
 }

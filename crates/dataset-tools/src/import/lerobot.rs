@@ -37,7 +37,7 @@ pub(super) struct Lerobot {
     fps: u32,
     videos: VideoReader,
     notes: BTreeSet<String>,
-    /// Native record of the episodes, if included.
+    /// Native record of the episodes, if included; `None` otherwise.
     record: Option<EpisodeStore>,
 }
 

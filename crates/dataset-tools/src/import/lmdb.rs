@@ -159,7 +159,7 @@ impl Lmdb {
     }
 }
 
-/// Little-endian integer of `length` bytes.
+/// Little-endian integer of `length` bytes. `None` beyond the end of the bytes.
 fn number(bytes: &[u8], at: usize, length: usize) -> Option<u64> {
     let mut wide = [0; 8];
     wide[..length].copy_from_slice(bytes.get(at..at.checked_add(length)?)?);

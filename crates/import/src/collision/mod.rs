@@ -40,7 +40,7 @@ pub struct Body {
     pub cavity: Vec<Piece>,
     /// Description of the method that made the pieces, for the report.
     pub how: String,
-    /// Volume of the material, m³, if the mesh is closed.
+    /// Volume of the material, m³, if the mesh is closed; `None` otherwise.
     pub volume_m3: Option<f64>,
 }
 
@@ -73,7 +73,7 @@ pub fn body(link: &RawLink) -> Body {
 }
 
 /// The hulls of a mesh's connected components if there are several and all are nearly convex, i.e. if the mesh is
-/// already decomposed.
+/// already decomposed. `None` otherwise.
 fn convex_parts(mesh: &RawMesh) -> Option<Vec<Piece>> {
     let parts = connected(mesh);
     if !(2..=MAX_COMPONENTS).contains(&parts.len()) {

@@ -265,7 +265,7 @@ impl Wall {
     }
 }
 
-/// First entry and exit of a ray from the centre through the wall.
+/// First entry and exit of a ray from the centre through the wall. `None` if the ray hits nothing.
 fn station(triangles: &[[DVec3; 3]], from: DVec3, along: DVec3, closed: bool) -> Option<Station> {
     let mut hits: Vec<f64> = triangles.iter().filter_map(|triangle| ray_hit(triangle, from, along)).collect();
     hits.sort_by(f64::total_cmp);
@@ -276,7 +276,7 @@ fn station(triangles: &[[DVec3; 3]], from: DVec3, along: DVec3, closed: bool) ->
     Some(Station { inner, outer: outer.max(inner + 0.6 * SHEET_M) })
 }
 
-/// Distance at which a ray hits a triangle (Möller and Trumbore 1997).
+/// Distance at which a ray hits a triangle (Möller and Trumbore 1997). `None` if it misses.
 fn ray_hit(&[a, b, c]: &[DVec3; 3], from: DVec3, along: DVec3) -> Option<f64> {
     let (e1, e2) = (b - a, c - a);
     let p = along.cross(e2);

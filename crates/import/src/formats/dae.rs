@@ -102,7 +102,7 @@ impl<'i> Reader<'_, 'i, '_> {
         ImportError::new(self.path, format!("line {line}: <{}>: {message}", shortened(node.tag_name().name())))
     }
 
-    /// The element that a `url`, `source` or `target` refers to.
+    /// The element that a `url`, `source` or `target` refers to. `None` if the file has no such element.
     fn target(&self, node: Node<'i, 'i>) -> Option<Node<'i, 'i>> {
         let named = ["url", "source", "target"].into_iter().find_map(|key| node.attribute(key))?;
         self.ids.get(named.trim().trim_start_matches('#')).copied()

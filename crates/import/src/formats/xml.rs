@@ -98,7 +98,7 @@ fn element(path: &str, node: Node<'_, '_>, depth: usize) -> Result<Element, Impo
 }
 
 impl Element {
-    /// The value of an attribute.
+    /// The value of an attribute. `None` if it is absent.
     pub fn attribute(&self, name: &str) -> Option<&str> {
         self.attributes.get(name).map(String::as_str)
     }
@@ -108,7 +108,7 @@ impl Element {
         self.children.iter().filter(move |child| child.tag == tag)
     }
 
-    /// The first child with a tag.
+    /// The first child with a tag. `None` if there is none.
     pub fn first(&self, tag: &str) -> Option<&Element> {
         self.children.iter().find(|child| child.tag == tag)
     }

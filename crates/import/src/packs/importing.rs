@@ -46,7 +46,7 @@ pub struct ImportSettings {
     pub pack: String,
     /// The user's choices for unit and up axis of the files.
     pub given: Given,
-    /// Licence, if the files do not state one.
+    /// Licence, if the files do not state one; `None` if the user gives none.
     pub licence: Option<String>,
     /// True to skip grasp trials.
     pub without_grasps: bool,
@@ -62,7 +62,7 @@ pub struct ImportRow {
     /// Reason why the file was rejected; `None` if it was imported.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
-    /// Advice on how to fix the error.
+    /// Advice on how to fix the error. `None` if there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hint: Option<String>,
     /// Uid of the imported object; `None` if the file was rejected.

@@ -353,7 +353,8 @@ impl Arm<'_> {
     }
 }
 
-/// Vertices of a piece, simplified to the limit of a collision part, and outward-facing triangles.
+/// Vertices of a piece, simplified to the limit of a collision part, and outward-facing triangles. `None` if the piece
+/// has no hull.
 fn solid(piece: &genmanip_core::Piece) -> Option<(Vec<DVec3>, Vec<[u32; 3]>)> {
     let (corners, _) = triangulate(piece).ok()?;
     convex_hull(&hull(corners)?.corners)

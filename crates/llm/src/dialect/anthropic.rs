@@ -100,7 +100,7 @@ fn block(part: &Part) -> Value {
 }
 
 /// Tokens read from the service's prompt cache are reported separately from `input_tokens` but belong to the
-/// conversation.
+/// conversation. `None` if the reply reports no usage.
 fn usage(value: &Value) -> Option<Usage> {
     let count = |name: &str| value.get(name).and_then(Value::as_u64);
     let cached = ["cache_creation_input_tokens", "cache_read_input_tokens"].map(|name| count(name).unwrap_or(0));

@@ -72,7 +72,7 @@ pub(super) fn keypoints<B: NetworkBackend>(
     let scores = layers.linear(features.clone(), &format!("{name}.keypoint"));
     let shares = scores.swap(1, 2).softmax();
     let pixels = shares.clone().matmul(centres(input, rows, columns).expand(&[size, cells, 2]));
-    // Keypoints are those of the image before augmentation.
+    // Subtracting the augmentation's shift gives pixels of the original image.
     let pixels = pixels.sub(Tensor::new(&batch.shift, &[size, 1, 2]));
     Keypoints { features: shares.clone().matmul(features), pixels, shares }
 }

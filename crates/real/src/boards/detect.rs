@@ -91,7 +91,8 @@ impl Placed {
     }
 }
 
-/// Index of the tag with the largest error against the homography of all tags, if that error is too large.
+/// Index of the tag with the largest error against the homography of all tags, if that error is too large. `None`
+/// otherwise.
 fn astray(placed: &[Placed]) -> Option<usize> {
     let map = homography(placed.iter().flat_map(Placed::pairs));
     let error = |it: &Placed| {
@@ -194,7 +195,8 @@ struct Shade {
 }
 
 impl Shade {
-    /// Least-squares fit to the brightness at points that are symmetrical about the centre of a tag.
+    /// Least-squares fit to the brightness at points that are symmetrical about the centre of a tag. `None` if a point
+    /// has no brightness.
     fn of(image: &GreyImage, map: &DMat3, places: impl Iterator<Item = DVec2>) -> Option<Self> {
         let middle = DVec2::splat(f64::from(CELLS) / 2.0);
         let (mut count, mut sum, mut moment, mut spread) = (0.0, 0.0, DVec2::ZERO, DVec2::ZERO);

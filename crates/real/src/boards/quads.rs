@@ -36,7 +36,7 @@ pub fn corners(image: &GreyImage, outline: &[DVec2]) -> Option<[DVec2; 4]> {
 }
 
 /// Corners of a contour to a pixel: the point farthest from the centroid, the point farthest from that one, and the
-/// farthest on either side of this diagonal.
+/// farthest on either side of this diagonal. `None` unless they form a convex quadrilateral with straight sides.
 fn coarse(outline: &[DVec2]) -> Option<[DVec2; 4]> {
     let middle = outline.iter().sum::<DVec2>() / outline.len() as f64;
     let farthest =
@@ -82,7 +82,7 @@ impl Line {
 }
 
 /// Line along the edge between two corners, with the bright side on its left: total least squares over the points of
-/// steepest gradient across the edge.
+/// steepest gradient across the edge. `None` if the samples cross the image border or no edge is found.
 fn edge(image: &GreyImage, from: DVec2, to: DVec2) -> Option<Line> {
     /// Sample spacing across the edge, pixels.
     const STEP: f64 = 0.25;

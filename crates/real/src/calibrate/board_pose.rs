@@ -74,7 +74,8 @@ fn flipped(pose: &Pose, view: &View) -> Pose {
     Pose::new(center_in_camera - rotation * center, rotation)
 }
 
-/// Pose that minimises the reprojection error, from a start pose, with the root-mean-square error, px.
+/// Pose that minimises the reprojection error, from a start pose, with the root-mean-square error, px. `None` if a
+/// corner lies behind the camera at the start.
 fn refined(camera: &CameraModel, view: &View, start: Pose) -> Option<(Pose, f64)> {
     let evaluate = |pose: &Pose| {
         let mut normal = Normal::new(6);
@@ -98,7 +99,8 @@ pub fn entries(at: usize, rotation: DVec3, translation: DVec3) -> [(usize, f64);
     [(at, r[0]), (at + 1, r[1]), (at + 2, r[2]), (at + 3, t[0]), (at + 4, t[1]), (at + 5, t[2])]
 }
 
-/// Pose from the homography between board and image plane.
+/// Pose from the homography between board and image plane. `None` if a pixel cannot be undistorted or the corners are
+/// collinear.
 fn from_homography(camera: &CameraModel, view: &View) -> Option<Pose> {
     let center = middle(view);
     let seen: Vec<DVec2> = view.corners.iter().map(|&(_, pixel)| camera.on_plane(pixel)).collect::<Option<_>>()?;

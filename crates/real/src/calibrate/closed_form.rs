@@ -92,7 +92,8 @@ pub fn daniilidis(motions: &[Motion]) -> Option<Pose> {
     (pose.position.is_finite() && pose.rotation.is_finite()).then_some(pose)
 }
 
-/// Pose with a known rotation, and the least-squares translation t of (R_A − I) t = R t_B − t_A.
+/// Pose with a known rotation, and the least-squares translation t of (R_A − I) t = R t_B − t_A. `None` if the motions
+/// do not determine the translation.
 fn with_translation(rotation: DQuat, motions: &[Motion]) -> Option<Pose> {
     let (mut left, mut right) = (Square::zero(3), [0.0; 3]);
     for motion in motions {

@@ -93,7 +93,8 @@ pub fn carrier(mounting: Mounting, base_from_hand: &Pose) -> Pose {
     }
 }
 
-/// Refines a setup. Corners and robot poses deviate by their noise; the board's scale is estimated or fixed.
+/// Refines a setup. Corners and robot poses deviate by their noise; the board's scale is estimated or fixed. `None` if
+/// a corner lies behind the camera at the start, or the views do not determine the unknowns.
 pub fn refine(
     camera: &CameraModel,
     mounting: Mounting,
@@ -136,7 +137,7 @@ pub fn refine(
 }
 
 /// Fisher information matrix of one view on camera and board (12 unknowns), with the noise of the hand's pose
-/// marginalised.
+/// marginalised. `None` if a corner lies behind the camera.
 pub fn information(
     camera: &CameraModel,
     mounting: Mounting,
@@ -166,7 +167,8 @@ pub fn information(
     Some(information)
 }
 
-/// Adds the corners of a view; the unknowns of its hand pose start at index `at`.
+/// Adds the corners of a view; the unknowns of its hand pose start at index `at`. `None` if a corner lies behind the
+/// camera.
 #[allow(clippy::too_many_arguments)] // the loop body of `refine`
 fn add_view(
     normal: &mut Normal,

@@ -26,7 +26,8 @@ use path_follower::Follower;
 pub const MAX_LEAD_M: f64 = 0.02;
 /// Maximum angle between the reference of tool deltas and the measured tool, rad. Chosen in the same way.
 pub const MAX_LEAD_RAD: f64 = 0.2;
-/// Maximum difference between the reference of joint deltas and velocities and the measured joint, rad; chosen as above.
+/// Maximum difference between the reference of joint deltas and velocities and the measured joint, rad. Chosen in the
+/// same way.
 pub const MAX_LEAD_JOINT_RAD: f64 = 0.1;
 
 /// Converts actions of one specification for one robot.

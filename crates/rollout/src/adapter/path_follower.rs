@@ -6,8 +6,8 @@
 use genmanip_core::{Pose, RobotModel};
 use genmanip_motion::InverseKinematics;
 
-/// Rate at which the posture returns to the robot's home in the null space, 1/s; chosen: slow compared with an action at
-/// 10 Hz, fast compared with an episode.
+/// Rate at which the posture returns to the robot's home in the null space, 1/s. Chosen by hand: slow compared with an
+/// action at 10 Hz, fast compared with an episode.
 const POSTURE_PULL_PER_S: f64 = 2.0;
 /// Maximum lag of the tool behind the path, s; older poses of the path are dropped. Chosen by hand.
 const MAX_LAG_S: f64 = 2.0;

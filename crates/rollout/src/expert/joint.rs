@@ -85,7 +85,8 @@ pub(super) fn plan(
     })
 }
 
-/// Commands along the whole joint path, at a speed within the limits of gripper and arm.
+/// Commands along the whole joint path, at a speed within the limits of gripper and arm. `None` if the arm cannot
+/// follow the path, even when slowed down.
 fn turn(expert: &Expert, sweeper: &Sweeper, sweep: &JointSweep) -> Option<Turning> {
     let settings = &expert.settings;
     let (direction, lever) = sweeper.velocity(sweep);

@@ -43,7 +43,7 @@ pub struct Expert {
     planner: Arc<Planner>,
     /// Precomputed grasps of each object.
     precomputed: Vec<Vec<VerifiedGrasp>>,
-    /// Grasp proposals from images, instead of geometry.
+    /// Grasp proposals from images, instead of geometry. `None` for geometry.
     grasp_proposer: Option<Arc<dyn GraspProposer>>,
     settings: ExpertSettings,
     seed: Seed,
@@ -211,7 +211,7 @@ impl Expert {
         step.atoms.iter().all(|atom| judge_atom(scene, atom, &self.stage.relations).holds)
     }
 
-    /// The first unfinished move of the current alternative.
+    /// The first unfinished move of the current alternative. `None` if all are finished.
     fn next_move(&self, scene: &PosedScene) -> Option<Move> {
         self.plans.last()?.iter().find(|step| !self.is_done(scene, step)).cloned()
     }
@@ -326,7 +326,8 @@ impl Expert {
         };
         match planned {
             Ok(actions) => Ok(ActionChunk { actions, finished: false }),
-            // After a takeover in a pose without a plan: drop the object and pick it up as it lies.
+            // After a takeover in a pose from which nothing can be planned: drop the object and pick it up where it
+            // then lies.
             Err(_) if self.picks == 0 => {
                 let actions = commands::fingers(&hand.arm, hand.hold_width, hand.open_width, self.settings.open_steps);
                 Ok(ActionChunk { actions, finished: false })

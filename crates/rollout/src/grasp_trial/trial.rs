@@ -46,7 +46,7 @@ pub(super) struct Candidate {
     pub grasp: Grasp,
     /// Gripper opening for the approach, m.
     pub opening: f64,
-    /// Features of the sampler's score.
+    /// Features of the sampler's score. `None` for a detector's candidate.
     pub features: Option<Features>,
 }
 
@@ -65,7 +65,7 @@ pub struct ExecutedGrasp {
     pub score: f64,
     /// Distance between the contacts, m.
     pub width: f64,
-    /// Features of the sampler's score.
+    /// Features of the sampler's score. `None` for a detector's candidate.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub features: Option<Features>,
     /// Gripper opening at the end, m.

@@ -27,7 +27,7 @@ const FLOATS_SHARE: f64 = 0.3;
 pub(super) fn joined(mut masks: Vec<Mask>, image: &RgbdImage) -> Vec<Mask> {
     let mut points: Vec<Vec<DVec3>> =
         masks.iter().map(|mask| mask.indices().filter_map(|index| image.point(index)).collect()).collect();
-    // The smallest first: they are the handles.
+    // Handles are smaller than their bodies, so the smallest masks are tested first.
     for handle in (1..masks.len()).rev() {
         let Some(body) = (0..handle).find(|body| is_handle(&points[handle], &points[*body])) else { continue };
         let (mask, own) = (masks.remove(handle), points.remove(handle));

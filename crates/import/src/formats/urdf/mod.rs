@@ -78,7 +78,8 @@ pub struct Motion<'x> {
     pub velocity: Option<f64>,
     /// Maximum torque (N·m) or force (N); `None` if not stated.
     pub effort: Option<f64>,
-    /// Mimic joint: name of the joint whose position this one follows, multiplier and offset.
+    /// Mimic joint: name of the joint whose position this one follows, multiplier and offset. `None` for an independent
+    /// joint.
     pub mimic: Option<(&'x str, f64, f64)>,
 }
 

@@ -80,7 +80,7 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     })
 }
 
-/// Category in the metadata beside an object of PartNet-Mobility.
+/// Category in the metadata beside an object of PartNet-Mobility. `None` if there is none.
 fn partnet_category(path: &str, files: &mut Files<'_>) -> Option<String> {
     let text = files.text(&beside(path, "meta.json").ok()?, SETTINGS).ok()?;
     let metadata: serde_json::Value = serde_json::from_str(&text).ok()?;
@@ -114,7 +114,7 @@ pub struct Surfaces<'a, 'b> {
     /// Repairs and omissions so far, one sentence each.
     pub notes: Vec<String>,
     colors: BTreeMap<String, Material>,
-    /// Error of the first missing mesh of an object; fatal only if no surface is left.
+    /// Error of the first missing mesh of an object; fatal only if no surface is left. `None` if no mesh is missing.
     missing: Option<ImportError>,
 }
 
