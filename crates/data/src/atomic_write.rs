@@ -31,7 +31,7 @@ enum OnConflict {
     AcceptIdentical,
 }
 
-/// Block size for comparing files, bytes.
+/// Block size for comparing files, bytes. Chosen by hand.
 const BLOCK_BYTES: u64 = 1 << 20;
 /// Maximum attempts to replace a folder that another program keeps recreating. Chosen by hand.
 const MAX_TRIES: usize = 100;

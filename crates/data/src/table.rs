@@ -197,10 +197,10 @@ pub fn to_parquet(
     writer.finish()
 }
 
-/// Maximum size of decoded columns, bytes.
+/// Maximum size of decoded columns, bytes. Bounds memory for damaged or hostile files.
 const MAX_TABLE_BYTES: i64 = 512 << 20;
 
-/// Batch size when streaming a data set, rows.
+/// Batch size when streaming a data set, rows. Chosen by hand: bounds memory.
 const ROWS_PER_BATCH: usize = 4096;
 
 fn uncompressed_size(column: &ColumnChunkMetaData) -> i64 {

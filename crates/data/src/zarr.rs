@@ -24,7 +24,7 @@ use crate::export::features::Values;
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection, Source};
 use crate::{DataError, EpisodeStore, depth, video};
 
-/// Rows per chunk of numeric arrays.
+/// Rows per chunk of numeric arrays. Chosen by hand.
 const ROWS_PER_CHUNK: usize = 1024;
 /// zlib level; higher levels take several times as long for a few percent.
 const LEVEL: u32 = 1;

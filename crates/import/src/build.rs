@@ -21,13 +21,14 @@ const FRICTION_RANGE: [f64; 2] = [0.2, 1.1];
 const GRASP_M: f64 = 0.074;
 /// Maximum mass of a graspable object, kg. Chosen by hand.
 const GRASP_KG: f64 = 2.0;
-/// Fractions of a joint's range up to which it counts as closed, and (`OPEN`) from which it counts as open.
+/// Fractions of a joint's range up to which it counts as closed, and (`OPEN`) from which it counts as open. Chosen by
+/// hand.
 const CLOSED: f64 = 0.1;
 const OPEN: f64 = 0.7;
 /// Maximum number of collision pieces of all links. Objects of most packs have fewer than 100; an object standing on
 /// 600 needed 12 s of CPU time to settle.
 const MAX_PIECES: usize = 256;
-/// Maximum number of joints for which states are generated.
+/// Maximum number of joints for which states are generated. Chosen by hand.
 const MAX_STATES: usize = 6;
 
 /// Builds an object model from file contents; properties that the files do not specify are guessed.

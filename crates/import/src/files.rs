@@ -13,9 +13,9 @@ use crate::{ImportError, image};
 
 /// Version of the pipeline, part of the hash: versions may build different objects from the same files.
 const PIPELINE: &str = "genmanip.import/1";
-/// Maximum number of files of one object.
+/// Maximum number of files of one object. Bounds time and memory for hostile files.
 const MAX_FILES: usize = 512;
-/// Maximum total size of one object's files, bytes.
+/// Maximum total size of one object's files, bytes. Bounds time and memory for hostile files.
 const MAX_BYTES: u64 = 256 << 20;
 /// Maximum total size of a robot's files, bytes, and (`MAX_ROBOT_TRIANGLES`) maximum number of triangles of one of its
 /// meshes.
@@ -231,7 +231,7 @@ pub fn beside(file: &str, named: &str) -> Result<String, ImportError> {
     Ok(parts.join("/"))
 }
 
-/// Longest path of a file in a package, bytes.
+/// Longest path of a file in a package, bytes. Longer ones are not searched.
 const MAX_NAME: usize = 1024;
 
 /// Paths of `NAME/inside` of a package in the folders above a file, likeliest first: packages that are called NAME, then

@@ -12,7 +12,7 @@ const MAX_SIDE: usize = 8192;
 /// Maximum number of pixels decoded per object: four of the largest images, 6 s of CPU time. Needed because a small
 /// file can decode to many pixels.
 pub const MAX_PIXELS: usize = 4 * MAX_SIDE * MAX_SIDE;
-/// Maximum texture side after downscaling by an integer factor, pixels.
+/// Maximum texture side after downscaling by an integer factor, pixels. Chosen by hand.
 const KEPT_PIXELS: usize = 512;
 
 /// Decodes a texture, with a note if it was downscaled; errors are messages. Decoded pixels are deducted from

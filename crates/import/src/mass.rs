@@ -10,13 +10,14 @@ use crate::raw::RawLink;
 use crate::report::Guess;
 use crate::typical_sizes::Prior;
 
-/// Mean density of household objects of unknown category, hollow ones included, kg/m³.
+/// Mean density of household objects of unknown category, hollow ones included, kg/m³. Chosen by hand.
 const DENSITY: f64 = 450.0;
-/// Plausible range of a link's mass, kg.
+/// Plausible range of a link's mass, kg. Chosen by hand.
 const MASS_KG: [f64; 2] = [0.001, 60.0];
-/// Maximum factor between an estimated mass and the typical mass of the category, in either direction.
+/// Maximum factor between an estimated mass and the typical mass of the category, in either direction. Chosen by hand.
 const UNUSUAL: f64 = 3.0;
-/// Maximum plausible factor between a stated inertia and that of a body of uniform density, in either direction.
+/// Maximum plausible factor between a stated inertia and that of a body of uniform density, in either direction. Chosen
+/// by hand.
 const INERTIA_OFF: f64 = 8.0;
 
 /// Mass properties of each link.

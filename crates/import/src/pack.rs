@@ -19,7 +19,7 @@ use crate::Imported;
 use crate::report::Report;
 
 const MARK: &[u8] = b"GMOBJ1\n";
-/// Maximum number of vertices, triangles and pixels of one part.
+/// Maximum number of vertices, triangles and pixels of one part. Bounds memory for hostile files.
 const MAX_COUNT: u64 = 4 << 20;
 
 /// JSON header: everything except meshes and textures.

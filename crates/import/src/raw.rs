@@ -5,7 +5,7 @@ use glam::{DMat4, DVec3};
 
 /// Maximum number of triangles of an object; larger files are rejected. As many in random order take 9 s of CPU time.
 pub const MAX_TRIANGLES: usize = 400_000;
-/// Maximum number of links of an object.
+/// Maximum number of links of an object. Bounds the time of the import.
 pub const MAX_LINKS: usize = 64;
 
 /// Up axis of a file.

@@ -10,18 +10,19 @@ use crate::typical_sizes::Prior;
 
 /// Plausible longest side of a tabletop object, m: from a chess piece to a tall cabinet.
 const TABLETOP_M: [f64; 2] = [0.03, 1.0];
-/// Plausible longest side in a format whose unit is metres, m.
+/// Plausible longest side in a format whose unit is metres, m. Chosen by hand.
 const METRIC_M: [f64; 2] = [0.004, 3.0];
-/// Maximum plausible factor between an object's size and the typical size of its category, in either direction.
+/// Maximum plausible factor between an object's size and the typical size of its category, in either direction. Chosen
+/// by hand.
 const UNUSUAL: f64 = 2.5;
-/// Longest side assigned to an object without a typical size, m.
+/// Longest side assigned to an object without a typical size, m. Chosen by hand.
 const FALLBACK_M: f64 = 0.12;
 /// Units written by modelling programs, in metres, most likely first.
 const UNITS: [(&str, f64); 4] = [("metres", 1.0), ("centimetres", 0.01), ("millimetres", 0.001), ("inches", 0.0254)];
 /// Longest side of an articulated object with normalised size, m: one that an arm on the same table can open.
 const NORMALISED_M: f64 = 0.35;
 
-/// Difference below which two footprint fractions count as equal.
+/// Difference below which two footprint fractions count as equal. Chosen by hand.
 const EQUAL_MARGIN: f64 = 0.15;
 
 /// The user's choices for unit and up axis of a file.

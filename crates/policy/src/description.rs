@@ -165,7 +165,7 @@ pub struct ImageInput {
     pub height: usize,
 }
 
-/// Side of the patches that images are divided into, pixels.
+/// Side of the patches that images are divided into, pixels. Chosen by hand.
 pub(crate) const PATCH: usize = 4;
 
 impl ImageInput {

@@ -13,7 +13,7 @@ use tungstenite::{Error, HandshakeError, Message, WebSocket};
 
 /// Maximum response size, bytes: an action chunk has a few kilobytes, a traceback somewhat more.
 const MAX_ANSWER_BYTES: usize = 4 << 20;
-/// Maximum nesting depth of a response.
+/// Maximum nesting depth of a response. Bounds the recursion for invalid responses.
 const MAX_DEPTH: usize = 32;
 /// Maximum reported length of a server's traceback (characters); its end contains the error.
 const MAX_TRACEBACK_CHARS: usize = 400;

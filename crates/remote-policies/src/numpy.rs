@@ -5,7 +5,7 @@
 
 use rmpv::Value;
 
-/// Maximum number of elements of an array.
+/// Maximum number of elements of an array. Bounds memory for invalid messages.
 const MAX_ELEMENTS: usize = 1 << 20;
 
 /// NumPy array of numbers.

@@ -27,7 +27,7 @@ const DROID_RAD_S: f64 = 0.2 * 15.0;
 const LIBERO_M: f64 = 0.05;
 /// Rotation delta of such an action of 1 (rad).
 const LIBERO_RAD: f64 = 0.5;
-/// Maximum actions of a chunk.
+/// Maximum actions of a chunk. Bounds memory for invalid responses.
 const MAX_ACTIONS: usize = 1000;
 
 /// Observation and action format of a server.

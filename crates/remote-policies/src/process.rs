@@ -14,7 +14,7 @@ use serde_json::{Map, Value, json};
 
 /// Program of the process: the interface of a policy, which the Python package shares, and the loop that serves it.
 const PROGRAM: [&str; 2] = [include_str!("../../../python/genmanip/_policy.py"), include_str!("policy_process.py")];
-/// Maximum size of a message header and of an array (bytes).
+/// Maximum size of a message header and of an array (bytes). Bounds memory for invalid messages.
 const MAX_BYTES: usize = 4 << 20;
 /// Maximum length of a policy's error that is reported (characters).
 const MAX_MISTAKE_CHARS: usize = 2000;

@@ -22,7 +22,7 @@ const ROBOT: &str = "robot";
 const SPEC: &str = "policy_spec";
 /// Prefix of the keys of images, before the camera's name.
 const IMAGES: &str = "observation.images.";
-/// Maximum actions of a chunk.
+/// Maximum actions of a chunk. Bounds memory for invalid responses.
 const MAX_ACTIONS: usize = 1000;
 
 /// A policy on a server that describes itself, with one connection per episode.

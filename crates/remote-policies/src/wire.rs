@@ -6,7 +6,7 @@ use serde_json::{Map, Number, Value as Json};
 
 use crate::numpy::Array;
 
-/// Maximum nesting depth of a request.
+/// Maximum nesting depth of a request. Bounds the recursion for hostile requests.
 const MAX_DEPTH: usize = 16;
 
 /// Decodes a request; arrays become lists of numbers.

@@ -21,7 +21,7 @@ use crate::evidence::{Evidence, Unreachable};
 use crate::images::{Exposure, StageRenderer, sensor_seed};
 use crate::{RolloutError, RolloutSettings, Stage, evidence};
 
-/// Time after the last grip during which contact with the object counts as part of the release, s.
+/// Time after the last grip during which contact with the object counts as part of the release, s. Chosen by hand.
 const RELEASE_S: f64 = 1.0;
 
 /// Environment with an episode in progress, or none before the first [`Environment::reset`].

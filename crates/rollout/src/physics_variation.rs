@@ -9,7 +9,7 @@ use rand::{Rng, RngExt};
 /// Maximum factors of friction and (`MASS`) of mass; the minimum is the inverse.
 const FRICTION: f64 = 1.5;
 const MASS: f64 = 1.5;
-/// Minimum factor of contact damping.
+/// Minimum factor of contact damping. The maximum is 1.
 const CONTACT_DAMPING: f64 = 0.5;
 
 /// Multiplies pad friction, and the friction, mass, contact damping and joint friction of each object, by independent

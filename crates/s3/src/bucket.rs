@@ -11,7 +11,7 @@ use genmanip_core::hexadecimal;
 
 /// Part size of multipart uploads, bytes; S3 allows 10,000 parts of 5 MiB to 5 GiB. Chosen by hand.
 pub(crate) const PART: u64 = 16 << 20;
-/// Maximum number of parts of an object.
+/// Maximum number of parts of an object. A limit of S3.
 const MAX_PARTS: u64 = 10_000;
 /// Maximum length of a response other than an object, bytes.
 const MAX_RESPONSE: u64 = 1 << 20;

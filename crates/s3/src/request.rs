@@ -9,7 +9,7 @@ use crate::access::{Access, Endpoint};
 use crate::sign::{Unsigned, authorization, encoded, time};
 use genmanip_core::hexadecimal;
 
-/// Maximum length of an error text, bytes.
+/// Maximum length of an error text, bytes. Chosen by hand.
 const MAX_ERROR_BYTES: u64 = 64 << 10;
 /// Connection timeout, s. Chosen by hand.
 const CONNECT_S: u64 = 10;

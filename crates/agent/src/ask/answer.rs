@@ -15,11 +15,11 @@ use crate::grid::{Cell, Grid};
 
 /// Maximum length of an answer (bytes), about a hundred times a long path.
 const MAX_ANSWER_BYTES: usize = 64 << 10;
-/// Maximum number of JSON values of an answer.
+/// Maximum number of JSON values of an answer. Bounds the time for invalid answers.
 const MAX_VALUES: usize = 4096;
-/// Maximum number of nested single-item lists and single-key objects around an answer.
+/// Maximum number of nested single-item lists and single-key objects around an answer. Chosen by hand.
 const MAX_WRAPPINGS: usize = 3;
-/// Maximum number of sub-tasks, and of cells of a path.
+/// Maximum number of sub-tasks, and of cells of a path. Chosen by hand.
 const MAX_ITEMS: usize = 24;
 /// Allowed path heights above the table (m). Chosen by hand.
 const HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.1..=0.5;

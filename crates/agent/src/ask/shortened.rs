@@ -1,6 +1,6 @@
 //! Truncation of answers for transcripts and retries.
 
-/// Maximum length of a truncated answer (bytes).
+/// Maximum length of a truncated answer (bytes). Chosen by hand.
 const MAX_KEPT_BYTES: usize = 2000;
 
 /// Truncates an answer to [`MAX_KEPT_BYTES`].

@@ -116,7 +116,7 @@ fn is_on(mask: &Mask, middle: [f64; 2], anchor: [f64; 2]) -> bool {
     middle == anchor || mask.pixels.get(index) == Some(&true)
 }
 
-/// Maximum share of an object that its label may hide.
+/// Maximum share of an object that its label may hide. Chosen by hand.
 const MAX_HIDDEN_SHARE: f64 = 0.2;
 /// Number of directions and (`STEPS`) of steps of the search for a free label position.
 const DIRECTIONS: usize = 16;
@@ -247,7 +247,7 @@ pub fn grid(image: &RgbImage, grid: &Grid, grab: [f64; 2]) -> RgbImage {
     marked
 }
 
-/// Approximate side of an enlarged grid (px).
+/// Approximate side of an enlarged grid (px). Chosen by hand.
 const ENLARGED_PX: u32 = 576;
 
 /// Enlarges the part of an image that a grid covers; draws the grid and, if it lies inside, a cross at the grab point.
@@ -286,7 +286,7 @@ fn cross(image: &mut RgbImage, at: [f64; 2]) {
     }
 }
 
-/// Length of an arrow in the world (m).
+/// Length of an arrow in the world (m). Chosen by hand.
 const ARROW_M: f64 = 0.11;
 /// Position of the arrows as a share of the image's width and height: a lower corner, away from the table's centre.
 const ARROWS_AT: [f64; 2] = [0.9, 0.86];

@@ -14,7 +14,7 @@ pub struct RgbImage {
     pub rgb: Vec<u8>,
 }
 
-/// Maximum image side that is decoded (px).
+/// Maximum image side that is decoded (px). Bounds memory for hostile files.
 pub const MAX_SIDE: u32 = 8192;
 
 /// 8-bit sRGB colour: red, green, blue.

@@ -8,26 +8,26 @@ use std::fmt;
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
 use genmanip_core::{Intrinsics, Pose, RgbdImage};
 
-/// Samples along the longer side of the image.
+/// Samples along the longer side of the image. Chosen by hand.
 const SAMPLES: u32 = 64;
 /// Distance of the samples between which normals are measured [samples]. Chosen: 1/16 of the image, so that sensor noise
 /// turns normals by less than [`MIN_NORMAL_Z`] allows.
 const BASELINE: usize = 4;
 /// Cosine of the maximum tilt of a horizontal surface, 20 degrees.
 const MIN_NORMAL_Z: f64 = 0.94;
-/// Maximum height of the table above or below z = 0 (m).
+/// Maximum height of the table above or below z = 0 (m). Chosen by hand.
 const TABLE_M: f64 = 0.03;
-/// Maximum horizontal distance of the table's points from the robot's base (m).
+/// Maximum horizontal distance of the table's points from the robot's base (m). Chosen by hand.
 const REACH_M: f64 = 1.5;
 /// Minimum extent of the table's points (m): a scene that is a thousand times too small is near z = 0 as a whole.
 const MIN_TABLE_M: f64 = 0.2;
 /// Minimum share of the measured samples on the table in a plausible image. Chosen low: objects may cover most of it.
 const MIN_SHARE: f64 = 0.05;
 /// Minimum share of samples on the table that makes a mistake likely, and (`LIKELY_RATIO`) minimum ratio to the share
-/// without correction.
+/// without correction. Chosen by hand.
 const LIKELY_SHARE: f64 = 0.15;
 const LIKELY_RATIO: f64 = 2.0;
-/// Minimum share of samples with a measured depth.
+/// Minimum share of samples with a measured depth. Chosen by hand.
 const MIN_MEASURED: f64 = 0.05;
 /// Bin size of the histogram of heights of horizontal surfaces (m).
 const BIN_M: f64 = 0.02;

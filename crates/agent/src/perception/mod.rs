@@ -25,9 +25,9 @@ use crate::segmentation::{Mask, SegmentError, SegmentQuestion, Segmenter};
 /// Maximum depth difference between two views of one point [m]: about the depth range of one pixel on a slanted
 /// surface, plus noise.
 const DEPTH_TOLERANCE_M: f64 = 0.01;
-/// Minimum share of a mask's visible points inside a mask of another view for the two to match.
+/// Minimum share of a mask's visible points inside a mask of another view for the two to match. Chosen by hand.
 const MIN_OVERLAP: f64 = 0.5;
-/// Minimum number of common points for two masks to match.
+/// Minimum number of common points for two masks to match. Chosen by hand.
 const MIN_COMMON_POINTS: usize = 5;
 
 /// Segmented image of one camera.

@@ -3,13 +3,13 @@
 use genmanip_core::{Aabb, Piece, Pose, Shape};
 use glam::{DVec2, DVec3};
 
-/// Number of sampled directions for the vertices of the hull.
+/// Number of sampled directions for the vertices of the hull. Chosen by hand.
 const HULL_DIRECTIONS: usize = 80;
-/// Number of sampled horizontal directions for the vertices of the base.
+/// Number of sampled horizontal directions for the vertices of the base. Chosen by hand.
 const BASE_DIRECTIONS: usize = 16;
 /// Maximum height of an object's lowest visible point for the object to count as standing on the table (m).
 const ON_TABLE_M: f64 = 0.012;
-/// Minimum height of the body of a flat object (m).
+/// Minimum height of the body of a flat object (m). Chosen by hand.
 const MIN_HEIGHT_M: f64 = 0.004;
 /// Gap between the body and its support (m): points are less accurate, and a body that touched its support would be in
 /// collision.

@@ -101,11 +101,11 @@ const NEIGHBOUR_M: f64 = 0.05;
 const REACH_M: [DVec2; 2] = [DVec2::new(-0.2, -1.0), DVec2::new(1.2, 1.0)];
 /// Clearance levels that rank candidate points (m); more clearance is no better.
 const CLEARANCE_LEVELS_M: [f64; 4] = [0.01, 0.006, 0.003, 0.0];
-/// Height above the target below which points do not count as obstacles (m).
+/// Height above the target below which points do not count as obstacles (m). Chosen by hand.
 const MIN_OBSTACLE_HEIGHT_M: f64 = 0.006;
 /// A receiver longer than this multiple of the moved object holds two of them.
 const HOLDS_TWO_RATIO: f64 = 2.2;
-/// Usable share of the free extent on a receiver.
+/// Usable share of the free extent on a receiver. Chosen by hand.
 const USABLE_SHARE: f64 = 0.8;
 /// Maximum number of alternative points per cell, and (`MIN_ALTERNATIVE_DISTANCE_M`) minimum distance between them (m).
 const MAX_ALTERNATIVES: usize = 3;
@@ -113,7 +113,7 @@ const MIN_ALTERNATIVE_DISTANCE_M: f64 = 0.012;
 
 /// Minimum depth of the middle below the rim of a hollow receiver (m); deeper than plates and boards.
 const MIN_HOLLOW_DEPTH_M: f64 = 0.025;
-/// Height of the rim band as a share of the receiver's height, and (`MIN_RIM_M`) its minimum (m).
+/// Height of the rim band as a share of the receiver's height, and (`MIN_RIM_M`) its minimum (m). Chosen by hand.
 const RIM_SHARE: f64 = 0.25;
 const MIN_RIM_M: f64 = 0.015;
 

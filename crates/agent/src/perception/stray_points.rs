@@ -7,9 +7,9 @@ use glam::{DVec3, IVec3};
 /// Edge of the voxels by which points are clustered (m); points in neighbouring voxels are connected. Chosen by hand:
 /// twice the distance of neighbouring pixels on a slanted surface.
 const VOXEL_M: f64 = 0.008;
-/// Minimum share of the shown camera's points for a cluster to be kept.
+/// Minimum share of the shown camera's points for a cluster to be kept. Chosen by hand.
 const SHOWN_SHARE: f64 = 0.05;
-/// Minimum share of all points for a cluster to be kept that the shown camera does not see.
+/// Minimum share of all points for a cluster to be kept that the shown camera does not see. Chosen by hand.
 const HIDDEN_SHARE: f64 = 0.2;
 
 /// Points without small isolated clusters; the first `shown` points are those of the camera whose image is shown to

@@ -13,11 +13,11 @@ use serde_json::{Value, json};
 
 use super::{read, transport_error};
 
-/// Maximum number of grasps in an answer.
+/// Maximum number of grasps in an answer. Bounds the time for invalid answers.
 const MAX_GRASPS: usize = 10_000;
 /// Maximum distance of a grasp from the camera (m); larger numbers are probably millimetres.
 const MAX_DISTANCE_M: f64 = 10.0;
-/// Maximum plausible gripper opening (m).
+/// Maximum plausible gripper opening (m). Larger numbers are probably millimetres.
 const MAX_WIDTH_M: f64 = 0.5;
 
 /// Grasp request: the target object and its surroundings, world frame.

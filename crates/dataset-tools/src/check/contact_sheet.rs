@@ -8,7 +8,7 @@ use genmanip_data::{DataError, EncodedVideo, genmanip_format, video};
 
 /// Maximum number of episodes on a sheet; evenly spaced over the data set.
 const EPISODES: usize = 12;
-/// Number of images per episode, evenly spaced in time from first to last.
+/// Number of images per episode, evenly spaced in time from first to last. Chosen by hand.
 const MOMENTS: usize = 4;
 /// Maximum image width, pixels; wider images are downscaled by an integer factor.
 const WIDTH: usize = 256;

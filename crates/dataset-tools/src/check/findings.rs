@@ -23,7 +23,7 @@ pub struct Finding {
 
 /// Maximum findings listed per check and file; further ones are only counted.
 const LISTED_PER_FILE: usize = 8;
-/// Maximum findings listed in total.
+/// Maximum findings listed in total. Chosen by hand.
 const LISTED: usize = 1000;
 
 /// Findings collected by all checks so far, with a count of those beyond the limits.

@@ -42,7 +42,7 @@ pub struct Bin {
     pub episodes: usize,
 }
 
-/// Number of bins of the histogram.
+/// Number of bins of the histogram. Chosen by hand.
 const BINS: usize = 10;
 
 /// Contents of a data set.

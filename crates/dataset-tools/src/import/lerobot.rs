@@ -24,7 +24,7 @@ use genmanip_data::{ColorHistogram, DataError, EpisodeStore, depth};
 const INDEX_COLUMNS: [&str; 5] = ["timestamp", "frame_index", "episode_index", "index", "task_index"];
 /// Supported numeric types; `int32` is widened to `int64`.
 const NUMBERS: [&str; 5] = ["float32", "float64", "int32", "int64", "bool"];
-/// Batch size for tables with images, rows.
+/// Batch size for tables with images, rows. Chosen by hand: bounds memory.
 const ROWS_PER_BATCH: usize = 256;
 /// Tolerance of timestamps against `frame_index / fps`, s; ten times that of LeRobot's own readers.
 const TIME_TOLERANCE_S: f64 = 1e-3;

@@ -24,7 +24,7 @@ const NO_PAGE: u64 = u64::MAX;
 const MAX_KEYS: usize = 20_000_000;
 /// Maximum key length written by LMDB, bytes.
 const MAX_KEY_BYTES: usize = 511;
-/// Maximum size of a value, bytes.
+/// Maximum size of a value, bytes. Bounds memory for damaged or hostile files.
 const MAX_VALUE_BYTES: u64 = 1 << 30;
 
 /// An open LMDB file with its keys in memory.

@@ -3,11 +3,11 @@
 
 use serde::Serialize;
 
-/// Rate of the rows, Hz.
+/// Rate at which episodes are sampled to rows, Hz.
 pub(super) const ROWS_HZ: f64 = 15.0;
-/// Prediction horizon, s.
+/// Prediction horizon, s. Chosen by hand.
 const AHEAD_S: f64 = 1.0;
-/// Number of nearest neighbours whose motions are averaged (k).
+/// Number of nearest neighbours whose motions are averaged (k). Chosen by hand.
 const NEIGHBOURS: usize = 5;
 /// Maximum number of rows of a task that are predicted, and (`MAX_SEARCHED`) that are searched for neighbours: keeps
 /// the time at a few seconds.

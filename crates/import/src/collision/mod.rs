@@ -16,16 +16,18 @@ use crate::clean::{is_closed, signed_volume};
 use crate::raw::{RawCollision, RawLink, RawMesh};
 use crate::simplify::reduced;
 
-/// Maximum ratio of hull volume to mesh volume at which a mesh is replaced by its hull.
+/// Maximum ratio of hull volume to mesh volume at which a mesh is replaced by its hull. Chosen by hand.
 const NEARLY_CONVEX: f64 = 1.15;
 /// Maximum number of hull vertices that the engine's hull collision handles without slowing down.
 const MAX_VERTICES: usize = 48;
 /// Maximum number of pieces of a decomposition, and (`RESOLUTION`) its resolution in voxels along the longest side.
+/// Chosen by hand.
 const MAX_PIECES: u32 = 24;
 const RESOLUTION: u32 = 48;
-/// Maximum number of connected components of a pre-decomposed mesh.
+/// Maximum number of connected components of a pre-decomposed mesh. Chosen by hand.
 const MAX_COMPONENTS: usize = 64;
-/// Maximum number of pieces, and (`REST_RESOLUTION`) resolution in voxels, for the protrusions of a shell.
+/// Maximum number of pieces, and (`REST_RESOLUTION`) resolution in voxels, for the protrusions of a shell. Chosen by
+/// hand.
 const REST_PIECES: u32 = 6;
 const REST_RESOLUTION: u32 = 28;
 /// Maximum number of triangles for measuring and decomposing; about as many as the visual mesh has.

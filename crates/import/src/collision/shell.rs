@@ -10,25 +10,25 @@ use super::hull;
 use crate::clean::is_closed;
 use crate::raw::RawMesh;
 
-/// Cells per side of the height map in which the cavity is searched.
+/// Cells per side of the height map in which the cavity is searched. Chosen by hand.
 const CELLS: usize = 72;
-/// Fractions of the height at which a closed wall is searched, highest first.
+/// Fractions of the height at which a closed wall is searched, highest first. Chosen by hand.
 const LEVELS: [f64; 5] = [0.9, 0.75, 0.6, 0.45, 0.3];
 /// Minimum area of the cavity as a fraction of the footprint, and (`MIN_DEPTH`) minimum depth as a fraction of the
-/// height.
+/// height. Chosen by hand.
 const MIN_AREA: f64 = 0.12;
 const MIN_DEPTH: f64 = 0.2;
-/// Number of directions in which the wall is measured, and (`SECTORS`) number of wedges.
+/// Number of directions in which the wall is measured, and (`SECTORS`) number of wedges. Chosen by hand.
 const DIRECTIONS: usize = 96;
 const SECTORS: usize = 24;
-/// Heights at which the wall is measured, as fractions of the cavity's depth from the floor.
+/// Heights at which the wall is measured, as fractions of the cavity's depth from the floor. Chosen by hand.
 const HEIGHTS: [f64; 4] = [0.02, 0.3, 0.65, 0.95];
-/// Minimum fraction of directions in which a ray from the centre must hit the wall.
+/// Minimum fraction of directions in which a ray from the centre must hit the wall. Chosen by hand.
 const MIN_HIT_SHARE: f64 = 0.93;
-/// Thickness assigned to a wall that is a single surface, and (`MAX_WALL_M`) maximum wall thickness, m.
+/// Thickness assigned to a wall that is a single surface, and (`MAX_WALL_M`) maximum wall thickness, m. Chosen by hand.
 const SHEET_M: f64 = 0.0025;
 const MAX_WALL_M: f64 = 0.05;
-/// Minimum distance outside the wall from which a vertex counts as protruding, m.
+/// Minimum distance outside the wall from which a vertex counts as protruding, m. Chosen by hand.
 const OUTSIDE_M: f64 = 0.004;
 
 /// A hollow object decomposed into convex pieces.

@@ -12,10 +12,11 @@ use crate::ImportError;
 use crate::files::{Files, shortened};
 use crate::raw::{RawLink, RawMesh, RawObject, Surface, Unit, Up};
 
-/// Maximum nesting depth of nodes, and (`MAX_PLACED`) maximum number of instantiated nodes and meshes.
+/// Maximum nesting depth of nodes, and (`MAX_PLACED`) maximum number of instantiated nodes and meshes. Bounds time for
+/// hostile files.
 const MAX_DEPTH: usize = 64;
 const MAX_PLACED: usize = 4096;
-/// Maximum number of XML nodes.
+/// Maximum number of XML nodes. Bounds time and memory for hostile files.
 const MAX_NODES: u32 = 2_000_000;
 
 /// Reads the object of a Collada file, in metres.

@@ -19,10 +19,10 @@ use crate::image;
 use crate::raw::{MAX_TRIANGLES, RawLink, RawMesh, RawObject, Surface, Unit, Up};
 use crate::vertex_colors;
 
-/// Maximum nesting depth of nodes, and (`MAX_NODES`) maximum number of nodes.
+/// Maximum nesting depth of nodes, and (`MAX_NODES`) maximum number of nodes. Bounds time for hostile files.
 const MAX_DEPTH: usize = 64;
 const MAX_NODES: usize = 10_000;
-/// Maximum number of textures of an object.
+/// Maximum number of textures of an object. Bounds memory for hostile files.
 const MAX_TEXTURES: usize = 16;
 
 /// Reads an object from one GLB or glTF file.

@@ -8,10 +8,11 @@ use roxmltree::{Document, Node, ParsingOptions};
 use crate::ImportError;
 use crate::files::{Files, shortened};
 
-/// Maximum number of elements and attributes, and (`MAX_DEPTH`) maximum nesting depth.
+/// Maximum number of elements and attributes, and (`MAX_DEPTH`) maximum nesting depth. Bounds time and memory for
+/// hostile files.
 const MAX_NODES: u32 = 400_000;
 const MAX_DEPTH: usize = 128;
-/// Maximum number of undeclared namespace prefixes.
+/// Maximum number of undeclared namespace prefixes. Bounds time for hostile files.
 const MAX_PREFIXES: usize = 16;
 
 /// An XML element with its place in the file.

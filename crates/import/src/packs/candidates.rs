@@ -9,7 +9,8 @@ use genmanip_core::limits;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
-/// Maximum number of files, and (`MAX_DEPTH`) maximum nesting depth of folders that are searched.
+/// Maximum number of files, and (`MAX_DEPTH`) maximum nesting depth of folders that are searched. Bounds the time for a
+/// folder named by mistake.
 const MAX_FILES: usize = 50_000;
 const MAX_DEPTH: usize = 16;
 /// Extensions of importable files, in order of preference: of several meshes with the same stem in one folder, only the

@@ -27,12 +27,12 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 use genmanip_workspace::worlds;
-/// Rotation while settling beyond which an object counts as toppled, rad.
+/// Rotation while settling beyond which an object counts as toppled, rad. Chosen by hand.
 const TOPPLED_RAD: f64 = 0.3;
 /// Maximum number of times that an object is re-imported in its resting pose. Once is nearly always enough, since the
 /// new base is flattened where the object touches the table.
 const MAX_TURNS: u32 = 3;
-/// Maximum drift in 2 s of an object at rest, mm.
+/// Maximum drift in 2 s of an object at rest, mm. Chosen by hand.
 const DRIFT_MM: f64 = 1.0;
 /// Side of the preview images, pixels.
 const PREVIEW_PX: u32 = 256;

@@ -10,7 +10,7 @@ use genmanip_sim::{Model, SceneObject, SettleSettings, Sim, SimError};
 const PLACE: DVec3 = DVec3::new(0.5, 0.0, 0.0);
 /// Height from which the object is dropped, m: just above the table, so that it starts without penetration.
 const DROP_M: f64 = 0.0005;
-/// Maximum settling time, and (`DRIFT_S`) duration of the drift measurement, simulated seconds.
+/// Maximum settling time, and (`DRIFT_S`) duration of the drift measurement, simulated seconds. Chosen by hand.
 const SETTLE_S: f64 = 3.0;
 const DRIFT_S: f64 = 2.0;
 /// Rate of the physics steps, Hz.

@@ -17,24 +17,24 @@ use crate::units_and_frame::transformed_mass;
 
 /// Default gripper.
 pub const GRIPPER: &str = "panda_hand";
-/// Density of a link that states no mass, over the volume of its hulls, kg/m³.
+/// Density of a link that states no mass, over the volume of its hulls, kg/m³. Chosen by hand.
 const DENSITY: f64 = 800.0;
-/// Minimum mass of a link, kg, and (`LEAST_INERTIA`) minimum moment of inertia, kg·m².
+/// Minimum mass of a link, kg, and (`LEAST_INERTIA`) minimum moment of inertia, kg·m². Chosen by hand.
 const LEAST_MASS_KG: f64 = 0.01;
 const LEAST_INERTIA: f64 = 1e-6;
 /// Natural frequency of a driven joint, rad/s; gains give critical damping for the inertia that the joint moves.
 const FREQUENCY: f64 = 45.0;
-/// Mass of payload and gripper for which the gains are computed, kg.
+/// Mass of payload and gripper for which the gains are computed, kg. Chosen by hand.
 const PAYLOAD_KG: f64 = 1.5;
 /// Minimum and maximum proposed acceleration [rad/s² or m/s²], and (`JERK_PER_ACCELERATION`) ratio of jerk to
-/// acceleration [1/s].
+/// acceleration [1/s]. Chosen by hand.
 const ACCELERATIONS: [f64; 2] = [1.0, 12.0];
 const JERK_PER_ACCELERATION: f64 = 400.0;
 /// Heights of the tool centre point at which a home configuration is sought, in order of preference, and (`PICK_M`) at
-/// which the reach is measured, m.
+/// which the reach is measured, m. Chosen by hand.
 const HOME_M: [f64; 5] = [0.45, 0.38, 0.32, 0.25, 0.18];
 const PICK_M: f64 = 0.05;
-/// Step between the tested horizontal distances from the base's z axis, m.
+/// Step between the tested horizontal distances from the base's z axis, m. Chosen by hand.
 const STEP_M: f64 = 0.025;
 /// Minimum clearance of proposed configurations, m; link pairs within twice this distance at nearly every configuration
 /// are excluded from self-collision checks.

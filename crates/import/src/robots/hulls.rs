@@ -13,11 +13,12 @@ use crate::collision::hull::convex_hull;
 
 /// Maximum number of vertices; larger hulls are simplified.
 pub const MAX_CORNERS: usize = 256;
-/// Distance between polytope and mesh at which refinement ends, m.
+/// Distance between polytope and mesh at which refinement ends, m. Chosen by hand.
 const TOLERANCE_M: f64 = 0.0005;
-/// Number of points above which the exact hull is not computed but approximated at once.
+/// Number of points above which the exact hull is not computed but approximated at once. Chosen by hand: bounds the
+/// time.
 const MAX_EXACT: usize = 1500;
-/// Thickness given to flat meshes, m.
+/// Thickness given to flat meshes, m. Chosen by hand.
 const THICKNESS_M: f64 = 0.001;
 /// Distance below which vertices are merged, m.
 const SAME_M: f64 = 1e-7;

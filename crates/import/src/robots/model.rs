@@ -30,7 +30,7 @@ const NO_LIMIT: f64 = 1000.0;
 /// Distance below which a link pair counts as always near (m): twice the clearance that the planner keeps, since a
 /// search could hardly move pairs that always stay closer.
 const ALWAYS_NEAR_M: f64 = 0.006;
-/// Minimum simplification error of a hull that is noted, m.
+/// Minimum simplification error of a hull that is noted, m. Chosen by hand.
 const NOTED_M: f64 = 0.001;
 
 /// Options of the reader.

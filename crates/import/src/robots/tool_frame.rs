@@ -8,7 +8,7 @@ const FINGER_JOINTS: [&str; 7] = ["finger", "gripper", "knuckle", "jaw", "claw",
 const FINGER_LINKS: [&str; 5] = ["finger", "knuckle", "jaw", "claw", "thumb"];
 /// Parts of names of tool frames, best first.
 const TOOL_NAMES: [&str; 7] = ["tcp", "tool0", "tool", "grasp", "ee_", "end_effector", "gripper_frame"];
-/// Maximum range of a prismatic joint that can be a finger, m.
+/// Maximum range of a prismatic joint that can be a finger, m. Chosen by hand.
 const FINGER_SLIDE_M: f64 = 0.15;
 
 /// For each link, true if it is a finger or descends from one.

@@ -42,7 +42,7 @@ pub const POINT_UNIT_M: f32 = 0.1;
 
 /// Bound of the initial values of learned tokens. Chosen by hand.
 const MAX_TOKEN: f32 = 0.1;
-/// Number of keypoints that are grouped into one token.
+/// Number of keypoints that are grouped into one token. Chosen by hand.
 const KEYPOINTS_PER_TOKEN: usize = 4;
 /// Names of the hidden layers that locate the labelled keypoints in 3D.
 const LOCATE: [&str; 2] = ["locate.0", "locate.1"];

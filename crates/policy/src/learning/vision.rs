@@ -11,7 +11,7 @@ use super::tensor::Tensor;
 use crate::description::PATCH;
 use crate::{ImageBatch, ImageInput, ModelSettings, normalised_pixel};
 
-/// Residual convolutions after the first one.
+/// Residual convolutions after the first one. Chosen by hand.
 const CONVOLUTIONS: usize = 3;
 
 /// Keypoints of the images of a batch.

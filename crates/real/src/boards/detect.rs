@@ -12,10 +12,10 @@ use crate::homography::{homography, mapped};
 
 /// Minimum brightness difference between the white around a tag and its black border, grey levels. Chosen by hand.
 const MIN_CONTRAST: f64 = 15.0;
-/// Maximum number of border cells of a tag that look white.
+/// Maximum number of border cells of a tag that look white. Chosen by hand.
 const MOST_BRIGHT: usize = 2;
 /// Maximum distance between a tag's corner and the prediction by the homography of all tags, as a share of the tag's
-/// side.
+/// side. Chosen by hand.
 const MAX_ASTRAY: f64 = 0.4;
 /// Maximum distance between the centre of a tag and a chessboard corner that is predicted from it, in squares.
 const NEAR: f64 = 1.6;

@@ -6,7 +6,7 @@ use genmanip_core::glam::DVec2;
 
 use super::layout::Layout;
 
-/// Minimum white border around the pattern, mm.
+/// Minimum white border around the pattern, mm. Chosen by hand.
 pub const BORDER_MM: f64 = 5.0;
 
 /// SVG page of width and height in mm with the board in its middle and a caption below; `None` if the page is too

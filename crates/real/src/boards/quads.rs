@@ -7,13 +7,13 @@ use super::tags::CELLS;
 
 /// Maximum distance of a contour from its sides: the larger of this many pixels and this share of the shortest side.
 const STRAIGHT: [f64; 2] = [1.6, 0.04];
-/// Maximum share of contour points that are farther from the sides.
+/// Maximum share of contour points that are farther from the sides. Chosen by hand.
 const MOST_ASTRAY: f64 = 0.05;
 /// Minimum length of a side, pixels: more than one pixel per cell of a tag.
 const MIN_SIDE: f64 = 10.0;
 /// Share of a side at each end that is not fitted: adjacent edges blur into it.
 const ENDS: f64 = 0.1;
-/// Number of refinements of the lines, each starting from the previous corners.
+/// Number of refinements of the lines, each starting from the previous corners. Chosen by hand.
 const ROUNDS: usize = 2;
 
 /// Corners of a dark quadrilateral, clockwise in the image; `None` for another shape.
@@ -84,7 +84,7 @@ impl Line {
 /// Line along the edge between two corners, with the bright side on its left: total least squares over the points of
 /// steepest gradient across the edge. `None` if the samples cross the image border or no edge is found.
 fn edge(image: &GreyImage, from: DVec2, to: DVec2) -> Option<Line> {
-    /// Sample spacing across the edge, pixels.
+    /// Sample spacing across the edge, pixels. Chosen by hand.
     const STEP: f64 = 0.25;
     let length = from.distance(to);
     let direction = (to - from) / length;

@@ -4,7 +4,7 @@ use genmanip_core::glam::DVec2;
 
 use super::grey::GreyImage;
 
-/// Side of the tiles whose minimum and maximum brightness set the adaptive threshold, pixels.
+/// Side of the tiles whose minimum and maximum brightness set the adaptive threshold, pixels. As in AprilTag 2.
 const TILE: usize = 4;
 /// Minimum difference between bright and dark around an edge, grey levels. Chosen by hand.
 const MIN_CONTRAST: u8 = 20;

@@ -7,7 +7,7 @@ use super::views::{CameraModel, View};
 use crate::homography::homography;
 use crate::least_squares::{Normal, minimise, moved};
 
-/// Minimum angle between the board normals of two poses that count as different solutions, rad.
+/// Minimum angle between the board normals of two poses that count as different solutions, rad. Chosen by hand.
 const DIFFERENT_RAD: f64 = 0.05;
 
 /// Pose of the board in one view.

@@ -11,7 +11,8 @@ use crate::linear::Square;
 
 /// Minimum number of views that determine the pose in principle: three views have two independent relative motions.
 const MIN_VIEWS: usize = 3;
-/// Minimum angle between orientations that count as distinct, and of relative rotations whose axis is used, rad.
+/// Minimum angle between orientations that count as distinct, and of relative rotations whose axis is used, rad. Chosen
+/// by hand.
 const MIN_TURN_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
 /// Minimum spread of the rotation axes about their main direction, as the second eigenvalue of their mean outer
 /// product: sin² of 10 degrees.

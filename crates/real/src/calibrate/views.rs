@@ -12,7 +12,7 @@ use crate::boards::{Charuco, Layout, TagGrid};
 
 /// Maximum number of views: the cost of solving grows with the cube of their number.
 const MAX_VIEWS: usize = 150;
-/// Maximum number of corners of a board.
+/// Maximum number of corners of a board. Bounds the time for hostile input.
 const MAX_CORNERS: usize = 2_000;
 /// Minimum number of corners from which a view's board pose is estimated; four in general position suffice, more
 /// average the noise.

@@ -13,7 +13,7 @@ const POSTURE_PULL_PER_S: f64 = 2.0;
 const MAX_LAG_S: f64 = 2.0;
 /// Bisection steps for the reachable share of a path segment: precision of a hundredth of an action.
 const BISECTIONS: usize = 7;
-/// Minimum remaining share of an action's duration to start another pose.
+/// Minimum remaining share of an action's duration to start another pose. Chosen by hand.
 const MIN_TIME: f64 = 1e-3;
 
 /// Requested path that the arm has not executed yet.

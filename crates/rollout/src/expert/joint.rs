@@ -23,7 +23,7 @@ const PATH_STATES: usize = 200;
 const MAX_SLOWDOWNS: usize = 6;
 /// Distance by which a pushing finger first backs off, metres: more than the 4 mm it may press in (`joint_lag_m`).
 const EASE_M: f64 = 0.006;
-/// Shares of the full retreat distance tried in each direction, where space is short.
+/// Shares of the full retreat distance tried in each direction, where space is short. Chosen by hand.
 const RETREAT_SHARES: [f64; 2] = [1.0, 0.4];
 
 /// A joint motion in progress, from the contact with the link on.

@@ -36,7 +36,7 @@ const REST_STEPS: usize = 12;
 const FINGERS_M_S: f64 = 0.1;
 /// Control rate, Hz.
 const RATE_HZ: f64 = 60.0;
-/// Number of arm configurations tried per grasp, nearest to home first.
+/// Number of arm configurations tried per grasp, nearest to home first. Chosen by hand.
 const CONFIGURATIONS: usize = 4;
 /// Shaking: a second of 2 Hz along each axis, up to 4.7 m/s², and a second of 1 Hz about two axes, up to 14 rad/s²,
 /// which is about the limit of the arm's wrist.

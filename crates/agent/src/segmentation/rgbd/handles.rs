@@ -5,22 +5,23 @@ use glam::{DVec2, DVec3};
 
 use crate::segmentation::Mask;
 
-/// Maximum area of a handle relative to its body.
+/// Maximum area of a handle relative to its body. Chosen by hand.
 const MAX_AREA_SHARE: f64 = 0.5;
-/// Maximum distance by which a handle extends beyond the body's bounding box, seen from above (m).
+/// Maximum distance by which a handle extends beyond the body's bounding box, seen from above (m). Chosen by hand.
 const BEYOND_M: f64 = 0.02;
-/// Minimum share of a handle's points within that distance.
+/// Minimum share of a handle's points within that distance. Chosen by hand.
 const WITHIN_SHARE: f64 = 0.9;
-/// Minimum length of a handle, seen from above (m).
+/// Minimum length of a handle, seen from above (m). Chosen by hand.
 const MIN_LENGTH_M: f64 = 0.04;
 /// Minimum height of the arch (m): of its middle above the higher one of its ends. Objects that lie across a rim have
 /// no arch.
 const MIN_ARCH_M: f64 = 0.01;
-/// Share of a handle's length that counts as an end.
+/// Share of a handle's length that counts as an end. Chosen by hand.
 const END_SHARE: f64 = 0.15;
 /// Maximum distance of each end from the body (m): a few pixels, and the registration error of two cameras.
 const TOUCH_M: f64 = 0.02;
-/// Minimum height of a handle's lowest points above the body's lowest ones, as a share of the body's height.
+/// Minimum height of a handle's lowest points above the body's lowest ones, as a share of the body's height. Chosen by
+/// hand.
 const FLOATS_SHARE: f64 = 0.3;
 
 /// Masks by descending area, with handles merged into their bodies.

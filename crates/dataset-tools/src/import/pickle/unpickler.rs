@@ -8,7 +8,7 @@ use super::{Function, Kind, Node, ValueId};
 const MAX_VALUES: usize = 4_000_000;
 /// Maximum number of bytes copied by function calls; above the largest image that protocol 2 stores as text.
 const MAX_COPIED_BYTES: usize = 256 << 20;
-/// Maximum number of open marks, i.e. nesting depth.
+/// Maximum number of open marks, i.e. nesting depth. Bounds memory for hostile files.
 const MAX_DEPTH: usize = 1000;
 /// Maximum number of dimensions of an array, as in NumPy.
 const MAX_DIMENSIONS: usize = 64;

@@ -13,14 +13,15 @@ use crate::files::{Files, beside, shortened};
 use crate::formats::xml::{self, Element};
 use crate::formats::{extension, obj};
 
-/// Maximum nesting depth of includes and attached models, and (`MAX_INCLUDED`) maximum number of them.
+/// Maximum nesting depth of includes and attached models, and (`MAX_INCLUDED`) maximum number of them. Bounds time for
+/// hostile files.
 const MAX_DEPTH: usize = 16;
 const MAX_INCLUDED: usize = 200;
-/// Maximum number of elements of the world bodies, with replicas counted.
+/// Maximum number of elements of the world bodies, with replicas counted. Bounds time and memory for hostile files.
 const MAX_PARTS: f64 = 20_000.0;
-/// Maximum side of a procedural texture, pixels.
+/// Maximum side of a procedural texture, pixels. Bounds memory for hostile files.
 const MAX_DRAWN: f64 = 256.0;
-/// Maximum parameter of a procedural mesh, such as its subdivisions.
+/// Maximum parameter of a procedural mesh, such as its subdivisions. Bounds time and memory for hostile files.
 const MAX_PARAMETER: f64 = 64.0;
 /// Height of the placeholder of the first texture file, pixels. The compiler keeps image sizes, so the height
 /// identifies the file.
