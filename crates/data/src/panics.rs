@@ -47,7 +47,7 @@ mod tests {
         let error =
             catch_panics(path, || assert!(count == 4, "no dictionary for page {count}")).unwrap_err().to_string();
         assert!(error.contains("frames.parquet") && error.contains("no dictionary for page 3"), "{error}");
-        // Other panics are printed as usual.
+        // The guard has ended: other panics are printed as usual.
         assert!(panic::catch_unwind(|| assert!(count == 4)).is_err());
     }
 }

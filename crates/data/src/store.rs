@@ -94,7 +94,7 @@ impl EpisodeStore {
     /// Opens a store, or creates one in a missing or empty folder.
     ///
     /// # Errors
-    /// If the folder holds something else or cannot be written.
+    /// If the folder contains anything but a store, or cannot be written.
     pub fn create(root: impl Into<PathBuf>) -> Result<Self, DataError> {
         let root = root.into();
         if root.join("store.json").exists() {

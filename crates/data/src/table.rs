@@ -29,12 +29,12 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// Adds a column of 64-bit floats.
+    /// Adds a column of 64-bit floats without nulls.
     pub fn f64(&mut self, name: &str, values: impl IntoIterator<Item = f64>) {
         self.push(name, Arc::new(PrimitiveArray::<Float64Type>::from_iter_values(values)), false);
     }
 
-    /// Adds a column of 64-bit integers.
+    /// Adds a column of signed 64-bit integers without nulls.
     pub fn i64(&mut self, name: &str, values: impl IntoIterator<Item = i64>) {
         self.push(name, Arc::new(PrimitiveArray::<Int64Type>::from_iter_values(values)), false);
     }
@@ -56,7 +56,7 @@ impl Columns {
         self.push(name, Arc::new(BooleanArray::from(values)), true);
     }
 
-    /// Adds a column of texts.
+    /// Adds a column of UTF-8 texts without nulls.
     pub fn text<S: AsRef<str>>(&mut self, name: &str, values: impl IntoIterator<Item = S>) {
         self.push(name, Arc::new(StringArray::from_iter_values(values)), false);
     }
@@ -209,7 +209,7 @@ fn uncompressed_size(column: &ColumnChunkMetaData) -> i64 {
     if bytes < 0 || entries < 0 { i64::MAX } else { bytes.max(entries.saturating_mul(8)) }
 }
 
-/// All rows of a Parquet file, whose number must be `rows`.
+/// All rows of a Parquet file in one batch; an error unless there are `rows` of them.
 pub fn from_parquet(path: &Path, bytes: Vec<u8>, rows: usize) -> Result<RecordBatch, DataError> {
     let fail = |error: ParquetError| DataError::table(path, error);
     let opened = catch_panics(path, || ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes)))?;
@@ -386,7 +386,7 @@ pub fn files_below(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
     Ok(paths)
 }
 
-/// Column of a given type.
+/// Column of the given name and Arrow type; an error if it is missing or has another type. `path` is for messages.
 pub fn column<'a, T: Array + 'static>(path: &Path, batch: &'a RecordBatch, name: &str) -> Result<&'a T, DataError> {
     let column = batch.column_by_name(name).ok_or_else(|| DataError::table(path, format!("no column `{name}`")))?;
     column.as_any().downcast_ref::<T>().ok_or_else(|| {
@@ -416,7 +416,7 @@ pub fn vector_column<T: ArrowPrimitiveType>(
     }
 }
 
-/// Lists of a column, one per row.
+/// Lists of a column of lists, one per row.
 pub fn list_column<T: ArrowPrimitiveType>(
     path: &Path,
     batch: &RecordBatch,

@@ -13,13 +13,13 @@ pub const MAX_LINKS: usize = 64;
 pub enum Up {
     /// +y points up, as in glTF.
     Y,
-    /// +z, as in URDF and MJCF.
+    /// +z points up, as in URDF and MJCF.
     Z,
     /// Not specified by the format.
     Unknown,
 }
 
-/// Length unit of a file.
+/// Length unit that a file format specifies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
     /// Metres, as in glTF, URDF and MJCF.

@@ -64,7 +64,7 @@ impl Default for ServiceSettings {
 }
 
 impl ServiceSettings {
-    /// Default settings with a URL.
+    /// Default settings for the service at a URL.
     pub fn at(url: &str) -> Self {
         Self { url: url.into(), ..Self::default() }
     }
@@ -172,7 +172,7 @@ pub struct RecordedService<S> {
 }
 
 impl<S: Service> RecordedService<S> {
-    /// Uses `service` in the modes live and record.
+    /// Records responses of `service`, which is asked in the modes live and record only.
     pub fn new(service: S, settings: CassetteSettings) -> Self {
         Self { service: Some(service), settings }
     }

@@ -125,7 +125,7 @@ impl Card {
         Ok(())
     }
 
-    /// Markdown section for the `README.md` of the data set.
+    /// Section for the `README.md` of the data set, in Markdown.
     fn describe(&self) -> String {
         let mut text = "## Contents\n\n| kind of task | episodes | verified |\n|---|---|---|\n".to_owned();
         for (kind, [episodes, verified]) in &self.kinds {

@@ -21,7 +21,7 @@ pub struct Stats {
 }
 
 impl Stats {
-    /// Exact statistics of the given frames, row-major vectors.
+    /// Exact statistics of row-major vectors with `length` elements each.
     pub fn of_vectors(values: &[f64], length: usize) -> Self {
         let mut stats = Self::default();
         for entry in 0..length {
@@ -30,7 +30,7 @@ impl Stats {
         stats
     }
 
-    /// Adds the statistics of one vector element.
+    /// Appends the statistics of one vector element, given by its values in all rows.
     fn add_entry(&mut self, mut column: Vec<f64>) {
         column.sort_by(f64::total_cmp);
         self.count = column.len();
@@ -89,12 +89,12 @@ impl Stats {
 pub struct Aggregated(Vec<Stats>);
 
 impl Aggregated {
-    /// Adds the statistics of a part.
+    /// Adds the statistics of an episode or data set.
     pub fn add(&mut self, part: Stats) {
         self.0.push(part);
     }
 
-    /// Statistics of all parts together.
+    /// Statistics over all added parts.
     pub fn whole(&self) -> Stats {
         let count: usize = self.0.iter().map(|part| part.count).sum();
         let length = self.0.first().and_then(|part| part.named.first()).map_or(0, |(_, values)| values.len());
@@ -141,7 +141,7 @@ struct BufferedFeature {
 }
 
 impl StatsCollector {
-    /// Values are buffered on the disk of `folder`.
+    /// Empty collector, which buffers values in unnamed files in `folder`.
     pub fn new(folder: &Path) -> Self {
         Self { folder: folder.into(), features: Vec::new(), colors: Vec::new() }
     }

@@ -311,14 +311,14 @@ fn number(value: usize) -> i64 {
     i64::try_from(value).unwrap_or(i64::MAX)
 }
 
-/// The scenario with another id.
+/// JSON of a scenario with its id replaced by `name`.
 fn renamed(scenario: &str, name: &str) -> Result<String, DataError> {
     let scenario = Scenario::from_json(scenario)
         .map_err(|error| DataError::mismatch("column scenario_json", "a scenario", error))?;
     Ok(Scenario { id: name.into(), ..scenario }.to_value().to_string())
 }
 
-/// The table with some columns replaced by new ones of the same name and type.
+/// Batch in which some columns are replaced by new ones of the same name and type.
 fn replaced(batch: &RecordBatch, columns: Columns) -> Result<RecordBatch, DataError> {
     let fail = |error: &dyn std::fmt::Display| DataError::mismatch("columns", "those of an export", error);
     let new = columns.batch().map_err(|error| fail(&error))?;

@@ -9,7 +9,7 @@ use crate::formats::xml;
 /// Contents of an SRDF that planning uses.
 #[derive(Debug, Default)]
 pub struct Semantics {
-    /// Pairs of links of `disable_collisions`.
+    /// Pairs of link names from `disable_collisions`.
     pub disabled: Vec<[String; 2]>,
     /// Parent link of the first end effector; `None` if there is none.
     pub end_effector: Option<String>,
