@@ -21,58 +21,58 @@ use crate::agent_page::Gathered;
 use crate::clock::cpu_clock;
 use crate::{LabError, episodes};
 
-/// Number of failed episodes per class with evidence kept.
+/// Maximum number of failed episodes per class whose evidence is kept. Chosen by hand.
 const SAMPLES: usize = 12;
 
-/// Results of the agent.
+/// Success rates, cost and failures of the agent over all episodes.
 #[derive(Serialize)]
 pub struct Measured {
     /// Seed of tasks, layouts and episodes.
     pub seed: u64,
-    /// Source of the answers.
+    /// Service that answers the agent's questions (vision-language model); `oracle` reads simulator truth.
     pub vlm: String,
-    /// Source of the masks.
+    /// Service that segments the images; `oracle` reads simulator truth.
     pub masks: String,
-    /// `p2p` or `grid`.
+    /// Prompt and action path of the agent: `p2p` or `grid`.
     pub path: String,
-    /// `full` or `paper`.
+    /// Preset of the agent's settings: `full` or `paper`.
     pub preset: String,
     /// True if any part read simulator truth.
     pub oracle: bool,
-    /// By kind of task.
+    /// Totals by kind of task.
     pub kinds: BTreeMap<&'static str, Counted>,
     /// Episodes by relation: every one whose goal has a condition of this relation.
     pub relations: BTreeMap<&'static str, Counted>,
-    /// All kinds but `long_horizon` together.
+    /// Totals of all kinds but `long_horizon`.
     pub single_step: Counted,
-    /// All kinds.
+    /// Totals of all kinds.
     pub total: Counted,
-    /// Tasks without a layout; they are not episodes.
+    /// Number of tasks for which no layout was found; they count as no episode.
     pub not_laid_out: usize,
     /// Episodes without a result because the model could not be reached.
     pub not_run: usize,
 }
 
-/// Totals of some episodes.
+/// Totals of a group of episodes.
 #[derive(Default, Serialize)]
 pub struct Counted {
     /// Number of episodes.
     pub episodes: usize,
-    /// Success rate.
+    /// Success rate, 0 to 1.
     pub success: f64,
-    /// Its 95 % Wilson interval.
+    /// 95 % Wilson interval of the success rate.
     pub success_interval: [f64; 2],
-    /// Mean score.
+    /// Mean score, 0 to 1: fraction of the goal reached.
     pub score: f64,
-    /// Mean number of questions per episode.
+    /// Mean number of questions to the model per episode.
     pub asks_per_episode: f64,
-    /// Mean number of questions per pick that the arm carried out; 0 without a pick.
+    /// Number of questions to the model over number of picks that the arm carried out; 0 without a pick.
     pub asks_per_pick: f64,
     /// CPU time per episode without layout, s.
     pub cpu_s_per_episode: f64,
-    /// Failed episodes by class.
+    /// Number of failed episodes by failure class of the analysis.
     pub failures: BTreeMap<String, usize>,
-    /// Evidence of the first failed episodes of each class.
+    /// Evidence of the first failed episodes of each class, as `EPISODE: EVIDENCE`.
     pub evidence: BTreeMap<String, Vec<String>>,
     #[serde(skip)]
     successes: usize,
@@ -88,13 +88,13 @@ pub struct Counted {
 
 /// Settings of the measurement.
 pub struct AgentArguments {
-    /// The agent.
+    /// The agent, with its services and settings.
     pub choice: AgentChoice,
-    /// Names of its services.
+    /// Names of the services for questions and for masks, in this order.
     pub names: [&'static str; 2],
     /// Kinds of tasks.
     pub kinds: Vec<TaskKind>,
-    /// Relation that a condition of each task's goal has; any if `None`.
+    /// Relation that the goal of each task must contain; any if `None`.
     pub relation: Option<Relation>,
     /// Number of tasks, the kinds in turn.
     pub count: usize,
@@ -177,13 +177,13 @@ pub fn measure(
     Ok(measured)
 }
 
-/// Reasons why there is no episode.
+/// Reasons why a task has no episode: no layout, or the model could not be reached.
 enum Left {
     NotLaidOut,
     NotRun(String),
 }
 
-/// One episode, or the reason why there is none.
+/// Plays one episode, or returns the reason why there is none; adds it to the failure page.
 fn play(
     arguments: &AgentArguments,
     task: &Task,

@@ -27,9 +27,9 @@ use serde::Serialize;
 use crate::LabError;
 use crate::clock::cpu_clock;
 
-/// Position of the object, m.
+/// Position of the tested object, m, world frame.
 const PLACE: DVec3 = DVec3::new(0.5, 0.0, 0.0);
-/// Initial height above it, m.
+/// Initial height above the support surface, m.
 const DROP_M: f64 = 0.0005;
 /// Time that a state must last, simulated s.
 const WATCH_S: f64 = 2.0;
@@ -41,22 +41,23 @@ const MAX_DRIFT_MM: f64 = 0.1;
 const MAX_PENETRATION_MM: f64 = 1.0;
 /// Grasps tried before an object counts as not held.
 const GRASPS: usize = 8;
-/// Balls per container, dropped one after the other; diameter as a share of the opening; maximum start height above the
-/// rim, m.
+/// Number of balls per container, dropped one at a time; their diameter as a share of the smallest width of the
+/// opening; and clearance between a ball and the rim at the start, m.
 const BALLS: u64 = 3;
 const BALL_SHARE: f64 = 1.0 / 3.0;
 const BALL_DROP_M: f64 = 0.01;
-/// Minimum depth of a container, as a share of its opening: half a ball; plates and trays hold no balls.
+/// Minimum depth of a tested container, as a share of the smallest width of its opening: half the diameter of a ball.
+/// Plates and trays are shallower and hold no balls.
 const MIN_DEPTH: f64 = BALL_SHARE / 2.0;
 /// Objects in the search benchmark, and results requested.
 const SEARCHED: usize = 10_000;
 const SHOWN: usize = 20;
-/// Objects of the timed scene, physics steps per timing, and number of timings, of which the median counts.
+/// Objects of the timed scene, physics steps per timing, and number of timings, of which the median is reported.
 const SCENE_OBJECTS: usize = 12;
 const SCENE_STEPS: u32 = 2000;
 const TIMINGS: usize = 5;
 
-/// Results over all objects.
+/// Test results over all objects.
 #[derive(Clone, Debug, Serialize)]
 pub struct Measured {
     /// Objects generated.
@@ -69,31 +70,34 @@ pub struct Measured {
     pub distinct_descriptions: usize,
     /// Largest displacement within 2 s after coming to rest, over all stable poses, mm.
     pub drift_mm_max: f64,
-    /// Deepest penetration at rest, mm.
+    /// Deepest penetration in the stable poses after coming to rest, mm.
     pub penetration_mm_max: f64,
     /// Graspable rigid objects.
     pub can_grasp: usize,
-    /// Those lifted, shaken and held in three trials of three, with mass and friction varied by up to 20 %.
+    /// Graspable objects that a grasp held in all three trials of lifting and shaking, with mass and friction varied by
+    /// up
+    /// to 20 %.
     pub grasp_verified: usize,
     /// Open containers with sufficient depth.
     pub containers: usize,
-    /// Those that retained three balls of a third of the opening.
+    /// Containers in which each of three balls stayed, see [`MIN_DEPTH`].
     pub container_ok: usize,
     /// Named states of articulated objects.
     pub states: usize,
-    /// Those that lasted 2 s and are distinguishable by their joint positions.
+    /// Named states that lasted 2 s and that the joint positions distinguish from all other states.
     pub states_ok: usize,
     /// CPU time of compiling a scene of twelve objects of different families with the robot, ms.
     pub compile_ms: f64,
     /// Physics steps of that scene per second of CPU time, all objects awake.
     pub awake_steps_per_s: f64,
-    /// The same with the engine's own step.
+    /// Physics steps of the same scene per second of CPU time with MuJoCo's own `mj_step`.
     pub mujoco_steps_per_s: f64,
-    /// CPU time of the slowest search among 10,000 objects, median of five each, ms.
+    /// CPU time of the slowest query among 10,000 objects, median of five runs of each query, ms.
     pub search_ms: f64,
-    /// Wall time of the whole program for a search of the full catalogue, best of five, ms.
+    /// Wall time of `genmanip assets search` in the full catalogue, including the start of the program, best of five,
+    /// ms.
     pub start_ms: f64,
-    /// Problems found.
+    /// Problems of single objects.
     pub problems: Vec<Problem>,
 }
 
@@ -102,11 +106,11 @@ pub struct Measured {
 pub struct Problem {
     /// Uid, which contains family and seed.
     pub uid: String,
-    /// Description of the problem.
+    /// Description of the problem, for people.
     pub what: String,
 }
 
-/// Result of one object.
+/// Test results of one object.
 #[derive(Clone, Debug, Default)]
 struct Tried {
     failed: bool,
@@ -199,7 +203,7 @@ pub fn measure(
     })
 }
 
-/// New objects, the families in turn.
+/// New objects: `count` of consecutive seeds, from the chosen family or from all families in turn.
 fn made(
     families: &Families,
     chosen: Option<&str>,
@@ -469,7 +473,7 @@ fn time_scene(models: &[Arc<ObjectModel>], trials: &GraspTrials, world: &World) 
     })
 }
 
-/// Searches: each family of the catalogue by its name, by its colour and by a negation.
+/// CPU time of the slowest search, ms: each family of the catalogue by its name, by its colour and by a negation.
 fn search_ms() -> f64 {
     let cards = Catalogue::full().cards();
     let copies = (0..SEARCHED).map(|copy| {

@@ -23,68 +23,69 @@ use serde::Serialize;
 use crate::board_sets;
 use crate::quantile::Spread;
 
-/// The printed board.
+/// Printed ChArUco board.
 const BOARD: Charuco = Charuco { columns: 9, rows: 6, square_m: 0.03, tag_m: 0.0225, first_id: 0 };
-/// Texels along a square: tags have whole texels per cell, and the texture halves evenly.
+/// Texels per edge of a chessboard square. A power of two: markers have a whole number of texels per cell, and every
+/// mip level halves exactly.
 const TEXELS: f64 = 128.0;
 /// sRGB of ink and paper.
 const PRINT: [u8; 2] = [30, 235];
 /// Thickness of the board, m.
 const THICKNESS_M: f32 = 0.003;
-/// Height of the scene above the table of the rendered world, m.
+/// Height by which the scene is raised above the table of the rendered world, m.
 const LIFT_M: f64 = 0.03;
-/// Images without a board.
+/// Number of images without a board, to count false detections.
 const EMPTY: usize = 100;
-/// Quality of the compression of noisy images.
+/// JPEG quality of noisy images, 1 to 100.
 const JPEG_QUALITY: u8 = 90;
 
-/// Results.
+/// Accuracy of board detection and calibration on rendered images.
 #[derive(Clone, Debug, Serialize)]
 pub struct RenderedReport {
-    /// Sets by mounting and noise.
+    /// Results by mounting and noise.
     pub setups: Vec<RenderedSetup>,
-    /// Images without a board: those in which one was found, and all.
+    /// Images without a board: number in which one was detected, and number of all.
     pub false_boards: [usize; 2],
 }
 
 /// Results of one mounting and noise.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct RenderedSetup {
-    /// Place of the camera.
+    /// Mounting of the camera, by name: on the hand or fixed in the world.
     pub mounting: &'static str,
     /// Noise of sensor and robot.
     pub noise: &'static str,
-    /// Sets.
+    /// Number of calibrated sets.
     pub sets: usize,
-    /// Refused ones, with their reasons.
+    /// Reasons of refused calibrations, one per refused set.
     pub refused: Vec<String>,
-    /// Images in which the board was found, and all.
+    /// Number of images in which the board was detected, and of all images.
     pub boards: [usize; 2],
-    /// Corners found, and all in the images.
+    /// Number of detected corners, and of all corners inside the images.
     pub corners: [usize; 2],
-    /// Distance of a corner from its true pixel, px.
+    /// Distance of a detected corner from its true pixel, px.
     pub corner_px: Spread,
-    /// Position error of points on the table seen through the result, m.
+    /// Position error of points on the table located with the calibrated camera, m.
     pub table_m: Spread,
-    /// Error of the camera's position, m.
+    /// Error of the camera's position on its mount, m.
     pub position_m: Spread,
-    /// Error of its orientation, degrees.
+    /// Error of the camera's orientation on its mount, degrees.
     pub rotation_deg: Spread,
 }
 
-/// Settings.
+/// Settings of the measurement.
 pub struct Settings<'a> {
     /// Sets of each mounting and noise.
     pub count: usize,
-    /// Fewest and most views of a set.
+    /// Minimum and maximum number of views of a set.
     pub views: [usize; 2],
-    /// Noises by name; any but the first one is of sensor and robot.
+    /// Noises by name. The first one has no camera noise; all others also have the noise of a D435's colour images.
     pub noises: &'a [(&'static str, Noise)],
-    /// Folder for images and views.
+    /// Folder for the images, views and detected corners of each set; nothing is written if `None`.
     pub folder: Option<&'a Path>,
 }
 
-/// Calibrates random sets from rendered images, and looks for boards where none is.
+/// Calibrates random sets from rendered images, and runs the detector on images without a board.
 ///
 /// # Errors
 /// When an image cannot be rendered or written.
@@ -103,7 +104,7 @@ pub fn measure(settings: &Settings<'_>, seed: Seed) -> Result<RenderedReport, Wo
     Ok(RenderedReport { setups, false_boards })
 }
 
-/// Images without a board in which one was found, and all.
+/// Number of images without a board in which one was detected, and number of all.
 fn false_boards(count: usize, layout: &Layout, seed: Seed) -> Result<[usize; 2], WorkspaceError> {
     let mut found = 0;
     for index in 0..count {
@@ -112,7 +113,7 @@ fn false_boards(count: usize, layout: &Layout, seed: Seed) -> Result<[usize; 2],
     Ok([found, count])
 }
 
-/// Mounting and noise.
+/// One combination of mounting and noise, with the assets to render it.
 struct Kind<'a> {
     mounting: Mounting,
     name: &'static str,
@@ -211,7 +212,7 @@ impl Kind<'_> {
         photographed(renderer, &frame, &camera, seed)
     }
 
-    /// True pixels of the corners inside the image.
+    /// True pixel of every corner of the board, by corner id; `None` outside the image.
     fn true_corners(&self, scene: &Scene, hand: &Pose) -> Vec<Option<DVec2>> {
         let Intrinsics { width, height, .. } = scene.camera.intrinsics;
         let last = DVec2::new(f64::from(width), f64::from(height)) - 1.0;
@@ -246,7 +247,7 @@ fn sampled_look(seed: Seed) -> genmanip_render::RenderVariation {
     sampling::sampled(seed.fork("look"), &vary)
 }
 
-/// The board over a table.
+/// Assets of a scene with the board over a table.
 fn board_assets(layout: &Layout) -> Result<Arc<RenderAssets>, WorkspaceError> {
     let catalogue = Catalogue::builtin();
     let uid = &catalogue.cards()[0].uid;
@@ -257,7 +258,7 @@ fn board_assets(layout: &Layout) -> Result<Arc<RenderAssets>, WorkspaceError> {
     RenderAssets::without_robot(&[Arc::new(model)], Some(&default_world())).map_err(broken)
 }
 
-/// Box whose face at z = 0 shows the print to the side of negative z.
+/// Thin box that shows the print on its face at z = 0, seen from negative z.
 fn board_part(layout: &Layout) -> VisualPart {
     let border_m = BOARD.square_m / 2.0;
     let raster = layout.raster(BOARD.square_m / TEXELS, border_m);
@@ -272,7 +273,7 @@ fn board_part(layout: &Layout) -> VisualPart {
         let normal = (points[1] - points[0]).cross(points[2] - points[0]).normalize();
         mesh.positions.extend(points);
         mesh.normals.extend([normal; 4]);
-        // Other faces show a white spot of the border.
+        // All other faces sample one texel of the white border.
         mesh.uvs.extend(corners.map(|[x, y, _]| if shows_print { Vec2::new(x, y) } else { Vec2::splat(0.001) }));
         mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
     };

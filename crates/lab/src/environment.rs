@@ -1,4 +1,4 @@
-//! The environment: cost compared with the bare simulation, and exactness.
+//! Environment interface: its CPU cost compared with the bare simulation, and bitwise reproducibility.
 
 use genmanip_workspace::worlds;
 use std::path::Path;
@@ -21,33 +21,34 @@ use genmanip_workspace::text_table;
 
 /// Repetitions of every episode, alternating bare simulation and environment.
 const REPEATS: usize = 5;
-/// Control steps between two images: 15 Hz.
+/// Control steps between two images; 15 Hz at a control rate of 60 Hz.
 const STEPS_PER_IMAGE: usize = 4;
 /// Maximum number of control steps timed with images.
 const IMAGE_STEPS: usize = 2400;
 /// Side length of the timed images, px.
 const IMAGE_SIZE: u32 = 256;
 
-/// Results.
+/// Cost and reproducibility of the environment.
 #[derive(Clone, Debug, Serialize)]
 pub struct Measured {
     /// Episodes replayed.
     pub episodes: usize,
-    /// Control steps through the environment per second of CPU time: observed, recorded and judged.
+    /// Control steps per second of CPU time through the environment, which also observes, records and judges.
     pub control_steps_per_s: f64,
-    /// The same commands through the bare simulation.
+    /// Control steps per second of CPU time with the same commands in the bare simulation.
     pub bare_steps_per_s: f64,
     /// Ratio of the two, median of the repetitions.
     pub ratio: f64,
-    /// Control steps a second with one colour image of 256 x 256 pixels at 15 Hz.
+    /// Control steps per second of CPU time with one colour image of 256×256 pixels at 15 Hz.
     pub image_steps_per_s: f64,
-    /// True if stepping through the commands reproduced every frame and both states of each episode, bit for bit.
+    /// True if stepping through the recorded commands reproduced every frame and the initial and final state of each
+    /// episode, bit for bit.
     pub identical_to_collect: bool,
     /// True if every episode, saved half-way and restored in a fresh environment, ended in the same state.
     pub restore_identical: bool,
 }
 
-/// Measures with the expert's episodes of designed tasks.
+/// Measures on episodes of the expert, one for each of these tasks that has a layout.
 ///
 /// # Errors
 /// If an episode raises an error; a failed episode counts like any other.
@@ -120,7 +121,8 @@ fn measure_on(cases: &[(Stage, Episode)], progress: &dyn Progress) -> Result<Mea
     })
 }
 
-/// An environment at the start of an episode, with a horizon for all of its frames.
+/// Environment at the start of an episode; its horizon exceeds the recorded frames, so that it does not end the
+/// episode.
 fn begin(stage: &Stage, episode: &Episode) -> Environment {
     let horizon_s = (episode.frames.len() + 1) as f64 / stage.control_rate_hz();
     let mut environment = Environment::new(RolloutSettings { horizon_s, ..RolloutSettings::default() });
@@ -166,7 +168,7 @@ fn is_restored(stage: &Stage, episode: &Episode) -> Result<bool, RolloutError> {
     Ok(first == second && bits(&first.final_state) == bits(&second.final_state))
 }
 
-/// CPU time of the bare simulation, s.
+/// CPU time of all commands of an episode in the bare simulation, s.
 fn bare(stage: &Stage, episode: &Episode) -> Result<f64, RolloutError> {
     let mut sim = Sim::new(Arc::clone(&stage.scene));
     let mut clock = cpu_clock();
@@ -176,7 +178,7 @@ fn bare(stage: &Stage, episode: &Episode) -> Result<f64, RolloutError> {
     Ok(clock())
 }
 
-/// CPU time of the environment, s.
+/// CPU time of all commands of an episode through the environment, s.
 fn stepped(stage: &Stage, episode: &Episode) -> Result<f64, RolloutError> {
     let mut environment = begin(stage, episode);
     let mut clock = cpu_clock();
@@ -186,14 +188,14 @@ fn stepped(stage: &Stage, episode: &Episode) -> Result<f64, RolloutError> {
     Ok(clock())
 }
 
-/// Control steps per second of CPU time with images.
+/// Control steps per second of CPU time, with a colour image of the first camera every few steps.
 fn with_images(cases: &[(Stage, Episode)]) -> Result<f64, RolloutError> {
     let (mut steps, mut seconds) = (0, 0.0);
     for (stage, episode) in cases {
         let Some(camera) = stage.scenario.world.cameras.first() else { continue };
         let request = [CameraRequest::new(&camera.name, ImageChannels::RGB).sized(IMAGE_SIZE, IMAGE_SIZE)];
         let mut environment = begin(stage, episode);
-        // Meshes are collected once per stage.
+        // The first observation builds the renderer's meshes, which are then reused by the stage; it is not timed.
         environment.observe(&request)?;
         let mut clock = cpu_clock();
         for (number, frame) in episode.frames.iter().enumerate().take(IMAGE_STEPS - steps) {

@@ -1,4 +1,5 @@
-//! Weights of the cloud sampler's score, fitted to trials, and their calibration on others.
+//! Logistic regression of the weights of the point-cloud grasp sampler's score on grasp trials, and calibration of the
+//! predicted probabilities on other trials.
 
 use std::path::{Path, PathBuf};
 
@@ -12,41 +13,41 @@ use genmanip_core::{json, limits};
 use genmanip_workspace::documents;
 use genmanip_workspace::text_table;
 
-/// Ridge penalty of every weight, in units of one trial.
+/// Ridge penalty of every weight, relative to the log-likelihood of one trial.
 const RIDGE: f64 = 1.0;
-/// Newton steps; the likelihood is concave, so ten would suffice.
+/// Newton steps; the log-likelihood is concave, so ten would suffice.
 const STEPS: usize = 50;
 /// Bins of the reliability table.
 const BINS: usize = 5;
 
-/// Results of the fit.
+/// Fitted weights and the reliability of their predictions.
 #[derive(Serialize)]
 pub struct Report {
-    /// Trials that the weights were fitted to.
+    /// Number of trials that the weights were fitted to.
     pub trials: usize,
     /// The new weights.
     pub weights: Weights,
     /// Reliability of the new weights on their training trials.
     pub fitted: Reliability,
-    /// Reliability of the new weights on test trials.
+    /// Reliability of the new weights on test trials; `None` without test trials.
     pub tested: Option<Reliability>,
-    /// Reliability of the current weights on test trials.
+    /// Reliability of the current weights on test trials; `None` without test trials.
     pub in_use: Option<Reliability>,
 }
 
-/// Reliability of predicted probabilities.
+/// Reliability of predicted probabilities of success.
 #[derive(Serialize)]
 pub struct Reliability {
     /// Number of trials.
     pub trials: usize,
-    /// Share that held.
+    /// Share of trials whose grasp held.
     pub held: f64,
-    /// Calibration.
+    /// Reliability table and calibration errors of the predictions.
     #[serde(flatten)]
     pub calibration: Calibration,
 }
 
-/// One trial: its features in the order of the names, after a constant 1, and true if the grasp held.
+/// One trial: 1 for the constant, then its features in the order of the weights' names; and true if the grasp held.
 pub(crate) type Sample = (Vec<f64>, bool);
 
 /// Fits the weights to trials (with `constant` only the constant), and tests them on others.
@@ -148,7 +149,7 @@ pub(crate) fn fit(samples: &[Sample]) -> Vec<f64> {
             }
         }
         let step = solve(hessian, gradient);
-        // Damped first steps: far from the optimum the curvature is too small.
+        // The first steps are damped: far from the optimum the curvature is small, and a full Newton step overshoots.
         let longest = step.iter().fold(0.0_f64, |longest, value| longest.max(value.abs()));
         let share = (2.0 / longest.max(1e-12)).min(1.0);
         for (weight, step) in weights.iter_mut().zip(&step) {
@@ -161,8 +162,8 @@ pub(crate) fn fit(samples: &[Sample]) -> Vec<f64> {
     weights
 }
 
-/// Known weights with another constant such that the expected number of held grasps is the observed one; the ranking is
-/// unchanged.
+/// The same weights with a new constant, so that the expected number of held grasps is the observed one; the
+/// ranking of grasps does not change.
 fn shifted(known: &[f64], samples: &[Sample]) -> Vec<f64> {
     let with =
         |shift: f64| known.iter().enumerate().map(|(i, w)| if i == 0 { w + shift } else { *w }).collect::<Vec<_>>();

@@ -14,48 +14,48 @@ use crate::LabError;
 use crate::clock::cpu_clock;
 use genmanip_workspace::Progress;
 
-/// Duration of the audit's simulation without a robot, simulated s.
+/// Duration of the audit's simulation of the objects without a robot, simulated s.
 const ALONE_S: f64 = 2.0;
-/// Number of slowest tasks named; chosen.
+/// Number of slowest tasks reported. Chosen by hand.
 const MAX_SLOW: usize = 20;
 const PHASES: [&str; 6] = ["preparing", "placing", "settling", "judging", "reaching", "seeing"];
 
-/// Results. Rejected tasks count in the times too.
+/// Success, cost and faults of the layouts. Times include tasks without a layout.
 #[derive(Default, Serialize)]
 pub struct Measured {
     /// Seed of the layouts.
     pub seed: u64,
-    /// Tasks.
+    /// Number of tasks.
     pub tasks: usize,
-    /// Tasks with a layout.
+    /// Number of tasks with a layout.
     pub laid_out: usize,
-    /// Tasks without a layout.
+    /// Number of tasks without a layout.
     pub refused: usize,
-    /// CPU time per task.
+    /// CPU time per task, ms.
     pub cpu_ms: Spread,
-    /// Mean CPU time per task, by phase.
+    /// Mean CPU time per task by phase, ms.
     pub phase_cpu_ms: BTreeMap<&'static str, f64>,
-    /// Largest penetration at the start.
+    /// Largest penetration of two objects in any initial scene, mm.
     pub worst_penetration_mm: f64,
-    /// Largest displacement of an undisturbed object.
+    /// Largest displacement of an object in the audit's simulation, mm.
     pub worst_drift_mm: f64,
-    /// Edges and joint states of the initial graphs.
+    /// Number of edges and joint states of the initial scene graphs that were checked.
     pub edges_checked: usize,
-    /// Those that do not hold.
+    /// Number of checked edges and joint states that do not hold.
     pub edges_failed: usize,
-    /// Goals that already hold.
+    /// Number of layouts whose goal holds from the start.
     pub goals_true: usize,
-    /// Layouts with an object that no camera sees sufficiently.
+    /// Number of layouts with an object that no camera sees sufficiently.
     pub unseen: usize,
-    /// CPU time of posing all objects and judging the whole goal, in the largest scenes.
+    /// CPU time of posing all objects and judging the whole goal, in the scenes with the most objects, µs.
     pub goal_verdict_us: Spread,
-    /// Objects in those scenes.
+    /// Number of objects in these largest scenes.
     pub goal_verdict_objects: usize,
     /// The slowest tasks, slowest first.
     pub slowest: Vec<Slow>,
-    /// Reasons of tasks without a layout.
+    /// Tasks without a layout, with the reason.
     pub refusals: Vec<Refusal>,
-    /// Errors in returned layouts.
+    /// Faults that the audit found in layouts.
     pub faults: Vec<Refusal>,
 }
 
@@ -81,12 +81,12 @@ pub struct Slow {
     pub cpu_ms: f64,
 }
 
-/// A task with a message.
+/// A task with the reason of its refusal or a fault of its layout.
 #[derive(Serialize)]
 pub struct Refusal {
     /// Id of the task.
     pub task: String,
-    /// Message.
+    /// Reason or fault, for people.
     pub reason: String,
 }
 
@@ -140,7 +140,7 @@ pub fn measure(
     Ok(measured)
 }
 
-/// One layout with its CPU time, total and by phase.
+/// One layout and its CPU time, s; adds the time of each phase (s) to `phases_s`.
 fn timed(
     task: &Task,
     world: &World,
@@ -170,7 +170,7 @@ fn timed(
     (outcome, since)
 }
 
-/// Number of objects, and the time to pose all of them and judge the goal, µs.
+/// Number of objects, and CPU time of posing all of them and judging the goal, µs.
 fn goal_verdict(scenario: &Scenario) -> Result<(usize, f64), LabError> {
     let scene = posed(scenario, Catalogue::builtin(), &mut ShapeCache::default());
     let mut scene = scene.map_err(|error| LabError::broken(format!("cannot pose {}", scenario.id), error))?;

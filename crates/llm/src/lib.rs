@@ -6,7 +6,7 @@
 //! - [`CassetteChat`]: records exchanges and replays them, looked up by request content.
 //! - [`FolderChat`]: writes questions to a folder and waits for answers there; [`FolderAnswers`] is the side of those
 //!   who answer.
-//! - [`Service`]: the same for JSON services: over HTTP, recorded, replayed.
+//! - [`Service`]: interface of JSON services, over HTTP, recorded or replayed.
 //! - [`Ledger`]: counts replies, requests, tokens and cost.
 //! - [`fake`]: a scripted model and a configurable misbehaving loopback server, for tests.
 //!

@@ -22,22 +22,22 @@ use serde::Serialize;
 
 use crate::LabError;
 
-/// Rate at which every rotation is played back; at the others only the default one, since rotations differ in notation,
-/// not in timing.
+/// Rate at which every rotation representation is played back. The other rates use the default representation only:
+/// representations differ in notation, not in timing.
 const RATE_OF_ROTATIONS: u32 = 15;
 
-/// An episode that did not succeed.
+/// Played-back episode that did not succeed.
 #[derive(Clone, Debug, Serialize)]
 pub struct Missed {
-    /// `ACTION@RATE`.
+    /// Action and rate, as `ACTION@RATE` (Hz).
     pub action: String,
     /// Id of the episode.
     pub episode: String,
-    /// Evidence.
+    /// Evidence of the failure.
     pub why: String,
 }
 
-/// Success of every action at every rate, and the failed episodes.
+/// Plays back every action space at every rate; returns success rates, and the failed episodes.
 pub(super) fn measure(
     recorded: &[(Stage, Episode)],
     store: &EpisodeStore,

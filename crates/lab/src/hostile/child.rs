@@ -1,4 +1,4 @@
-//! One call of the program under resource limits.
+//! One call of the program under limits of memory, CPU time and idle time.
 
 use super::HostileArguments;
 use std::fs::File;
@@ -13,11 +13,11 @@ use crate::LabError;
 /// Resource limits of a call.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// Address space, MiB: never less than the memory in use.
+    /// Address space, MiB (`ulimit -v`); it always exceeds the resident memory.
     pub(super) memory_mib: u64,
     /// CPU time, s.
     pub(super) cpu_s: u64,
-    /// Maximum time without CPU use, s, for calls that block.
+    /// Maximum time without any use of CPU time, s, to end calls that block.
     pub(super) idle_s: u64,
 }
 
@@ -36,14 +36,14 @@ pub(super) struct Ended {
     pub(super) stderr: String,
     /// CPU time, s.
     pub(super) cpu_s: f64,
-    /// Peak memory, MiB, sampled while it ran.
+    /// Peak resident memory, MiB, sampled while the call ran.
     pub(super) peak_mib: u64,
     signal: Option<i32>,
-    /// States of its threads when it was idle for too long.
+    /// States of the call's threads, if it was killed for being idle too long.
     waited_for: Option<String>,
 }
 
-/// Signals: CPU limit reached, and the one sent after idling too long.
+/// Signals of a call that reached its CPU limit, and of one that was killed for being idle too long.
 const SIGXCPU: i32 = 24;
 const SIGKILL: i32 = 9;
 
@@ -56,7 +56,7 @@ impl Ended {
         self.waited_for.is_some() || self.signal == Some(SIGXCPU) || self.signal == Some(SIGKILL)
     }
 
-    /// Reason why it was too slow.
+    /// Description of the exceeded limit: idle with the states of the threads, or CPU time.
     pub(super) fn slowness(&self) -> String {
         match &self.waited_for {
             Some(threads) => format!("too slow (waits without working; its threads: {threads})"),
@@ -68,7 +68,7 @@ impl Ended {
         self.code == Some(101) || self.code.is_none() || self.stderr.contains("panicked at")
     }
 
-    /// Standard output of a subcommand that exits with 1.
+    /// First 2,000 characters of standard output, which hold the reasons where a subcommand exits with 1.
     pub(super) fn stdout_if_refused(&self) -> String {
         self.stdout.chars().take(2000).collect()
     }
@@ -121,7 +121,7 @@ pub(super) fn run(
             None => {
                 peak_mib = peak_mib.max(peak_mib_of(child.id()));
                 let now_used = cpu_s(&child.id().to_string(), OWN);
-                // Waiting for a slow disk makes no progress either, and is not the program's fault.
+                // A thread that waits for a slow disk uses no CPU time, which is not the program's fault.
                 if now_used > used || threads(child.id()).iter().any(|thread| thread.starts_with(ON_DISK)) {
                     (used, used_at) = (now_used, Instant::now());
                 }
@@ -156,8 +156,8 @@ fn peak_mib_of(process: u32) -> u64 {
     peak.unwrap_or(0_u64) >> 10
 }
 
-/// Field index of a process's own CPU time in its `stat`, and of that of its terminated children, counted after the
-/// program name.
+/// Indices of the CPU time (user, then system) of a process and of its terminated children among the fields of
+/// `/proc/PID/stat` after the program name.
 const OWN: usize = 11;
 const OF_CHILDREN: usize = 13;
 
@@ -176,12 +176,12 @@ fn threads(process: u32) -> Vec<String> {
     tasks.map(about).collect()
 }
 
-/// CPU time of all terminated children, s.
+/// CPU time of all terminated children of this process, s.
 fn children_cpu_s() -> f64 {
     cpu_s("self", OF_CHILDREN)
 }
 
-/// CPU time of a process, s (Linux; clock ticks of 10 ms).
+/// CPU time of a process, s (Linux; clock ticks of 10 ms); 0 if it cannot be read.
 fn cpu_s(process: &str, first_field: usize) -> f64 {
     let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
     let fields = stat.rsplit_once(')').map_or("", |(_, rest)| rest).split_whitespace();

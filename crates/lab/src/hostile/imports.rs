@@ -1,6 +1,6 @@
 //! Objects to import: small valid files of every format, kept in `crates/import/testdata/sound`.
 //!
-//! One folder per kind; every file in it may be mutated, and the call imports one that describes an object.
+//! One folder per kind. Every file in it may be mutated; the call imports one of those with the kind's extension.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::LabError;
 
 /// Location of the files in the project.
 const FOLDER: &str = "crates/import/testdata/sound";
-/// Kinds with the extension of the files that are imported.
+/// Kinds of input, each with the extension of the files that are passed to `import`.
 pub const FORMATS: [(&str, &str); 7] = [
     ("import-glb", ".glb"),
     ("import-gltf", ".gltf"),
@@ -23,7 +23,7 @@ pub const FORMATS: [(&str, &str); 7] = [
     ("import-mjcf", ".xml"),
 ];
 
-/// Names and bytes.
+/// File names and contents.
 pub type NamedFiles = Vec<(String, Vec<u8>)>;
 
 /// The valid files of one of [`FORMATS`].
@@ -40,13 +40,13 @@ pub fn valid(project: &Path, (kind, ending): (&str, &str)) -> Result<NamedFiles,
         .with_hint("run in the project's folder, or name it with --project"))
 }
 
-/// Valid files of every format.
+/// Valid files of all kinds.
 pub(super) struct Imports {
     /// In the order of [`FORMATS`].
     files: Vec<NamedFiles>,
 }
 
-/// True if a kind is an object to import.
+/// True if the kind is one of [`FORMATS`].
 pub(super) fn is_kind(kind: &str) -> bool {
     FORMATS.iter().any(|(known, _)| *known == kind)
 }
@@ -69,7 +69,8 @@ impl Imports {
     }
 }
 
-/// The part missing in the row of a refused object: file name, description of the error, or hint.
+/// Missing part of a refused object's row in the output: file name, description of the error, or hint; `None` if all
+/// rows are complete or the output is no JSON array.
 pub(super) fn lacks(ended: &Ended) -> Option<&'static str> {
     let Ok(serde_json::Value::Array(rows)) = serde_json::from_str(&ended.stdout) else { return None };
     let is_empty = |row: &serde_json::Value, key: &str| row[key].as_str().is_none_or(|text| text.trim().is_empty());

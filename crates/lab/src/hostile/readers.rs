@@ -14,7 +14,7 @@ use crate::LabError;
 /// Cost of a reader on a file at its size limit.
 #[derive(Clone, Debug, Serialize)]
 pub struct Reader {
-    /// The file.
+    /// Call or file that is read.
     pub file: String,
     /// Its size limit, bytes.
     pub limit: String,
@@ -32,7 +32,7 @@ pub struct Reader {
 const WIDE: Limits = Limits { memory_mib: 6144, cpu_s: 60, idle_s: 60 };
 /// The call that reads the frames of an episode.
 const FRAMES: &str = "replay long --strip film.jpg";
-/// Maximum length of the reported content, characters.
+/// Maximum length of the reported content, characters. Chosen by hand.
 const TOLD: usize = 40;
 
 /// Measures every reader with each of its contents.
@@ -72,7 +72,7 @@ fn call(
     Ok(Reader { file, limit, filled_with, outcome, cpu_s: ended.cpu_s, peak_mib: ended.peak_mib })
 }
 
-/// Writes an episode with motion and frames up to the size limit; returns a description.
+/// Writes an episode with motion and frames up to the size limit of frames; returns a description of it.
 fn long_episode(sandbox: &Sandbox, corpus: &Corpus) -> Result<String, LabError> {
     sandbox.fill(&corpus.run_of_two()?)?;
     let broken = |error| LabError::broken("a long episode cannot be made", error);
@@ -81,7 +81,7 @@ fn long_episode(sandbox: &Sandbox, corpus: &Corpus) -> Result<String, LabError> 
         EpisodeStore::open(sandbox.work().join("run/episodes")).and_then(|s| s.read(id)).map_err(broken)?;
     let path = sandbox.work().join("run/episodes").join(id).join("frames.parquet");
     let bytes = fs::metadata(&path).map_err(|error| LabError::file("read", &path, error))?.len();
-    // Compressed blocks differ in size; slightly less than the limit is safe.
+    // Compressed blocks differ in size, so the number of frames aims at 98 % of the limit.
     let count = (limits::FRAMES.bytes as f64 * 0.98 / bytes as f64 * episode.frames.len() as f64) as usize;
     episode.frames = episode.frames.iter().cycle().take(count).cloned().collect();
     episode.result.frames = count;

@@ -1,7 +1,7 @@
 //! Random motion problems: a table with objects, and motions typical of picking and placing.
 //!
-//! A chain of problems per scene: from home to above an object, from there to a free place, from there to above another
-//! object. Hard scenes have taller objects and a shelf, open to the robot, into which every second motion reaches.
+//! A chain of problems per scene: from home to a grasp, from there to a free place, from there to the next grasp. Hard
+//! scenes have taller objects and a shelf, open towards the robot; every second goal lies in it.
 
 use genmanip_core::glam::{DMat3, DQuat, DVec2, DVec3};
 use genmanip_core::{Pose, Seed};
@@ -12,24 +12,26 @@ use super::OPEN;
 use super::problems::{File, Form, Obstacle, Written, world};
 use crate::LabError;
 
-/// Home position of the tcp, gripper pointing down, m.
+/// Position of the tool centre point (tcp) at home, gripper pointing down, m, base frame.
 const READY: DVec3 = DVec3::new(0.307, 0.0, 0.487);
-/// Area of the objects: ranges of x and y, m.
+/// Area of the objects on the table: ranges of x and y, m, base frame.
 const GROUND: [[f64; 2]; 2] = [[0.3, 0.75], [-0.5, 0.5]];
 /// Distance between objects, measured between the circumscribed circles of their footprints, m.
 const GAP: f64 = 0.01;
-/// Distance of the tcp above an object to be grasped, m.
+/// Range of the height of the tcp above an object to be grasped, m.
 const ABOVE: [f64; 2] = [0.02, 0.08];
-/// Largest tilt of the gripper over the table, and share of tilted poses.
+/// Largest tilt of the gripper from the vertical over the table, rad, and share of tilted poses.
 const TILT: (f64, f64) = (0.5, 0.3);
 /// Thickness of the shelf's boards and its depth, m.
 const BOARD: f64 = 0.02;
 const DEPTH: f64 = 0.22;
-/// Poses sampled for one goal before the chain ends, and places for one object before it is omitted.
+/// Maximum number of poses sampled for one goal before the chain ends, and of places sampled for one object before it
+/// is
+/// omitted.
 const DRAWS: usize = 40;
-/// Inverse kinematics solutions sampled for a pose; the nearest free one is the goal.
+/// Number of inverse kinematics solutions sampled per pose; the collision-free one closest to the start is the goal.
 const SOLUTIONS: usize = 5;
-/// Maximum number of scenes per wanted problem.
+/// Maximum number of scenes tried per requested problem.
 const PATIENCE: usize = 20;
 
 /// `count` problems for the planner's robot, with collision-free starts and goals.
@@ -50,7 +52,7 @@ pub fn generate(planner: &Planner, hard: bool, count: usize, seed: Seed) -> Resu
         .with_hint("expected an arm that reaches a table 0.3-0.75 m in front of its base; --tip names its tool frame"))
 }
 
-/// Obstacles; the first is the table top.
+/// Obstacles of a scene; the first is the table top.
 struct Scene {
     obstacles: Vec<Obstacle>,
     /// Indices of graspable objects.
@@ -58,7 +60,8 @@ struct Scene {
     shelf: Option<Shelf>,
 }
 
-/// A box without a front, standing on the table; x into it, the origin at the centre of its floor.
+/// Shelf without a front, standing on the table. Its frame has the origin at the centre of the floor and x pointing
+/// inwards, away from the opening.
 struct Shelf {
     world_from_shelf: Pose,
     width: f64,
@@ -140,7 +143,7 @@ impl Shelf {
         Self { world_from_shelf: Pose::from_position_yaw(position, yaw), width, height }
     }
 
-    /// Two sides, back and top.
+    /// Boards of the shelf: two sides, back and top.
     fn boards(&self) -> [Obstacle; 4] {
         let Self { width, height, .. } = *self;
         let board = |size: [f64; 3], middle: [f64; 3]| {
@@ -184,7 +187,7 @@ impl Obstacle {
         }
     }
 
-    /// Radius of the circumscribed circle of its footprint, m.
+    /// Radius of the circumscribed circle of the footprint, m.
     fn foot(&self) -> f64 {
         match self.shape {
             Form::Box { size } => 0.5 * size[0].hypot(size[1]),
@@ -192,7 +195,7 @@ impl Obstacle {
         }
     }
 
-    /// Distance in the plane from a point to its footprint, m.
+    /// Horizontal distance from a point to the footprint, m.
     fn beside(&self, point: DVec2) -> f64 {
         let middle = DVec2::new(self.pos[0], self.pos[1]);
         match self.shape {
@@ -215,7 +218,7 @@ fn wall(rng: &mut impl Rng) -> Obstacle {
     Obstacle::cuboid(size, spot, rng.random_range(-0.3..0.3))
 }
 
-/// A random box or cylinder on the table; boxes are `taller` times as tall.
+/// Random box or cylinder standing on the table; the height of a box is multiplied by `taller`.
 fn object(rng: &mut impl Rng, taller: f64) -> Obstacle {
     let DVec2 { x, y } = ground(rng);
     if rng.random_bool(0.5) {

@@ -1,4 +1,4 @@
-//! The file of motion problems.
+//! File format of motion problems.
 
 use genmanip_workspace::documents;
 use std::path::Path;
@@ -47,7 +47,7 @@ pub enum Form {
     Sphere { radius: f64 },
 }
 
-/// Start, goal and obstacles.
+/// A problem as input of the planner.
 pub struct Problem {
     pub start: Vec<f64>,
     pub goal: Vec<f64>,
@@ -58,10 +58,10 @@ pub struct Problem {
     pub pieces: Vec<Piece>,
 }
 
-/// Maximum number of problems in a file, and of obstacles in a problem; chosen, ten times the useful amount.
+/// Maximum number of problems in a file, and of obstacles in a problem: ten times the useful amount. Chosen by hand.
 const MAX_PROBLEMS: usize = 10_000;
 const MAX_OBSTACLES: usize = 1_000;
-/// Maximum size and distance of an obstacle, m, and joint position, rad or m.
+/// Maximum absolute value of a size or coordinate of an obstacle, m, and of a joint position, rad or m.
 const MAX_SIZE_M: f64 = 20.0;
 const MAX_POSITION: f64 = 100.0;
 
@@ -90,7 +90,7 @@ pub fn read(path: &Path, dof: usize, count: usize) -> Result<Vec<Problem>, LabEr
 }
 
 impl File {
-    /// The first field that is invalid for an arm with `dof` joints.
+    /// Description of the first field that is invalid for an arm with `dof` joints; `None` if all are valid.
     fn fault(&self, dof: usize) -> Option<String> {
         let within = |value: f64, most: f64| value.abs() <= most;
         if self.problems.len() > MAX_PROBLEMS {
@@ -146,7 +146,7 @@ impl File {
 }
 
 impl Obstacle {
-    /// In the robot's base frame.
+    /// The obstacle as a collision shape in the robot's base frame.
     fn piece(&self) -> Piece {
         let shape = match self.shape {
             Form::Box { size } => Shape::Box { half_extents: DVec3::from_array(size) / 2.0 },
