@@ -4,6 +4,7 @@ import { render } from "preact";
 import { App } from "./panels/App.tsx";
 import { restored } from "./logic/outbox.ts";
 import { connect, loadScenarios, open } from "./state/connection.ts";
+import { listen as listenToQuestions } from "./state/questions.ts";
 import { session } from "./state/requests.ts";
 import { author, keepEntries, notify, openKey, scenarios, scene, storedEntries, version, waiting } from "./state/store.ts";
 import { listenToKeys } from "./state/shortcuts.ts";
@@ -27,6 +28,7 @@ async function start(): Promise<void> {
     const known = await session();
     version.value = known.version;
     author.value = storedName() ?? known.author;
+    if (known.asks) listenToQuestions();
   } catch (error) {
     author.value = storedName() ?? "editor";
     notify("The server does not answer yet.", { hint: (error as Error).message, isError: true });

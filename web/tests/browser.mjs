@@ -590,8 +590,14 @@ withMock("a policy is run, and its episode is played back by mouse and by keys",
   await page.click("#tab-runs");
   await page.click(".moments button:has-text('failed here')");
   assert.ok(Math.abs((await time()) - 2) < 1e-3);
+  // The dataset's image follows: 30 states a second.
+  const drawn = () => [...server.studio.documents.values()].flatMap((document) => document.statesDrawn ?? []);
+  await until("the image is of the failure", async () => drawn().at(-1) === "60");
+  await page.waitForSelector(".image .frame:not(.old)");
+  assert.equal(await page.locator(".shares li").count(), 0);
   await page.keyboard.press("Escape");
   await page.waitForSelector(".timeline", { state: "detached" });
+  await page.waitForSelector(".shares li");
   await page.click("#tab-objects");
   if ((await page.locator(".objects [aria-pressed=true]").count()) === 0) await selectFirst(page);
   await page.keyboard.press("PageUp");
@@ -785,6 +791,38 @@ test("the contact sheet rejects several at once, and the balance names who helps
   await page.focus(".balance ol button");
   await page.keyboard.press("Enter");
   await page.waitForSelector("#tab-review[aria-selected=true]");
+  assert.deepEqual(page.failures, []);
+  await page.context().close();
+});
+
+test("a person answers an agent's questions by keyboard, and the time is kept", async () => {
+  const page = await openPage();
+  await page.waitForSelector("header .open-questions:has-text('3')");
+  await page.keyboard.press("Shift+Q");
+  await page.waitForSelector(".question h3:has-text('Question 001')");
+  await page.waitForFunction(() => [...document.querySelectorAll(".pictures img")].every((image) => image.naturalWidth > 0));
+  await shot(page, "question-object");
+  assert.equal(await page.locator("dialog button[type=submit]").isDisabled(), true);
+  assert.deepEqual(await seriousFindings(page), []);
+  await page.keyboard.press("ArrowDown");
+  await page.keyboard.press("Tab");
+  await page.keyboard.type("red ball");
+  await page.keyboard.press("Enter");
+  await page.waitForSelector(".question h3:has-text('Question 002')");
+  await page.keyboard.press("Enter");
+  await page.locator(".list input").fill("Take the red ball.");
+  await shot(page, "question-list");
+  await page.keyboard.press("Enter");
+  await page.waitForSelector(".question h3:has-text('Question 003')");
+  await page.locator(".question input").first().fill("c4");
+  await page.keyboard.press("Enter");
+  await page.waitForSelector("dialog :text('No question waits')");
+  const said = [...server.studio.questions.answers.values()];
+  assert.deepEqual(
+    said.map((one) => one.answer),
+    [{ number: 1, object_name: "red ball", color: "" }, { subtasks: ["Take the red ball."] }, { selected_point: { type: "grid", label: "c4" }, turn_deg: 0 }],
+  );
+  assert.ok(said.every((one) => one.author === "ada" && one.duration_s > 0 && one.duration_s < 60), JSON.stringify(said));
   assert.deepEqual(page.failures, []);
   await page.context().close();
 });

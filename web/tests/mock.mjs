@@ -10,6 +10,7 @@ import { WebSocketServer } from "ws";
 import { standIn } from "./glb.mjs";
 import { MockReviews } from "./mock-reviews.mjs";
 import { at, CAMERAS, difference, phrasesOf } from "./mock_making.mjs";
+import { MockQuestions } from "./mock_questions.mjs";
 import { answerRuns, POLICIES } from "./mock_runs.mjs";
 
 const HERE = path.dirname(fileURLToPath(import.meta.url));
@@ -69,6 +70,7 @@ class Studio {
       this.documents.set(scenario.id, new MockDocument(this, scenario, extraObjects));
     }
     this.reviews = new MockReviews(this.documents);
+    this.questions = new MockQuestions();
   }
 
   /** Path of a stand-in mesh, made once. */
@@ -162,7 +164,8 @@ class Studio {
     if (what === "sentences") return phrasesOf(this, body.text, send);
     if (what === "scenarios" && rest.length === 0 && request.method === "POST") return this.create(body, send);
     if (what === "policies") return send(200, POLICIES);
-    if (what === "session") return send(200, { version: "mock", author: "ada", needs_token: false });
+    if (what === "session") return send(200, { version: "mock", author: "ada", needs_token: false, asks: true });
+    if (what === "questions") return send(...this.questions.answer(rest, body));
     if (what === "catalogue") return rest[1] === "thumbnail" ? this.thumbnail(rest[0], send) : send(200, this.search(url.searchParams));
     if (what === "scenarios" && rest.length === 0) return send(200, [...this.documents.values()].map((document) => document.row()));
     const reviewed = this.reviews.answer(what, rest, request.method, url.searchParams, body);
@@ -178,7 +181,7 @@ class Studio {
         return send(200, difference(document, Number(url.searchParams.get("from"))));
       case "run":
       case "episodes":
-        return answerRuns(this, document, rest.slice(1), request.method, body, send);
+        return answerRuns(this, document, rest.slice(1), request.method, url.searchParams, body, send);
       case "history":
         return send(200, document.log.map(({ scenario: _, ...line }) => line));
       case "snapshots":

@@ -9,7 +9,7 @@ const RATE_HZ = 30;
 const DURATION_S = 3;
 
 /** Answers an address below that of a scenario; `rest` begins with `run` or `episodes`. */
-export function answerRuns(studio, document, rest, method, body, send) {
+export function answerRuns(studio, document, rest, method, query, body, send) {
   document.episodes ??= [];
   const tell = () => studio.tell(document.key, { type: "run", run: document.run });
   const [what, name, part] = rest;
@@ -38,6 +38,10 @@ export function answerRuns(studio, document, rest, method, body, send) {
   const episode = document.episodes.find((one) => one.row.episode === name);
   if (!episode) return send(404, { error: { message: "no such episode" } });
   if (part === "states") return send(200, episode.states, { "x-frames": String(episode.frames), "x-width": String(episode.width) });
+  if (part === "images") {
+    document.statesDrawn = [...(document.statesDrawn ?? []), query.get("state")];
+    return send(200, document.image(), { "content-type": "image/svg+xml" });
+  }
   if (part === "transcript") return send(200, Buffer.from("<!doctype html><title>Transcript</title><p>asked</p>"), { "content-type": "text/html" });
   const { row, result, timeline, scene } = episode;
   return send(200, { episode: row, result, timeline, scene });

@@ -17,25 +17,25 @@ use crate::{AgentChoice, keep};
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
-/// Size limit of a colour or depth image file.
+/// Maximum size of a colour or depth image file: 64 MiB.
 const PICTURE: Limit = Limit { what: "a picture", bytes: 64 << 20 };
 
-/// Input files, robot state and instruction of `genmanip agent act`.
+/// Input of `genmanip agent act`: files, robot state and instruction.
 #[derive(Clone, Debug)]
 pub struct ActFiles {
-    /// Colour: 8-bit PNG.
+    /// Colour image: 8-bit PNG.
     pub rgb: PathBuf,
-    /// Depth: 16-bit grey PNG, millimetres along the optical axis, 0 for none.
+    /// Depth image: 16-bit grey PNG, millimetres along the optical axis, 0 for no measurement.
     pub depth: PathBuf,
-    /// `intrinsics` and `world_from_camera`: JSON.
+    /// Camera: JSON with `intrinsics` (px) and `world_from_camera` (m, unit quaternion).
     pub camera: PathBuf,
-    /// Arm joint positions, rad.
+    /// Joint positions of the arm, base to tool, rad.
     pub joints: Vec<f64>,
-    /// Opening of the gripper, m.
+    /// Opening width of the gripper, m.
     pub gripper_width_m: f64,
-    /// Task instruction.
+    /// Instruction in natural language.
     pub instruction: String,
-    /// Seed of the searches.
+    /// Seed of grasp search and motion planning.
     pub seed: Seed,
     /// Output folder for the images of each stage, the transcript and the motions.
     pub out: PathBuf,
@@ -49,10 +49,10 @@ struct CameraFile {
     world_from_camera: Pose,
 }
 
-/// Plans from files and writes everything into `out`; nothing is moved.
+/// Plans one pick and one placement from files and writes everything into `out`; no robot is moved.
 ///
 /// # Errors
-/// Files that cannot be used together, an agent that needs the simulator, and a model that does not answer.
+/// Invalid or inconsistent files, an agent that needs the simulator, a model that does not answer, and no plan.
 pub fn act(choice: &AgentChoice, planner: &Arc<Planner>, files: &ActFiles) -> Result<Acted, WorkspaceError> {
     let image = read(files)?;
     let dof = planner.robot().arm_dof();

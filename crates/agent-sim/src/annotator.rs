@@ -1,8 +1,8 @@
-//! Judgement of each answer against the simulator's ground truth: input of the failure attribution.
+//! Judgement of each answer against the simulator's ground truth, from which failures are attributed.
 //!
-//! An [`Annotator`] wraps the agent's model, forwards questions and answers unchanged, and records for each answer if it
-//! was correct in the current state. It does not know the errors that an oracle injects, so that its labels can be
-//! tested against them.
+//! An [`Annotator`] wraps the agent's model, forwards questions and answers unchanged, and records for each answer
+//! whether it was correct in the current state. It does not know which errors an oracle injects, so that its judgements
+//! can be tested against them.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -32,27 +32,28 @@ pub struct Annotator {
     asks: Asks,
 }
 
-/// State carried over from earlier questions.
+/// State that is kept from earlier questions.
 #[derive(Clone, Debug, Default)]
 struct Memory {
     /// Number of decompositions so far.
     rounds: usize,
-    /// Index in the transcript of the latest decomposition.
+    /// Number of the question that gave the latest decomposition.
     split: Option<usize>,
-    /// Sub-tasks of the round that are not begun.
+    /// Number of the round's sub-tasks that are not begun.
     open: usize,
-    /// Index of the check that ended a round, and the sub-tasks it reported as remaining.
+    /// Number of the check question that ended a round, and the sub-tasks that it reported as remaining.
     remaining: Option<(usize, Vec<String>)>,
-    /// Object chosen last.
+    /// Index of the object chosen last; `None` if no object matches the chosen mask.
     taken: Option<usize>,
-    /// Sub-task of the latest question for an object.
+    /// Sub-task for which an object was asked last.
     subtask: String,
-    /// Index in the transcript of the latest question of any kind.
+    /// Number of the latest question of any kind.
     ask: usize,
 }
 
 impl Annotator {
-    /// Wraps `model` of an agent that asks `asks`; judgements are added to `judgements` with each answer.
+    /// Wraps the model of an agent; `asks` tells which questions the agent asks. Each answer adds its judgement to
+    /// `judgements`.
     pub fn new(
         model: Arc<dyn VisionModel>,
         truth: GroundTruth,
@@ -63,7 +64,7 @@ impl Annotator {
         Self { model, truth, planner: Arc::clone(planner), judgements, memory: Arc::default(), asks }
     }
 
-    /// Wraps the agent's grasp source, sharing this annotator's records.
+    /// Wraps the agent's grasp source; the wrapper shares this annotator's judgements.
     pub fn of_grasps(&self, source: Arc<dyn GraspSource>) -> GraspAnnotator {
         let (truth, judgements, memory) = (self.truth.clone(), Arc::clone(&self.judgements), Arc::clone(&self.memory));
         GraspAnnotator { source, truth, judgements, memory }
@@ -101,8 +102,8 @@ impl Annotator {
         }
     }
 
-    /// Judges a decomposition: each sub-task must name an object that has to move, and references of one of its goal
-    /// relations. Sub-tasks that name no object are skipped; the answers that follow from them are judged.
+    /// Judges a decomposition: each sub-task must name an object that has to move, and only references of one of its
+    /// goal relations. Sub-tasks that name no object are skipped, since the answers that follow from them are judged.
     fn split(&self, subtasks: &[String], scene: &PosedScene) -> (Option<FailureClass>, String) {
         let stage = self.truth.stage();
         let names: Vec<String> = (0..scene.objects().len()).map(|object| stage.name(object).to_owned()).collect();
@@ -132,14 +133,15 @@ impl Annotator {
         (None, String::new())
     }
 
-    /// First path cell that the arm cannot reach from above at the answered height, as evidence.
+    /// Evidence that the arm cannot reach a cell of the path from above at the answered height, for the first such
+    /// cell; `None` if it reaches all.
     fn way(&self, question: &Question, way: &[PathCell]) -> Option<String> {
         let Marks::Grid { grid, .. } = &question.marks else { return None };
         let over = |step: &PathCell| {
             let table_m = 0.0; // the world's z is 0 on the table
             Some(on_plane(&question.view, grid.center(step.cell), table_m)? + DVec3::Z * step.height_m)
         };
-        // The first cell holds the object's current position.
+        // The first cell is skipped: it is the object's current position.
         let beyond =
             way.iter().skip(1).find(|step| over(step).is_some_and(|point| !self.planner.reaches_from_above(point)));
         beyond.map(|step| format!("the arm is not over {} at {} m", step.cell, step.height_m))
@@ -188,7 +190,8 @@ impl Annotator {
         }
     }
 
-    /// Judges a placement: the goal conditions on the chosen object must hold with the object at the target point.
+    /// Judges a placement: the goal conditions on the chosen object must hold when the object stands on the target
+    /// point.
     fn place(
         &self,
         question: &Question,
@@ -214,7 +217,8 @@ impl Annotator {
         if is_right {
             return (None, format!("{} would serve in {cell}", self.truth.stage().name(object)));
         }
-        // Same relation to another object nearer than the correct reference: wrong reference.
+        // The reference is wrong if the same relation would hold to another object, which is nearer to the point than
+        // the correct reference.
         let apart = |other: usize| scene.bounds(other).map_or(f64::INFINITY, |bounds| distance(&bounds, *point));
         let right = steps.iter().flat_map(|step| &step.atoms).flat_map(genmanip_layout::references);
         let right = right.filter_map(|id| scene.index_of(id)).map(apart).fold(f64::INFINITY, f64::min);
@@ -231,13 +235,13 @@ impl Annotator {
     }
 }
 
-/// True if the question is for the cell of a grid over a part of the image.
+/// True if the question shows a finer grid, which covers only a part of the image.
 fn is_fine(question: &Question) -> bool {
     matches!(&question.marks, Marks::Grid { grid, .. } if grid.width < question.view.width())
 }
 
-/// Goal relation of a move, and the relation to the same reference that the placement achieves: the goal relation if
-/// the move would be completed, else the first other relation that would hold.
+/// Goal relation of the first move, and the relation to the same reference that the placement achieves: the goal
+/// relation if `is_right`, else the first other relation that would hold, if any.
 fn came_to(steps: &[Move], is_right: bool, holds: &dyn Fn(&[Atom]) -> bool) -> Option<(Relation, Option<Relation>)> {
     let Some(Atom::Relation { subject, relation, reference, .. }) = steps.first()?.atoms.first() else { return None };
     if is_right {
@@ -251,7 +255,7 @@ fn came_to(steps: &[Move], is_right: bool, holds: &dyn Fn(&[Atom]) -> bool) -> O
     Some((*relation, others.into_iter().find(|relation| other(relation))))
 }
 
-/// Horizontal distance (m) between a point and a box; 0 inside.
+/// Horizontal distance (m) between a point and a bounding box; 0 inside.
 pub(super) fn distance(bounds: &Aabb, point: DVec3) -> f64 {
     (point.clamp(bounds.min, bounds.max) - point).truncate().length()
 }
@@ -265,8 +269,8 @@ fn put(scene: &PosedScene, object: usize, point: DVec3) -> PosedScene {
     after
 }
 
-/// True if a condition would hold. For support relations the object may still fall or tip, so only the horizontal
-/// position is checked.
+/// True if a goal condition would hold after the placement. For support relations only the horizontal position is
+/// checked, since the object may still fall or tip.
 fn is_met(after: &PosedScene, atom: &Atom, point: DVec3, truth: &GroundTruth) -> bool {
     match atom {
         Atom::Relation { relation, reference, .. } if relation.is_support() => {
@@ -283,7 +287,7 @@ fn is_met(after: &PosedScene, atom: &Atom, point: DVec3, truth: &GroundTruth) ->
     }
 }
 
-/// Condition with its first reference replaced.
+/// Goal condition with its first reference replaced by the object `id`.
 fn aimed_at(atom: &Atom, id: &str) -> Atom {
     match atom {
         Atom::Relation { subject, relation, second_reference, .. } => Atom::Relation {
@@ -335,7 +339,7 @@ impl Annotator {
         let (stage, subtask) = (question.stage.into(), question.instruction.clone());
         let mut judgements = lock(&self.judgements);
         judgements.answers.insert(question.ask, answered.text.clone());
-        // The finer grid around a wrong cell has no right one: the coarse answer stays to blame.
+        // A finer grid around a wrong cell contains no correct cell, so only the coarse answer is judged as wrong.
         let same = |judgement: &&AnswerJudgement| judgement.stage == stage && judgement.subtask == subtask;
         let was_wrong = judgements.judgements.iter().rev().find(same).is_some_and(|before| before.wrong.is_some());
         if !(is_fine(question) && wrong.is_some() && was_wrong) {
@@ -350,7 +354,7 @@ impl Annotator {
         }
     }
 
-    /// Records a new decomposition if an object question follows a check that reported remaining sub-tasks.
+    /// Records a new decomposition if a question for an object follows a check that reported remaining sub-tasks.
     fn hear_of_split(&self, question: &Question) {
         let (round, ask, subtasks) = {
             let mut memory = lock(&self.memory);

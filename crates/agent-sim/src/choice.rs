@@ -1,4 +1,4 @@
-//! Agent selection: settings and services by name.
+//! Selection of an agent: settings, and services by name.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
@@ -22,32 +22,33 @@ use super::{
 };
 use genmanip_workspace::WorkspaceError;
 
-/// Maximum depth error at 1 m, m: beyond it, objects are indistinguishable from the table.
+/// Maximum standard deviation (m) of a depth of 1 m; beyond it, objects cannot be distinguished from the table.
 const MAX_DEPTH_ERROR_M: f64 = 0.05;
 
-/// Agent configuration, from which the agent of any episode is made.
+/// Configuration from which the agent of every episode is made.
 #[derive(Clone)]
 pub struct AgentChoice {
-    /// Agent settings.
+    /// Settings of the agent itself.
     pub settings: AgentSettings,
-    /// Vision-language model.
+    /// Vision-language model that answers the agent's questions.
     pub model: ModelChoice,
-    /// Segmentation source.
+    /// Source of object masks.
     pub masks: MaskChoice,
-    /// Grasp source.
+    /// Source of grasp proposals.
     pub grasps: GraspChoice,
-    /// Error injection of the oracle.
+    /// Errors that the oracle injects; without effect on other models.
     pub dials: ErrorInjection,
-    /// True to judge answers against the ground truth without an oracle, too; results are then labelled `oracle`. With
-    /// an oracle they always are.
+    /// True to judge answers against the ground truth even if no oracle is used (with an oracle they always are);
+    /// results are then labelled `oracle`.
     pub is_analysed: bool,
-    /// True to keep a snapshot of the agent before each turn, for counterfactuals.
+    /// True to keep a snapshot of the agent before each turn, from which counterfactual episodes start.
     pub keeps_turns: bool,
-    /// Folder in which answers are recorded, one file per scenario, and from which they are replayed.
+    /// Folder in which answers are recorded, one file per scenario, and from which they are replayed; `None` for
+    /// neither.
     pub answers: Option<PathBuf>,
-    /// Folder of prompt files that replace the built-in ones.
+    /// Folder of prompt files that replace the built-in ones; `None` for the built-in ones.
     pub prompts: Option<PathBuf>,
-    /// True to keep images with the transcript.
+    /// True to keep the images with the transcript.
     pub keeps_pictures: bool,
 }
 
@@ -58,7 +59,7 @@ pub enum ModelChoice {
     Oracle,
     /// Chat server, person or recorded answers, as configured in a settings file.
     Chat(Arc<SharedModel>),
-    /// Random mark of the image: the baseline for tables.
+    /// Random marks of the image: the baseline for tables.
     Random,
     /// Replay of the recorded answers only, see [`Recording`].
     Recorded,
@@ -71,7 +72,7 @@ pub enum MaskChoice {
     Rgbd,
     /// Ids of the renderer; results are labelled `oracle`.
     Oracle,
-    /// A server, see `genmanip_agent::services::masks`.
+    /// Mask server, see `genmanip_agent::services::masks`.
     Http(Arc<ServiceMasks<HttpService>>),
 }
 
@@ -98,7 +99,7 @@ impl MaskChoice {
 pub enum GraspChoice {
     /// Built-in sampler on the object's point cloud.
     Rgbd,
-    /// A server, see `genmanip_agent::services::grasps`.
+    /// Grasp server, see `genmanip_agent::services::grasps`.
     Http(Arc<ServiceGrasps<HttpService>>),
 }
 
@@ -125,7 +126,7 @@ impl GraspChoice {
 }
 
 impl AgentChoice {
-    /// Oracle services and the settings of a preset.
+    /// Configuration with oracle services and the settings of a preset.
     pub fn oracle(preset: Preset, path: PathKind) -> Self {
         Self {
             settings: AgentSettings { path, ..AgentSettings::preset(preset) },
@@ -175,7 +176,7 @@ impl AgentChoice {
         Ok(Self { grasps, ..self })
     }
 
-    /// Sets the questions that are asked: `every` or `needed`; empty for the preset's.
+    /// Sets how many questions the agent asks: `every` or `needed`; empty for the preset's choice.
     ///
     /// # Errors
     /// Another name.
@@ -189,7 +190,8 @@ impl AgentChoice {
         Ok(self)
     }
 
-    /// Sets the standard deviation (m) of a depth of 1 m; a larger value from the world's cameras takes precedence.
+    /// Sets the standard deviation (m) of depth measurements at 1 m; a larger value of the world's cameras takes
+    /// precedence.
     ///
     /// # Errors
     /// A number outside the valid range.
@@ -237,7 +239,7 @@ impl AgentChoice {
         Ok(())
     }
 
-    /// Name in results: services and settings that differ from the preset.
+    /// Name of the agent in results: its services, and settings that differ from the preset.
     pub fn name(&self) -> String {
         let AgentSettings { preset, path, ctof, arrows, reasoning, asks, .. } = &self.settings;
         let path = if *path == PathKind::Grid { "grid" } else { "p2p" };
@@ -268,7 +270,8 @@ impl AgentChoice {
         name
     }
 
-    /// Makes the agent of one episode; while it waits for a model, its thread lends its core to the others of `cores`.
+    /// Makes the agent of one episode. While the agent waits for a model, its thread lends its core to other threads of
+    /// `cores`.
     ///
     /// # Errors
     /// An unusable prompt file or setting, or grasps that were tried with other physics.
@@ -288,7 +291,7 @@ impl AgentChoice {
         self.make_asking(model, truth, planner)
     }
 
-    /// Model that answers the questions of an episode; `oracle` is used if the oracle is configured.
+    /// Model that answers the questions of an episode; `oracle` if the configuration selects the oracle.
     ///
     /// # Errors
     /// Recorded answers that cannot be read.
@@ -408,7 +411,7 @@ impl AgentChoice {
 }
 
 impl ModelChoice {
-    /// Its name in results.
+    /// Name of the model in results.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Oracle => "oracle",
@@ -420,7 +423,7 @@ impl ModelChoice {
 }
 
 impl MaskChoice {
-    /// Its name in results.
+    /// Name of the segmentation source in results.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Rgbd => "rgbd",
@@ -430,7 +433,8 @@ impl MaskChoice {
     }
 }
 
-/// Largest standard deviation (m) of a depth of 1 m among cameras, by their data sheets; 0 for ideal cameras.
+/// Largest standard deviation (m) of depth measurements at 1 m among cameras, from their depth sensors; 0 for ideal
+/// cameras.
 fn depth_error_m(world: &World, cameras: &[String]) -> f64 {
     let sensors = cameras.iter().filter_map(|name| world.camera(name)?.sensor?.depth);
     sensors.map(|depth| depth.error_at_1_m()).fold(0.0, f64::max)

@@ -1,4 +1,4 @@
-//! Counterfactual episodes: one wrong answer is replaced by the oracle's, everything before it stays.
+//! Counterfactual episodes: one wrong answer is replaced by the oracle's, and everything before it is unchanged.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,25 +12,25 @@ use genmanip_core::{AgentFailure, FailureClass};
 use super::made_agent::MadeAgent;
 use super::{GroundTruthFeed, Oracle};
 
-/// Episode to be resumed with a corrected answer.
+/// Episode to be resumed with one corrected answer.
 pub struct Counterfactual {
-    /// Turn before which the episode resumes, from 0.
+    /// Index, from 0, of the turn before which the episode resumes.
     pub turn: usize,
-    /// Agent before that turn; the answers before the blamed one are replayed.
+    /// Agent as it was before that turn; it replays the answers before the blamed one.
     pub policy: GroundTruthFeed,
     is_same: Arc<AtomicBool>,
 }
 
 impl Counterfactual {
-    /// True if the given answer already equals the oracle's, so that nothing was replaced. Valid after the run.
+    /// True if the recorded answer already equals the oracle's, so that nothing was replaced. Valid after the run.
     pub fn is_same(&self) -> bool {
         self.is_same.load(Ordering::Relaxed)
     }
 }
 
 impl MadeAgent {
-    /// The counterfactual from the turn of the blamed answer: that answer comes from the oracle, later answers from
-    /// `then`, grasps from `source`. `None` if no answer is to blame or no snapshot was kept.
+    /// Counterfactual episode from the turn of the blamed answer on: that answer comes from the oracle, later answers
+    /// from `then`, and grasps from `source`. `None` if no answer is to blame or no snapshot was kept.
     pub fn corrected(
         &self,
         blamed: &AgentFailure,
@@ -54,7 +54,8 @@ impl MadeAgent {
     }
 }
 
-/// Model that replays the answers up to an ask, takes that one from the oracle and later ones from another model.
+/// Model that replays the recorded answers up to number `last`, takes answer number `replaced` from the oracle, and
+/// later ones from another model.
 struct Corrected {
     told: BTreeMap<usize, String>,
     last: usize,

@@ -1,4 +1,4 @@
-//! Grasps for demonstrations from rendered depth images: built-in sampler or grasp server.
+//! Grasps for demonstrations from rendered depth images, by the built-in sampler or a grasp server.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use genmanip_rollout::expert::{GraspProposer, ObservedObject};
 use crate::GraspChoice;
 use genmanip_workspace::WorkspaceError;
 
-/// Grasp source of the expert by name: `mesh` (`None`: grasps from geometry), `rgbd` or `http:URL`.
+/// Grasp source of the expert by name: `mesh` (`None`, grasps from object geometry), `rgbd` or `http:URL`.
 ///
 /// # Errors
 /// An unknown name, or an unusable URL.
@@ -41,7 +41,7 @@ impl GraspProposer for OfCloud {
         };
         match self.0.grasps(&question) {
             Ok(grasps) => Ok(grasps),
-            // Too few points: the visible surface gives no grasp.
+            // The visible surface has too few points for a grasp.
             Err(GraspError::Unsuited(_)) => Ok(Vec::new()),
             Err(error @ GraspError::Service(_)) => Err(PolicyError::Unreachable(error.to_string())),
         }

@@ -1,52 +1,53 @@
-//! Failure attribution: one class per failed episode, from the judged answers and the recorded gripper motion.
+//! Failure attribution: one failure class per failed episode, from the judged answers and the recorded gripper motion.
 
 use std::collections::BTreeMap;
 
 use genmanip_core::{AgentFailure, AgentStage, FailedStage, FailureClass, Frame, Relation, StageCause};
 use serde::Serialize;
 
-/// Judgement of one answer.
+/// Judgement of one answer, or of the proposed grasps.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AnswerJudgement {
-    /// Number of the ask; of proposed grasps, that of the ask before them.
+    /// Number of the question, from 0; of proposed grasps, that of the question before them.
     pub ask: usize,
-    /// Number of decompositions so far.
+    /// Number of decompositions up to this answer.
     pub round: usize,
-    /// Stage of the ask, or the grasps before it.
+    /// Stage of the question; [`AgentStage::Grasp`] for proposed grasps.
     pub stage: AgentStage,
-    /// The instruction of the stage, or the sub-task that the grasps are for.
+    /// Instruction of the question, or the sub-task that the grasps are for.
     pub subtask: String,
     /// Failure class that the answer causes; `None` if it is correct.
     pub wrong: Option<FailureClass>,
-    /// Evidence, as text.
+    /// Reason of the judgement in words.
     pub evidence: String,
 }
 
 /// Judgements and answers of one episode.
 #[derive(Clone, Debug, Default)]
 pub struct EpisodeJudgements {
-    /// In the order of the asks.
+    /// Judgements in the order of the questions.
     pub judgements: Vec<AnswerJudgement>,
-    /// Every answer, by the number of its ask.
+    /// Text of every answer, by the number of its question.
     pub answers: BTreeMap<usize, String>,
-    /// Placed objects, by the number of the ask that chose the target.
+    /// Index of each placed object, by the number of the question that chose its target.
     pub sent: BTreeMap<usize, usize>,
-    /// Per placement of an object that has to move: goal relation, and relation to the same reference that the chosen
-    /// target achieves.
+    /// Goal relation of each placement of an object that has to move, and the relation to the same reference that the
+    /// chosen target achieves; `None` if no relation holds there.
     pub placed: Vec<(Relation, Option<Relation>)>,
-    /// Confusion matrix of the check: rows goal does not hold / holds, columns answered not finished / finished.
+    /// Confusion matrix of the checks. Rows: the goal does not hold, it holds. Columns: the answer is not finished,
+    /// finished.
     pub checks: [[usize; 2]; 2],
 }
 
 impl EpisodeJudgements {
-    /// Objects placed since the latest decomposition.
+    /// Indices of the objects placed since the latest decomposition.
     fn sent_last(&self) -> impl Iterator<Item = usize> + '_ {
         let split = self.judgements.iter().rev().find(|judgement| judgement.stage == AgentStage::Decompose);
         self.sent.range(split.map_or(0, |split| split.ask)..).map(|(_, &object)| object)
     }
 
-    /// Latest judgement per stage and sub-task: a repeated answer, or one of a later round, replaces the earlier one,
-    /// because the closed loop could correct it.
+    /// Latest judgement of each stage and sub-task. A repeated answer, or one of a later round, replaces the earlier
+    /// one, since the closed loop could correct it.
     fn last(&self) -> Vec<&AnswerJudgement> {
         let mut rounds: BTreeMap<AgentStage, usize> = BTreeMap::new();
         for judgement in &self.judgements {
@@ -62,9 +63,10 @@ impl EpisodeJudgements {
     }
 }
 
-/// Analysis of a failed episode: the class of the first uncorrected wrong answer, else the failure of execution.
+/// Analysis of a failed episode: class of the first wrong answer that was not corrected, else class of the execution
+/// failure.
 ///
-/// `failure` is the agent's own report, `frames` the recording. Of several wrong answers the first counts.
+/// `failure` is the agent's own report, `frames` is the recording.
 pub fn classify(judgements: &EpisodeJudgements, failure: Option<&FailedStage>, frames: &[Frame]) -> AgentFailure {
     let said = failure.map(|failure| (failure.stage, failure.cause));
     let words = failure.map_or_else(String::new, ToString::to_string);
@@ -77,7 +79,7 @@ pub fn classify(judgements: &EpisodeJudgements, failure: Option<&FailedStage>, f
     }
     let ended_in = |stage: AgentStage| said.is_some_and(|(said, _)| said == stage);
     let wrong = judgements.last().into_iter().filter_map(|judgement| Some((judgement.wrong?, judgement)));
-    // A wrong target is irrelevant if the object was lost before it got there.
+    // A wrong target is irrelevant if the object was lost before reaching it.
     let was_carried = |ask: usize| judgements.sent.get(&ask).is_none_or(|&object| lost(object, frames).is_none());
     let is_plan = |class: FailureClass| {
         matches!(class, FailureClass::PlanGrounding | FailureClass::PlanLocation | FailureClass::PlanMotion)
@@ -88,7 +90,7 @@ pub fn classify(judgements: &EpisodeJudgements, failure: Option<&FailedStage>, f
     let wrong = wrong.filter(|(class, judgement)| *class != FailureClass::Format || ended_in(judgement.stage));
     if let Some((class, judgement)) = wrong.min_by_key(|(_, judgement)| judgement.ask) {
         let class = match (class, said) {
-            // "No mask fits" is a grounding error, not a format error.
+            // The answer that no mask fits is a grounding error, not a format error.
             (FailureClass::Format, Some((AgentStage::Object, StageCause::NotFound))) => FailureClass::GraspGrounding,
             (class, _) => class,
         };
@@ -108,14 +110,14 @@ pub fn classify(judgements: &EpisodeJudgements, failure: Option<&FailedStage>, f
     without_answer(class, evidence)
 }
 
-/// Minimum number of frames between the fingers that counts as held; half a second at 60 Hz.
+/// Minimum number of frames in which an object is between the fingers to count as held: half a second at 60 Hz.
 const HELD_FRAMES: usize = 30;
-/// Increase (m) of the commanded width within [`OPENING_FRAMES`] that counts as opening.
+/// Increase (m) of the commanded gripper width within [`OPENING_FRAMES`] that counts as opening.
 const OPENING_M: f32 = 0.001;
-/// Number of frames after the last contact within which an opening command must come; otherwise the object was lost.
+/// Number of frames around the last contact within which the opening command must come; otherwise the object was lost.
 const OPENING_FRAMES: usize = 12;
 
-/// Description of how an object was lost from the gripper, or never held; `None` if it was released by command.
+/// Description of how the gripper lost an object, or never held it; `None` if it was released by command.
 fn lost(object: usize, frames: &[Frame]) -> Option<String> {
     let is_held = |frame: &&Frame| frame.grasped == Some(object);
     if frames.iter().filter(is_held).count() < HELD_FRAMES {
@@ -136,7 +138,7 @@ mod tests {
 
     use super::*;
 
-    /// Description, judgements, reported failure, expected class and expected ask.
+    /// Test case: description, judgements, reported failure, expected class and expected question number.
     type Case<'a> = (&'a str, Vec<AnswerJudgement>, Option<&'a FailedStage>, FailureClass, Option<usize>);
 
     fn said(

@@ -14,20 +14,20 @@ use super::failure::{EpisodeJudgements, classify};
 use super::transcript_page::transcript_page;
 use super::{GroundTruth, TurnSnapshots};
 
-/// An agent made for one episode: the agent itself, and what is known of it.
+/// Agent of one episode with its records.
 pub struct MadeAgent {
     policy: Box<dyn Policy>,
     /// Transcript of questions, answers and actions.
     pub transcribed: TranscriptRecorder,
-    /// Ground truth of the oracle services and the annotator, if any.
+    /// Ground truth that oracle services and annotator use; `None` without them.
     pub truth: Option<GroundTruth>,
-    /// Judgements of its answers; empty without ground truth.
+    /// Judgements of the agent's answers; empty without ground truth.
     pub judgements: Arc<Mutex<EpisodeJudgements>>,
-    /// Snapshots of the agent before each turn, if they are kept.
+    /// Snapshots of the agent before each turn; `None` if they are not kept.
     pub turns: Option<TurnSnapshots>,
-    /// Folder to which the transcript is written after each turn.
+    /// Folder to which the transcript is written after each turn; `None` for no transcript.
     folder: Option<PathBuf>,
-    /// Number of images written.
+    /// Number of images written so far.
     written: usize,
 }
 
@@ -94,7 +94,7 @@ impl Policy for MadeAgent {
             }
         };
         if let Some(folder) = &self.folder {
-            // Without room on the disk the page stays as it was after the last turn, without the analysis.
+            // If the disk is full, the page remains as after the last turn, without the analysis.
             let page = transcript_page(&self.transcribed.transcript(), Some(&analysis));
             let _ = documents::write_file(&folder.join(PAGE), page.as_bytes());
         }
@@ -103,11 +103,12 @@ impl Policy for MadeAgent {
     }
 }
 
-/// File names of a transcript and of its page.
+/// File names of a transcript and of its HTML page.
 const TRANSCRIPT: &str = "transcript.json";
 const PAGE: &str = "transcript.html";
 
-/// Writes a transcript, its page and its images from index `first` on into a folder; returns the total number of images.
+/// Writes a transcript, its HTML page and its images from index `first` on into a folder; returns the total number of
+/// images.
 ///
 /// # Errors
 /// A file that cannot be written, or an image that cannot be encoded.

@@ -5,7 +5,7 @@ use genmanip_agent::segmentation::{Mask, SegmentError, SegmentQuestion, Segmente
 use super::GroundTruth;
 use crate::oracle_segmenter::OracleSegmenter;
 
-/// Minimum mask area, pixels: smaller masks are not visible to any model.
+/// Minimum mask area, pixels; smaller masks are omitted, since no model could recognise them. Chosen by hand.
 const MIN_PIXELS: usize = 20;
 
 /// Segmenter with the ground-truth masks of all objects; results made with it are labelled `oracle`.
@@ -14,7 +14,7 @@ pub struct OracleMasks {
 }
 
 impl OracleMasks {
-    /// Segmenter for the episode of `truth`.
+    /// Segmenter for the episode that `truth` belongs to.
     pub fn new(truth: GroundTruth) -> Self {
         Self { truth }
     }

@@ -1,5 +1,5 @@
-//! Chat model shared by parallel episodes: releases the core while waiting, counts tokens and cost, and stops at a
-//! cost limit.
+//! Chat model shared by parallel episodes. It lends the thread's core to others while waiting, counts tokens and cost,
+//! and stops at a cost limit.
 
 use std::collections::BTreeMap;
 use std::panic::resume_unwind;
@@ -19,22 +19,22 @@ use serde::Deserialize;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
-/// The settings file of a model: the tables `server`, `folder`, `cassettes` and `prices`, as for task design.
+/// Settings file of a model: the tables `server`, `folder`, `cassettes` and `prices`, as for task design.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ModelFile {
-    /// The server.
+    /// Server that answers.
     pub server: ServerSettings,
-    /// Exchange folder in which a person or program answers, instead of the server.
+    /// Exchange folder through which a person or program answers instead of the server; `None` for the server.
     pub folder: Option<FolderSettings>,
-    /// Settings of recording and replay.
+    /// Recording and replay of answers.
     pub cassettes: CassetteSettings,
     /// Token prices by model name.
     pub prices: BTreeMap<String, Price>,
 }
 
 impl ModelFile {
-    /// Reads a settings file.
+    /// Reads a settings file of a model.
     ///
     /// # Errors
     /// An unreadable or invalid file; values are never shown, since the file may contain a key.
@@ -54,7 +54,7 @@ impl ModelFile {
     }
 }
 
-/// Chat model opened once and shared by any number of episodes.
+/// Chat model that is opened once and shared by any number of episodes.
 pub struct SharedModel {
     chat: Box<dyn ChatModel>,
     server: ServerSettings,
@@ -83,7 +83,7 @@ impl SharedModel {
         Ok(Self { chat, server: file.server.clone(), account })
     }
 
-    /// Usage and cost so far.
+    /// Account of usage and cost so far.
     pub fn account(&self) -> &Arc<UsageAccount> {
         &self.account
     }
@@ -137,7 +137,7 @@ impl Lending {
     }
 }
 
-/// Model with a cost limit; replayed answers do not reach it and are free.
+/// Model that fails once the cost limit is reached. Replayed answers are free and do not pass through it.
 struct Paid<M> {
     model: M,
     account: Arc<UsageAccount>,
@@ -152,11 +152,11 @@ impl<M: ChatModel> ChatModel for Paid<M> {
     }
 }
 
-/// Usage and cost of a model.
+/// Account of a model's usage and cost.
 #[derive(Debug, Default)]
 pub struct UsageAccount {
     price: Option<Price>,
-    /// Cost limit, in the currency of the price.
+    /// Cost limit in the currency of the price; `None` for no limit.
     limit: Mutex<Option<f64>>,
     ledger: Mutex<Ledger>,
 }
@@ -165,7 +165,7 @@ impl UsageAccount {
     /// Stops new requests once the cost reaches `limit`; pending requests are completed.
     ///
     /// # Errors
-    /// A model without a price, whose cost is unknown.
+    /// A model without a price, since its cost is unknown.
     pub fn set_limit(&self, limit: f64) -> Result<(), WorkspaceError> {
         if self.price.is_none() {
             return Err(WorkspaceError::input("the settings of the model say no price, so its cost cannot be limited")
@@ -175,7 +175,7 @@ impl UsageAccount {
         Ok(())
     }
 
-    /// Answers, tokens and cost so far, as text; empty before the first answer.
+    /// Number of answers, tokens and cost so far in words; empty before the first answer.
     pub fn describe(&self) -> String {
         let ledger = self.ledger();
         let Some((_, sums)) = ledger.models.iter().next() else { return String::new() };
@@ -229,7 +229,7 @@ mod tests {
 
     #[test]
     fn nothing_is_asked_once_the_money_is_spent() {
-        // Each answer of the fake counts 100 + 10 tokens.
+        // Each answer of the fake server counts 100 + 10 tokens.
         let server = FakeServer::start(|_| Behaviour::Answer("yes".into())).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let text = format!(

@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 use genmanip_agent::segmentation::{Mask, SegmentError, SegmentQuestion, Segmenter};
 use genmanip_render::FIRST_OBJECT;
 
-/// Segmenter with one mask per object visible in the renderer's ids; the image needs its `ids` channel.
+/// Segmenter that returns one mask per object visible in the renderer's ids; the image must have its `ids` channel.
 ///
-/// For a question about parts it returns each object inside the mask: ids do not distinguish parts.
+/// Asked for parts of a mask, it returns the objects within that mask, since ids do not distinguish parts.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct OracleSegmenter;
 
 impl Segmenter for OracleSegmenter {
-    /// One mask per object, in the order of the objects.
+    /// Returns one mask per object, in the order of the objects.
     fn segment(&self, question: &SegmentQuestion) -> Result<Vec<Mask>, SegmentError> {
         let SegmentQuestion { image, ignore, within } = *question;
         let (width, height) = (image.width(), image.height());

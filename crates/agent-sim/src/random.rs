@@ -1,15 +1,15 @@
-//! Random baseline: a model that picks marks at random, which measures the rest of the agent alone.
+//! Random baseline: a model that chooses marks at random, to measure the contribution of the agent's other components.
 
 use genmanip_agent::ask::{Marks, ModelReply, Question, QuestionKind, ServiceError, VisionModel};
 use genmanip_core::Seed;
 use rand::RngExt;
 use serde_json::json;
 
-/// Height (m) of a path above the table, and at its ends; the same as the oracle's.
+/// Height (m) of a path in the middle and at its ends, the same as the oracle's.
 const CARRY_M: f64 = 0.28;
 const END_M: f64 = 0.2;
 
-/// Model that chooses a random mark of the image, by seed and number of the ask, and answers *finished* at each check.
+/// Model that chooses a random mark of the image, by seed and question number, and answers *finished* at each check.
 pub struct RandomMarks(pub Seed);
 
 impl VisionModel for RandomMarks {

@@ -11,7 +11,7 @@ use genmanip_core::{Document, limits};
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
-/// Recorded answers of one episode, in front of a model or alone.
+/// Recorded answers of one episode, with or without a model for further questions.
 ///
 /// Recorded questions are answered from the file at no cost. Other questions go to the model, and each answer is
 /// written at once, so that no paid answer is lost. A question that differs from the recorded one is an error: the
@@ -24,10 +24,10 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Opens the answers of a scenario in a folder; `model` answers unrecorded questions.
+    /// Opens the recorded answers of a scenario in a folder; `model` answers questions that are not recorded.
     ///
     /// # Errors
-    /// A file that cannot be read, or is of another scenario.
+    /// A file that cannot be read, or that belongs to another scenario.
     pub fn open(folder: &Path, scenario: &str, model: Option<Arc<dyn VisionModel>>) -> Result<Self, WorkspaceError> {
         let path = folder.join(format!("{scenario}.json"));
         let kept = match path.exists() {
@@ -47,7 +47,7 @@ impl Recording {
 }
 
 impl Recording {
-    /// Recorded answer to a question; `None` if the model has to answer it.
+    /// Recorded answer to a question, or the error of a differing question; `None` if the model has to answer it.
     fn recorded(&self, question: &Question) -> Option<Result<ModelReply, ServiceError>> {
         let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let is_known = kept.answers.iter().any(|answer| answer.ask == question.ask);

@@ -1,13 +1,14 @@
-//! Transcript of an agent's episode as an HTML page beside its images.
+//! Transcript of an agent's episode as an HTML page, stored beside its images.
 
 use genmanip_agent::ask::{Exchange, Transcript, TranscriptEvent};
 use genmanip_core::AgentFailure;
 use genmanip_viz::markup::escape;
 
-/// The page: what the agent was asked, with the images that it saw, its answers, and what the arm did, in order.
+/// HTML page of a transcript: the agent's questions with their images, the answers, and the actions of the arm, in
+/// order.
 ///
-/// `blamed` is the analysis of a failed episode: its class, stage and question are on the page. Images are named, not
-/// embedded: the page belongs into their folder. It is complete without scripts, and also well-formed XML.
+/// `blamed` is the analysis of a failed episode; the page shows its class, stage and question. Images are linked by
+/// their file names, so the page must be in the folder of the images. It needs no scripts, and is also well-formed XML.
 pub fn transcript_page(transcript: &Transcript, blamed: Option<&AgentFailure>) -> String {
     let Transcript { instruction, preset, moments, failure } = transcript;
     let asked = moments.iter().filter(|moment| matches!(moment, TranscriptEvent::Asked(_))).count();
@@ -41,7 +42,7 @@ pub fn transcript_page(transcript: &Transcript, blamed: Option<&AgentFailure>) -
     )
 }
 
-/// Class, stage and evidence of a failure, with a link to the question.
+/// HTML of a failure's class, stage and evidence, with a link to the question.
 fn blame(blamed: &AgentFailure) -> String {
     let AgentFailure { class, stage, ask, evidence, .. } = blamed;
     let class = class.map_or_else(|| "unclassified".to_owned(), |class| class.name().replace('_', " "));
@@ -50,7 +51,7 @@ fn blame(blamed: &AgentFailure) -> String {
     format!("<p class=\"failed\">Failure: {class}, stage {stage}{question}: {}</p>\n", escape(evidence))
 }
 
-/// An event; that of the question `blamed` is marked.
+/// HTML of an event; the question with number `blamed` is marked.
 fn moment(moment: &TranscriptEvent, blamed: Option<usize>) -> String {
     match moment {
         TranscriptEvent::Acted { time_s, what } => {

@@ -20,7 +20,7 @@ pub struct GroundTruth {
     now: Arc<Mutex<Now>>,
 }
 
-/// Ground truth of one moment.
+/// Ground truth at one moment.
 #[derive(Clone, Default)]
 pub(super) struct Now {
     pub state: Option<PrivilegedState>,
@@ -29,13 +29,13 @@ pub(super) struct Now {
     pub injected: Vec<InjectedError>,
 }
 
-/// Injected error; hidden from the failure attribution.
+/// Error injected into an answer or action; the failure attribution does not see it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InjectedError {
-    /// Index from 0 of the falsified question. For a wrong grasp, of the question before it; for fingers that stay
-    /// open, number of questions asked so far, which is the index of the next one.
+    /// Number, from 0, of the question whose answer is wrong. For a wrong grasp, that of the question before it; for
+    /// fingers that stay open, the number of questions asked so far, which is the number of the next one.
     pub ask: usize,
-    /// Failure class that the error should cause.
+    /// Failure class that the error is meant to cause.
     pub class: FailureClass,
 }
 
@@ -74,7 +74,7 @@ impl GroundTruth {
         }
     }
 
-    /// Unfinished moves of each goal alternative; state changes of articulated objects are excluded.
+    /// Unfinished moves of each goal alternative, without state changes of articulated objects.
     pub(super) fn undone(&self, scene: &PosedScene) -> Vec<Vec<Move>> {
         let stage = &self.stage;
         let holds = |atom: &Atom| judge_atom(scene, atom, &stage.relations).holds;
@@ -98,13 +98,14 @@ impl GroundTruth {
         Move { object, atoms: step.atoms.iter().map(atom).collect() }
     }
 
-    /// Goal verdict in the current state; a condition on an object that moves or is held does not hold.
+    /// Verdict on the goal in the current state; a condition on an object that moves or is held does not hold.
     pub(super) fn verdict(&self) -> GoalVerdict {
         let rest = self.state().map(|state| Stage::rest(&state.objects, state.grasped, &RolloutSettings::default()));
         judge_goal(&self.scene(), &self.stage.goal, &rest.unwrap_or_default(), &self.stage.relations)
     }
 
-    /// Rendered image with ids for an image shown to the agent; `None` for an unknown camera view.
+    /// Rendered image with ids that has the same camera pose and intrinsics as an image shown to the agent; `None` if
+    /// there is none.
     pub(super) fn image(&self, image: &RgbdImage) -> Option<Arc<RgbdImage>> {
         let same = |known: &&Arc<RgbdImage>| {
             known.world_from_camera == image.world_from_camera && known.intrinsics == image.intrinsics
@@ -112,7 +113,7 @@ impl GroundTruth {
         self.now().images.iter().find(same).cloned()
     }
 
-    /// Object index and mask of each visible object in an image shown to the agent; `None` for an unknown camera view.
+    /// Index and mask of each object visible in an image shown to the agent; `None` for an unknown camera view.
     pub(super) fn masks(&self, image: &RgbdImage) -> Option<Vec<(usize, Mask)>> {
         let known = self.image(image)?;
         let (width, height) = (known.width(), known.height());
@@ -133,16 +134,16 @@ impl GroundTruth {
 pub struct GroundTruthFeed {
     agent: Agent,
     truth: GroundTruth,
-    /// True while a finger jam is still to be injected.
+    /// True while a failure of the fingers to close is still to be injected.
     jams: bool,
-    /// Snapshots of the agent before each turn, if they are kept.
+    /// Snapshots of the agent before each turn; `None` if they are not kept.
     turns: Option<TurnSnapshots>,
 }
 
 /// Snapshots of the agent before each turn, in order.
 pub type TurnSnapshots = Arc<Mutex<Vec<Agent>>>;
 
-/// Tolerance (m) within which gripper widths are equal.
+/// Difference (m) below which commanded gripper widths are equal.
 const SAME_WIDTH_M: f32 = 1e-4;
 
 impl GroundTruthFeed {
@@ -151,19 +152,20 @@ impl GroundTruthFeed {
         Self { agent, truth, jams: false, turns: None }
     }
 
-    /// Injects an execution error: at the first grasp the fingers stay open.
+    /// With `jams`, injects an execution error: at the first grasp the fingers stay open.
     #[must_use]
     pub fn with_jam(self, jams: bool) -> Self {
         Self { jams, ..self }
     }
 
-    /// Stores a snapshot of the agent before each turn in `turns`.
+    /// Stores a snapshot of the agent in `turns` before each turn.
     #[must_use]
     pub fn with_snapshots(self, turns: Option<TurnSnapshots>) -> Self {
         Self { turns, ..self }
     }
 
-    /// Keeps the fingers open from the start of the final closing; returns false if they never close.
+    /// Overwrites the commanded widths so that the fingers stay open instead of closing at the end; returns false if
+    /// they do not close.
     fn jam(actions: &mut [Vec<f32>]) -> bool {
         let width = |action: &Vec<f32>| action.last().copied().unwrap_or_default();
         let Some(held) = actions.last().map(width) else { return false };

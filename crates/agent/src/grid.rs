@@ -9,22 +9,22 @@ pub struct Grid {
     pub rows: u32,
     /// Number of columns.
     pub columns: u32,
-    /// Left edge (px).
+    /// Left edge in the image (px).
     pub left: u32,
-    /// Upper edge (px).
+    /// Upper edge in the image (px).
     pub top: u32,
-    /// Width (px).
+    /// Width of the whole grid (px).
     pub width: u32,
-    /// Height (px).
+    /// Height of the whole grid (px).
     pub height: u32,
 }
 
 /// A grid cell, indexed from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Cell {
-    /// Row from the top.
+    /// Index of the row, from the top.
     pub row: u32,
-    /// Column from the left.
+    /// Index of the column, from the left.
     pub column: u32,
 }
 

@@ -12,7 +12,7 @@
 //! - [`segmentation`] finds the objects in an image; [`perception`] locates them in 3D.
 //! - [`services`] requests masks and grasps from other programs and documents those requests.
 //!
-//! It never sees the simulator or the asset catalogue: `Cargo.toml` forbids both dependencies.
+//! The agent never sees the simulator or the asset catalogue: `Cargo.toml` forbids both dependencies.
 
 pub mod ask;
 pub mod grid;

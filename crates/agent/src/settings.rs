@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::perception::CellSettings;
 
-/// Settings of the agent.
+/// Settings of the agent: questions, views, motions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AgentSettings {
@@ -15,7 +15,7 @@ pub struct AgentSettings {
     pub preset: Preset,
     /// Form in which the model answers with a placement.
     pub path: PathKind,
-    /// Coarse-to-fine grasping: after the object, ask for the part to grasp.
+    /// Coarse-to-fine grasping: after the object, the model is asked for the part to grasp.
     pub ctof: bool,
     /// Draw the robot's direction arrows on images.
     pub arrows: bool,
@@ -43,7 +43,7 @@ pub struct AgentSettings {
     /// Ask for grab point and placement concurrently. The placement question then marks the mask's middle pixel as its
     /// start instead of the grab point.
     pub asks_at_once: bool,
-    /// Questions that are asked.
+    /// Questions that are asked: all, or those whose answer matters.
     pub asks: Asks,
     /// Start a new round with the remaining sub-tasks reported by the check; otherwise, or if it reports none,
     /// decompose again.
@@ -52,10 +52,10 @@ pub struct AgentSettings {
     pub grasps: usize,
     /// Maximum distance of a grasp from the grab point (m).
     pub grasp_radius_m: f64,
-    /// Resolution of grid cells to placement targets.
+    /// Settings of the conversion from grid cells to placement targets.
     pub cells: CellSettings,
-    /// Ask for the cell of a finer grid where a cell is too large to say what is meant: between things, and where at
-    /// least two things stand close to the place.
+    /// Ask for a cell of a finer grid where a coarse cell is ambiguous: between objects, and where at least two objects
+    /// stand close to the place.
     #[serde(default)]
     pub fine_cells: bool,
     /// Yaw changes of the object to try if the model does not give one (degrees).
@@ -77,7 +77,7 @@ fn is_perfect(error_m: &f64) -> bool {
 pub enum Preset {
     /// As published: three rounds, only the best grasp, no check after a pick, plain cell centres.
     Paper,
-    /// All robustness features.
+    /// All robustness features, beyond the published agent.
     Full,
 }
 
@@ -95,7 +95,7 @@ pub enum Asks {
 }
 
 impl Asks {
-    /// All values.
+    /// All values, in the order of their names in help texts.
     pub const ALL: [Self; 2] = [Self::Every, Self::Needed];
 
     /// Name in files and on the command line.
@@ -111,13 +111,13 @@ impl Asks {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PathKind {
-    /// One cell.
+    /// One cell, where the object is placed.
     P2p,
     /// A path over the grid with heights and yaw.
     Grid,
 }
 
-/// Motion settings.
+/// Settings of motion planning and execution.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MotionSettings {
@@ -125,7 +125,7 @@ pub struct MotionSettings {
     pub feasibility: FeasibilitySettings,
     /// Fallback clearance if nothing else works (m).
     pub tight_clearance_m: f64,
-    /// Fallback length of straight approach and lift motions (m).
+    /// Fallback length of straight approach and lift motions (m), near the reach limit.
     pub short_m: f64,
     /// Maximum nodes of one RRT search. A failed search uses all of them, and a pick may try many grasps.
     pub search_nodes: usize,
@@ -164,7 +164,7 @@ impl AgentSettings {
             cameras: ["overview", "left", "right"].map(String::from).to_vec(),
             size: None,
             depth_error_m: 0.0,
-            // The published number.
+            // As published.
             rounds: 3,
             // Chosen: a fifth pick never helped.
             picks: 4,
@@ -176,7 +176,7 @@ impl AgentSettings {
             asks: Asks::Needed,
             check_splits: true,
             grasps: 48,
-            // The specified default.
+            // The default of GenManip's specification.
             grasp_radius_m: 0.08,
             cells: CellSettings::default(),
             fine_cells: true,

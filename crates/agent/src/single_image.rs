@@ -12,11 +12,11 @@ use crate::ask::TranscriptRecorder;
 use crate::pipeline::Agent;
 use crate::settings::AgentSettings;
 
-/// Camera name.
+/// Name given to the only camera.
 const CAMERA: &str = "camera";
-/// Commands per second.
+/// Rate of the planned commands, Hz.
 const RATE_HZ: f64 = 60.0;
-/// Largest joint step of an arm at rest (rad).
+/// Maximum joint step between commands for the arm to count as at rest (rad).
 const STILL_RAD: f32 = 1e-6;
 
 /// Instruction, image and robot state to plan from.
@@ -37,18 +37,18 @@ pub struct ActQuestion {
 /// Motions of the first sub-task, or the reason why planning failed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Acted {
-    /// Commands per second.
+    /// Rate of the commands, Hz.
     pub rate_hz: f64,
-    /// The pick, then the placement.
+    /// Planned steps: the pick, then the placement.
     pub steps: Vec<ActedStep>,
-    /// Failure of the first step that could not be planned.
+    /// Failure of the first step that could not be planned; `None` if both were.
     pub failure: Option<FailedStage>,
 }
 
 /// One motion from rest to rest.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct ActedStep {
-    /// Description of the motion.
+    /// Description of the motion, for people.
     pub what: String,
     /// Time since the start of the first step (s).
     pub start_s: f64,
@@ -58,7 +58,7 @@ pub struct ActedStep {
     pub trajectory: Vec<Vec<f32>>,
 }
 
-/// A configuration on the trajectory.
+/// A configuration of the arm on the trajectory.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Waypoint {
     /// Time since the start of the first step (s).
@@ -72,7 +72,7 @@ pub struct Waypoint {
 }
 
 impl AgentSettings {
-    /// Adapts the settings to a single image: one camera, open loop.
+    /// The settings adapted to a single image: one camera, open loop.
     #[must_use]
     pub fn for_one_image(self) -> Self {
         Self { cameras: vec![CAMERA.into()], size: None, ..self.open_loop() }
@@ -117,7 +117,7 @@ pub fn plan_pick_and_place(
         };
         let Some((&last_width, last_arm)) = trajectory.last().and_then(|last| last.split_last()) else { break };
         joints = last_arm.iter().copied().map(f64::from).collect();
-        // While holding, the measured width exceeds the commanded width by the squeeze.
+        // While an object is held, the measured width exceeds the commanded width by the squeeze.
         width_m = f64::from(last_width) + agent.settings().motion.squeeze_m;
         let waypoints = waypoints(planner, &trajectory, start_s);
         let what = transcribed.transcript().last_act().unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Catalogue of objects: cards for all, models built on demand.
+//! Catalogue of objects: cards of all objects, and models that are built on demand.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -19,10 +19,10 @@ use serde_json::Value;
 
 const RECORDS: &str = include_str!("../data/catalog.json");
 
-/// Name of the built-in file in error messages.
+/// Name of the catalogue's built-in data file in error messages.
 const FILE: &str = "records";
 
-/// Objects by uid. Models are built on first use and cached; the hash maps are never iterated.
+/// Catalogue of objects by uid. Models are built on first use and cached; the hash maps are never iterated.
 #[derive(Debug)]
 pub struct Catalogue {
     cards: Vec<ObjectCard>,
@@ -37,7 +37,7 @@ pub struct Catalogue {
 pub const CATALOGUES: [&str; 4] = ["builtin", "full", "imported", "all"];
 
 impl Catalogue {
-    /// The hand-written objects that ship with the program.
+    /// Catalogue of the hand-written objects that ship with the program.
     ///
     /// # Panics
     /// Never in a tested build: the data files are compiled in.
@@ -46,8 +46,8 @@ impl Catalogue {
         BUILTIN.get_or_init(|| Self::from_json(RECORDS).expect("built-in data files are tested"))
     }
 
-    /// The hand-written objects and the listed instances of the families: 1,000 rigid and 120 articulated objects in
-    /// total.
+    /// Catalogue of the hand-written objects and the listed instances of the families: 1,000 rigid and 120 articulated
+    /// objects in total.
     ///
     /// # Panics
     /// Never in a tested build: the data files are compiled in.
@@ -60,7 +60,7 @@ impl Catalogue {
         })
     }
 
-    /// The objects of the opened packs, see [`imported::open`]; empty if no pack is open.
+    /// Catalogue of the objects in the opened packs, see [`imported::open`]; empty if no pack is open.
     ///
     /// # Panics
     /// As [`Catalogue::builtin`].
@@ -73,7 +73,7 @@ impl Catalogue {
         })
     }
 
-    /// [`Catalogue::full`] and [`Catalogue::imported`] together.
+    /// Catalogue of the objects of [`Catalogue::full`] and [`Catalogue::imported`].
     ///
     /// # Panics
     /// As [`Catalogue::builtin`].
@@ -87,7 +87,7 @@ impl Catalogue {
         })
     }
 
-    /// A catalogue by name: `builtin`, `full`, `imported` or `all`.
+    /// Catalogue by name: `builtin`, `full`, `imported` or `all`; `None` for another name.
     pub fn named(name: &str) -> Option<&'static Self> {
         match name {
             "builtin" => Some(Self::builtin()),
@@ -98,12 +98,12 @@ impl Catalogue {
         }
     }
 
-    /// Train/test split of an object.
+    /// Train/test split of an object; `Train` for hand-written, imported and unknown objects.
     pub fn split(&self, uid: &str) -> Split {
         generated_instances().iter().find(|one| one.card.uid == uid).map_or(Split::Train, |one| one.split)
     }
 
-    /// Search index over the cards and their splits.
+    /// Index for keyword search over the cards, with their train/test splits.
     pub fn index(&self) -> Index {
         let splits: BTreeMap<&str, Split> =
             generated_instances().iter().map(|one| (one.card.uid.as_str(), one.split)).collect();
@@ -111,7 +111,7 @@ impl Catalogue {
         Index::new(self.cards.iter().map(|card| (card.clone(), split(card))))
     }
 
-    /// A catalogue from a JSON list of records.
+    /// Parses a catalogue from a JSON list of records.
     ///
     /// # Errors
     /// [`AssetError::Data`] with the position of the error.
@@ -148,20 +148,20 @@ impl Catalogue {
         })
     }
 
-    /// All cards, sorted by uid.
+    /// Cards of all objects: hand-written ones, then listed instances of families, then imported ones.
     pub fn cards(&self) -> &[ObjectCard] {
         &self.cards
     }
 
-    /// The card of an object.
+    /// Card of an object by uid; `None` for an unknown uid.
     pub fn card(&self, uid: &str) -> Option<&ObjectCard> {
         self.cards.iter().find(|card| card.uid == uid)
     }
 
-    /// The model of an object; the same `Arc` every time.
+    /// Model of an object by uid; the same `Arc` every time.
     ///
     /// # Errors
-    /// [`AssetError::UnknownUid`] or [`AssetError::NotYetGenerated`].
+    /// [`AssetError::UnknownUid`], [`AssetError::NotYetGenerated`], or an error of generating or loading the object.
     pub fn build(&self, uid: &str) -> Result<Arc<ObjectModel>, AssetError> {
         let card = self
             .card(uid)
@@ -179,7 +179,7 @@ impl Catalogue {
         Ok(Arc::clone(model))
     }
 
-    /// Generates an object of a family, or a [`variant`] of a built-in object if `params` is just `of`.
+    /// Generates an object of a family, or a [`variant`] of a built-in object if the only parameter is `of`, its uid.
     fn generate(
         &self,
         family: &str,
@@ -204,10 +204,10 @@ impl Catalogue {
         Ok(variant(&base, seed))
     }
 
-    /// The recipe of an object with all expressions evaluated, and the seed of its remaining randomness.
+    /// Recipe of an object with all expressions evaluated, and the seed of its remaining randomness.
     ///
     /// # Errors
-    /// If there is no such object, or it has no recipe of its own (imported objects and variants).
+    /// If there is no such object, or it is imported or a variant, which have no recipe of their own.
     pub(crate) fn recipe(&self, asset: &AssetRef) -> Result<(Value, Seed), AssetError> {
         match asset {
             AssetRef::Builtin { uid, .. } => {
@@ -293,12 +293,12 @@ impl AssetSource for Catalogue {
         }
         let model = self.model(asset)?.with_full_meshes();
         let looks = model.looks_hash();
-        // If two threads built it concurrently, both return the one that was inserted.
+        // If two threads built the same model concurrently, both return the one that was inserted first.
         Ok(known().entry(asset.clone()).or_insert((Arc::new(model), looks)).clone())
     }
 }
 
-/// Rejects parts that cannot be built.
+/// Returns an error for the first part that cannot be built.
 pub(crate) fn check_parts(file: &str, owner: &str, parts: &[Part]) -> Result<(), AssetError> {
     match parts.iter().enumerate().find_map(|(index, part)| Some((index, part.flaw()?))) {
         Some((index, flaw)) => {
@@ -308,7 +308,8 @@ pub(crate) fn check_parts(file: &str, owner: &str, parts: &[Part]) -> Result<(),
     }
 }
 
-/// Seed of a built-in object: its number, so that the seed in a scenario is meaningful.
+/// Seed of a built-in object: its uid if that is a number, so that the seed in a scenario is meaningful; otherwise
+/// derived from the uid.
 fn seed_of(uid: &str) -> Seed {
     uid.parse().map_or_else(|_| Seed::new(0).fork(uid), Seed::new)
 }

@@ -1,13 +1,13 @@
-//! Colours, as written in a recipe.
+//! Colours, written `#rrggbb` in recipes.
 
 use serde::{Deserialize, Deserializer};
 
-/// An sRGB colour, each channel 0-1, written `#rrggbb`.
+/// sRGB colour, each channel 0-1; `#rrggbb` in JSON.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Color(pub [f32; 3]);
 
 impl Color {
-    /// A colour written `#rrggbb`.
+    /// Parses a colour written `#rrggbb`; `None` for anything else.
     pub fn parse(text: &str) -> Option<Self> {
         let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6)?;
         let value = u32::from_str_radix(digits, 16).ok()?;

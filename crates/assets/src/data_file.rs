@@ -2,7 +2,7 @@
 
 use crate::AssetError;
 
-/// Parses a JSON text.
+/// Parses a JSON text; `file` is its name in errors.
 ///
 /// # Errors
 /// [`AssetError::Data`] with the file and the position of the error.

@@ -2,37 +2,37 @@
 
 use genmanip_core::AssetRef;
 
-/// Errors of the catalogue.
+/// Errors of the catalogue, of robots and of worlds.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AssetError {
-    /// Unknown uid.
+    /// No object of the catalogue has this uid.
     #[error("no object has uid \"{got}\"; near misses: {}", if near.is_empty() { "none".into() } else { near.join(", ") })]
     UnknownUid {
         /// The requested uid.
         got: String,
-        /// Similar uids and names, best first.
+        /// Similar objects as `uid (name)`, best first.
         near: Vec<String>,
     },
-    /// Unknown robot.
+    /// No robot of the registry has this name.
     #[error("unknown robot \"{got}\"; near misses: {}; known robots: {}", if near.is_empty() { "none".into() } else { near.join(", ") }, known.join(", "))]
     UnknownRobot {
         /// The requested name.
         got: String,
-        /// Similar names.
+        /// Similar names, best first.
         near: Vec<String>,
-        /// All names.
+        /// Names of all robots.
         known: Vec<String>,
     },
-    /// The world was made for a different version of its robot.
+    /// The world was made for a version of its robot with other physics or another number of joints.
     #[error(
         "world field {field}: expected {expected}, got {got}; the world was made for a different version of its robot"
     )]
     RobotMismatch {
-        /// Field that differs.
+        /// Name of the field that differs.
         field: &'static str,
-        /// Value in the world.
+        /// Value stated in the world.
         expected: String,
-        /// Value of the robot.
+        /// Value that the current robot has.
         got: String,
     },
     /// The object has a card but no recipe yet.
@@ -40,9 +40,9 @@ pub enum AssetError {
     NotYetGenerated {
         /// The requested uid.
         uid: String,
-        /// Its name.
+        /// Name of the object.
         name: String,
-        /// All uids without a recipe.
+        /// Uids of all objects without a recipe.
         missing: Vec<String>,
     },
     /// The scenario was made with different physics than this version produces.
@@ -52,25 +52,25 @@ pub enum AssetError {
     Mismatch {
         /// Instance id in the scenario.
         id: String,
-        /// Field that differs.
+        /// Name of the field that differs.
         what: &'static str,
-        /// Value in the scenario.
+        /// Value stated in the scenario.
         expected: String,
-        /// Current value.
+        /// Value that this version produces.
         got: String,
     },
-    /// An object without a recipe of its own.
+    /// The object has no recipe of its own, so it cannot be frozen.
     #[error("{asset} cannot be frozen: it was imported, or is a variant of another object")]
     NoRecipe {
-        /// The asset.
+        /// Reference of the object that was to be frozen.
         asset: AssetRef,
     },
-    /// A frozen object with inconsistent contents.
+    /// A frozen object is inconsistent.
     #[error("the frozen object {asset}: {message}")]
     NotFrozen {
-        /// The asset.
+        /// Reference of the frozen object.
         asset: AssetRef,
-        /// The inconsistency.
+        /// Description of the inconsistency.
         message: String,
     },
     /// A family cannot generate the requested object.
@@ -84,10 +84,10 @@ pub enum AssetError {
     /// No opened pack contains the object.
     #[error("no open pack contains the imported object {hash}; open packs with --packs DIR, or import its files again")]
     NotImported {
-        /// Hash of the files.
+        /// Hash in the object's reference.
         hash: String,
     },
-    /// Grasps that were tried with different physics than this version produces.
+    /// The grasps were tried with different physics than this version produces.
     #[error(
         "the tried grasps of object {uid} are stale: expected physics hash {expected}, got {got}; regenerate them with \
          `genmanip grasps bake`"
@@ -100,12 +100,12 @@ pub enum AssetError {
         /// Current physics hash of the object.
         got: String,
     },
-    /// An invalid data file.
+    /// A data file is invalid.
     #[error("{file}: {message}")]
     Data {
         /// Name of the file.
         file: String,
-        /// The error and its position.
+        /// Description of the error with its position.
         message: String,
     },
 }

@@ -12,36 +12,36 @@ use crate::paint::{Canvas, Paint};
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Finish {
-    /// Base colour.
+    /// Base colour of the surface.
     pub color: Color,
-    /// 0 mirror, 1 fully rough.
+    /// Perceptual roughness, from 0 for a mirror to 1.
     #[serde(default = "default_roughness")]
     pub rough: f32,
-    /// Bare metal.
+    /// True for bare metal.
     #[serde(default)]
     pub metal: bool,
-    /// 1 opaque; below 1, a thin translucent wall.
+    /// Opacity, 0-1: 1 is opaque, less is a thin translucent wall.
     #[serde(default = "one")]
     pub opacity: f32,
-    /// Index of refraction.
+    /// Index of refraction of the surface.
     #[serde(default = "default_ior")]
     pub ior: f32,
-    /// Layers painted over the base colour, in order; no texture if empty.
+    /// Layers painted over the base colour, in order; without layers there is no texture.
     #[serde(default)]
     pub paint: Vec<Paint>,
-    /// Aspect ratio of the painted area, so that discs are round.
+    /// Width of the painted area divided by its height, needed to make discs round.
     #[serde(default = "one")]
     pub aspect: f32,
-    /// Width and height of the texture, pixels.
+    /// Width and height of the texture (texels).
     #[serde(default = "default_pixels")]
     pub pixels: [u32; 2],
 }
 
-/// Metallic fraction of worn metal; a perfect mirror would be invisible in an empty room.
+/// Metallic parameter of worn metal; a perfect mirror would be invisible in an empty room.
 const HOUSEHOLD_METAL: f32 = 0.7;
 
 impl Finish {
-    /// True if it has a texture.
+    /// True if the finish has a texture.
     pub fn is_painted(&self) -> bool {
         !self.paint.is_empty()
     }

@@ -13,48 +13,48 @@ use crate::parts::Part;
 use crate::recipe::Recipe;
 use crate::{AssetError, AssetSource, Catalogue};
 
-/// An object of a frozen suite.
+/// Frozen object of a suite.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrozenAsset {
-    /// Description for people and language models.
+    /// Card of the object: description for people and language models.
     pub card: ObjectCard,
-    /// Asset reference.
+    /// Reference by which scenarios name the object.
     pub asset: AssetRef,
-    /// Family that generated it.
+    /// Family of the object, e.g. `mug`.
     pub family: String,
-    /// Physics hash.
+    /// Hash of everything that affects the simulation.
     pub physics_hash: String,
-    /// Hash of further judging inputs.
+    /// Hash of everything else that affects the judgement of success, such as cavities and states.
     pub judging_hash: String,
-    /// Appearance hash.
+    /// Hash of the rendered meshes and materials.
     pub looks_hash: String,
-    /// Sliding friction coefficient against the same surface.
+    /// Sliding friction coefficient against a surface of the same kind.
     pub friction: f64,
-    /// Links, without visuals.
+    /// Links with collision geometry, without visuals; the root link is first.
     pub links: Vec<FrozenLink>,
-    /// Joint intervals of each state of the card.
+    /// Joint positions of each state named on the card.
     pub states: Vec<JointState>,
     /// Recipe of the visuals, as in `data/catalog.json`, with all expressions evaluated.
     pub recipe: Value,
-    /// Seed of the recipe's randomness.
+    /// Seed of random textures in the recipe.
     pub recipe_seed: Seed,
 }
 
-/// A link of a frozen object; see [`ObjectLink`].
+/// Link of a frozen object; see [`ObjectLink`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrozenLink {
-    /// Name.
+    /// Name of the link.
     pub name: String,
-    /// Joint to the parent.
+    /// Joint to the parent link; `None` for the root.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint: Option<Joint>,
-    /// Convex collision pieces.
+    /// Convex collision pieces, in the link's frame.
     pub pieces: Vec<Piece>,
-    /// Convex regions in which something counts as in the object.
+    /// Convex regions, in the link's frame, in which an object counts as inside this one.
     pub cavity: Vec<Piece>,
-    /// Mass, centre of mass and inertia.
+    /// Mass, centre of mass and inertia of the link.
     pub mass: MassProperties,
 }
 
@@ -63,10 +63,10 @@ impl Document for FrozenAsset {
 }
 
 impl FrozenAsset {
-    /// Freezes an object as the catalogue currently builds it.
+    /// Freezes an object as the catalogue currently generates it.
     ///
     /// # Errors
-    /// If there is no such object, or it was imported (packs already store those).
+    /// If there is no such object, or it is a variant of another or imported (packs already store imported objects).
     pub fn of(asset: &AssetRef, catalogue: &Catalogue) -> Result<Self, AssetError> {
         let model = catalogue.model(asset)?;
         let AssetHashes { physics, judging, looks } = catalogue.hashes(asset)?;
@@ -93,8 +93,8 @@ impl FrozenAsset {
         })
     }
 
-    /// The object: stored physics, cavities and states, with visuals built from the stored recipe, at full resolution
-    /// if the appearance hash asks for it.
+    /// Model of the object: stored physics, cavities and states, with visuals built from the stored recipe. Visuals
+    /// have full resolution if the appearance hash is that of full-resolution meshes.
     ///
     /// # Errors
     /// [`AssetError::NotFrozen`] if recipe and links do not match, or the hashes differ.
@@ -145,7 +145,8 @@ impl FrozenAsset {
         Ok(model)
     }
 
-    /// Paths of at most `most` fields that differ from another version of the asset, e.g. `links[0].pieces[3]`.
+    /// Paths of fields that differ from another version of the asset, e.g. `links[0].pieces[3]`; at most `most` of
+    /// them.
     pub fn differences(&self, other: &Self, most: usize) -> Vec<String> {
         let mut places = Vec::new();
         differ(&self.to_value(), &other.to_value(), String::new(), &mut places);
@@ -154,7 +155,7 @@ impl FrozenAsset {
     }
 }
 
-/// Collects the paths at which two values differ.
+/// Adds to `places` the paths at which two values differ; `place` is the path of the values.
 fn differ(a: &Value, b: &Value, place: String, places: &mut Vec<String>) {
     match (a, b) {
         (Value::Object(a), Value::Object(b)) if a.len() == b.len() && a.keys().all(|key| b.contains_key(key)) => {
@@ -163,7 +164,7 @@ fn differ(a: &Value, b: &Value, place: String, places: &mut Vec<String>) {
                 differ(value, &b[key], format!("{place}{dot}{key}"), places);
             }
         }
-        // Report a vector or quaternion as one path.
+        // A list of numbers, such as a vector or a quaternion, is reported as one path.
         (Value::Array(a), Value::Array(b)) if a.len() == b.len() && !a.iter().all(Value::is_number) => {
             for (index, (a, b)) in a.iter().zip(b).enumerate() {
                 differ(a, b, format!("{place}[{index}]"), places);

@@ -1,7 +1,7 @@
 //! Grasps that were tried in physics beforehand and ship as object data.
 //!
-//! A file records how it was made and, per object, the physics hash that the grasps were tried with; grasps of an
-//! object that has changed since are not used.
+//! A file records how the grasps were made and, per object, the physics hash that they were tried with. If the object
+//! has changed since, its grasps are not used.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -15,16 +15,17 @@ use serde_json::{Map, Value};
 use crate::AssetError;
 
 const BUILTIN: &str = include_str!("../data/grasps.json");
-/// Four grasps of each object of the whole list: `genmanip grasps bake --catalog full --brief`.
+/// Text of the file with four grasps per object of the full catalogue, made by `genmanip grasps bake --catalog full
+/// --brief`.
 const INSTANCES: &str = include_str!("../data/instance_grasps.json");
 
 /// Tried grasps of several objects, written by `genmanip grasps bake`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GraspFile {
-    /// Provenance.
+    /// Robot, engine and settings with which the grasps were tried.
     pub made_by: GraspProvenance,
-    /// Grasps by uid.
+    /// Tried grasps of each object, by uid.
     pub objects: BTreeMap<String, ObjectGrasps>,
 }
 
@@ -32,18 +33,18 @@ pub struct GraspFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GraspProvenance {
-    /// Seed of candidates and trials.
+    /// Seed of grasp candidates and trials.
     pub seed: Seed,
-    /// Version of this program.
+    /// Version of this program that tried the grasps.
     pub genmanip_version: String,
-    /// Physics engine and version.
+    /// Name and version of the physics engine.
     pub engine: String,
-    /// Name of the robot that tried them.
+    /// Name of the robot that tried the grasps.
     pub robot: String,
     /// [`RobotModel::physics_hash`] of that robot; absent in older files, which are matched by name only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot_hash: Option<String>,
-    /// Settings of generator, trials and physics.
+    /// Settings of grasp generator, trials and physics.
     pub settings: Value,
 }
 
@@ -58,16 +59,16 @@ pub struct ObjectGrasps {
     pub grasps: Vec<VerifiedGrasp>,
 }
 
-/// Tried grasps by robot name and object physics.
+/// Library of tried grasps by robot name and object physics.
 ///
-/// Input of layouts and of the expert; contains only grasps tried with the given robot and object.
+/// Layouts and the expert use it; it returns only grasps that were tried with the given robot and object.
 #[derive(Clone, Debug, Default)]
 pub struct GraspLibrary {
     /// Grasps by robot and uid.
     tried: BTreeMap<(String, String), ObjectGrasps>,
     /// Uid of the first object with the same physics, by robot and physics hash.
     alike: BTreeMap<(String, String), String>,
-    /// Physics hash of each robot at the time of the trials, if known.
+    /// Physics hash of each robot at the time of the trials; absent if the file does not state it.
     robots: BTreeMap<String, String>,
 }
 
@@ -86,14 +87,14 @@ impl GraspLibrary {
         Self { tried, alike, robots }
     }
 
-    /// The grasps that ship with the program.
+    /// Library of the grasps that ship with the program.
     pub fn builtin() -> &'static Self {
         static LIBRARY: OnceLock<GraspLibrary> = OnceLock::new();
         LIBRARY.get_or_init(|| Self::new([GraspFile::instances().clone(), GraspFile::builtin().clone()]))
     }
 
-    /// Grasps that a robot tried on an object or on one with the same physics, highest success rate first; empty if it
-    /// was never tried. Objects missing from the files fall back to [`cached_grasps`].
+    /// Grasps that a robot tried on an object, or on one with the same physics, highest success rate first; empty if
+    /// there are none. For objects missing from the files, [`cached_grasps`] are used.
     ///
     /// # Errors
     /// [`AssetError::StaleGrasps`] if the object's or the robot's physics have changed since.
@@ -106,7 +107,7 @@ impl GraspLibrary {
             }
         }
         let of_uid = |uid: &str| self.tried.get(&(robot.name.clone(), uid.to_owned()));
-        // A variant is a different object although it may share the card.
+        // A variant is looked up by its physics, since its card has the uid of the object that it varies.
         let own = match &model.asset {
             AssetRef::Builtin { uid, .. } => of_uid(uid),
             AssetRef::Generated { .. } | AssetRef::Imported { .. } => None,
@@ -130,14 +131,14 @@ impl GraspLibrary {
 /// Grasps tried at run time, by the physics hashes of robot and object.
 static CACHE: Mutex<BTreeMap<(String, String), &'static [VerifiedGrasp]>> = Mutex::new(BTreeMap::new());
 
-/// Caches grasps tried at run time for every [`GraspLibrary`], for objects missing from its files; existing entries
-/// are kept. Leaks at most one list per object for the lifetime of the program.
+/// Caches grasps tried at run time, so that every [`GraspLibrary`] finds them for objects missing from its files.
+/// Existing entries are kept. At most one list per object is leaked for the lifetime of the process.
 pub fn cache_grasps(robot_hash: &str, physics_hash: &str, grasps: Vec<VerifiedGrasp>) {
     let mut known = CACHE.lock().unwrap_or_else(PoisonError::into_inner);
     known.entry((robot_hash.to_owned(), physics_hash.to_owned())).or_insert_with(|| grasps.leak());
 }
 
-/// Grasps cached by [`cache_grasps`].
+/// Grasps cached by [`cache_grasps`]; `None` if there are none.
 pub fn cached_grasps(robot_hash: &str, physics_hash: &str) -> Option<&'static [VerifiedGrasp]> {
     let known = CACHE.lock().unwrap_or_else(PoisonError::into_inner);
     known.get(&(robot_hash.to_owned(), physics_hash.to_owned())).copied()
@@ -152,7 +153,7 @@ impl Document for GraspFile {
     const PREVIOUS: Option<Upgrade> = Some(Upgrade { schema: "genmanip.grasps/1", upgrade: mark_hashes });
 }
 
-/// Files of version 1 contain unprefixed physics hashes of version 1.
+/// Upgrade from version 1, whose files contain physics hashes of version 1 without prefix.
 fn mark_hashes(file: &mut Map<String, Value>) -> Result<(), DocumentError> {
     let objects = file.get_mut("objects").and_then(Value::as_object_mut);
     for object in objects.into_iter().flat_map(|objects| objects.values_mut()) {
@@ -165,7 +166,7 @@ fn mark_hashes(file: &mut Map<String, Value>) -> Result<(), DocumentError> {
 }
 
 impl GraspFile {
-    /// The grasps that ship with the program.
+    /// Grasps of the hand-written objects that ship with the program.
     ///
     /// # Panics
     /// Never in a tested build: the data file is compiled in.
@@ -174,7 +175,7 @@ impl GraspFile {
         FILE.get_or_init(|| Self::from_json(BUILTIN).expect("built-in data files are tested"))
     }
 
-    /// A few grasps of every graspable object of the full catalogue, including those of the families.
+    /// A few grasps of every graspable object of the full catalogue, instances of families included.
     ///
     /// # Panics
     /// Never in a tested build: the data file is compiled in.
@@ -183,7 +184,7 @@ impl GraspFile {
         FILE.get_or_init(|| Self::from_json(INSTANCES).expect("built-in data files are tested"))
     }
 
-    /// The grasps of an object; `None` if it is not in the file.
+    /// Tried grasps of an object; `None` if it is not in the file.
     ///
     /// # Errors
     /// [`AssetError::StaleGrasps`] if the object has changed since the trials.
@@ -195,7 +196,7 @@ impl GraspFile {
         Ok(Some(&object.grasps))
     }
 
-    /// The file's text, one line per object.
+    /// Text of the file, one line per object.
     pub fn to_text(&self) -> String {
         let line = |value: &dyn Fn() -> serde_json::Result<String>| value().unwrap_or_default();
         let objects: Vec<String> = self
@@ -212,7 +213,8 @@ impl GraspFile {
     }
 }
 
-/// Row format of a grasp: position (m), rotation vector (rad), width (m), score, successes, trials.
+/// Rows of numbers in which grasps are stored: position (m), rotation vector (rad), width (m), score, successes,
+/// trials.
 mod rows {
     use genmanip_core::glam::{DQuat, DVec3};
     use serde::de::Error;
@@ -234,7 +236,7 @@ mod rows {
     fn to_row(tried: &VerifiedGrasp) -> Row {
         let Grasp { pose, width, score } = &tried.grasp;
         let ([x, y, z], [rx, ry, rz]) = (pose.position.to_array(), pose.rotation.to_scaled_axis().to_array());
-        // Rounded to 0.01 mm; reading and writing again gives the same bytes.
+        // Numbers are rounded to five decimals (0.01 mm), so that reading and writing again gives the same bytes.
         let rounded = [x, y, z, rx, ry, rz, *width, *score].map(|value| (value * 1e5).round() / 1e5 + 0.0);
         let [x, y, z, rx, ry, rz, width, score] = rounded;
         [x, y, z, rx, ry, rz, width, score, f64::from(tried.held), f64::from(tried.trials)]

@@ -5,9 +5,9 @@ use genmanip_core::{Aabb, ObjectLink};
 /// Name of the visual part by which the gripper moves a link.
 pub const HANDLE: &str = "handle";
 
-/// Bounds of a link's handle (bar, knob, tab, lever, button) in the link's frame; `None` without one.
+/// Bounds of a link's handle (bar, knob, tab, lever, button) in the link's frame, m; `None` if the link has no handle.
 ///
-/// Every moving link of the catalogue has one. A laptop's is the lip of its lid that overhangs the base.
+/// Every moving link of the catalogue has a handle; that of a laptop's lid is the lip that overhangs the base.
 pub fn handle_bounds(link: &ObjectLink) -> Option<Aabb> {
     let handles = link.visual.iter().filter(|part| part.name == HANDLE);
     let corners = handles.flat_map(|part| {

@@ -1,4 +1,4 @@
-//! The frozen list of generated objects that ship with the program.
+//! Frozen list of the generated objects that ship with the program.
 
 use std::collections::BTreeSet;
 use std::sync::OnceLock;
@@ -11,22 +11,22 @@ use crate::{AssetError, Families, Family};
 
 const LIST: &str = include_str!("../data/instances.json");
 
-/// Every n-th object of a training family is held out for testing.
+/// One of this many objects of each training family is held out for testing.
 const UNSEEN_EVERY: usize = 5;
 /// Maximum number of seeds tried per requested object of a family.
 const MAX_SEEDS: u64 = 40;
 
-/// A generated object of the list.
+/// Entry of the list: a generated object.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GeneratedInstance {
-    /// Train/test split.
+    /// Train/test split of the object.
     pub split: Split,
-    /// Card as generated when the list was frozen.
+    /// Card of the object as it was generated when the list was frozen.
     pub card: ObjectCard,
 }
 
-/// The list.
+/// Frozen list of generated objects.
 ///
 /// # Panics
 /// Never in a tested build: the data file is compiled in.
@@ -35,8 +35,9 @@ pub fn generated_instances() -> &'static [GeneratedInstance] {
     LISTED.get_or_init(|| crate::data_file::read("instances", LIST).expect("built-in data files are tested"))
 }
 
-/// Chooses a new list: the given numbers of rigid and articulated objects, spread evenly over the families, from seeds
-/// 1, 2, … of each, skipping names and descriptions already in use; `known` are the cards of other objects.
+/// Selects objects for a new list: the given numbers of rigid and articulated objects, spread evenly over the families.
+/// Each family tries seeds 1, 2, … and skips names and descriptions already in use; `known` are the cards of other
+/// objects.
 ///
 /// # Errors
 /// As [`Families::instance`].
@@ -80,7 +81,7 @@ pub fn choose(
     Ok(chosen)
 }
 
-/// The list file's text, one line per object.
+/// Text of the list file, one line per object.
 pub fn to_text(list: &[GeneratedInstance]) -> String {
     let lines: Vec<String> = list.iter().map(|one| serde_json::to_string(one).unwrap_or_default()).collect();
     format!("[\n{}\n]\n", lines.join(",\n"))

@@ -5,19 +5,19 @@ use glam::DVec3;
 
 use crate::solid::{Moments, Solid};
 
-/// Geometry of a link accumulated from its parts, in the object's frame.
+/// Geometry of a link, in the object's frame, to which parts are added.
 #[derive(Debug, Default)]
 pub struct LinkBuilder {
-    /// Rendered surfaces.
+    /// Rendered surfaces with their materials.
     pub visual: Vec<VisualPart>,
-    /// Collision pieces with their moments.
+    /// Convex collision pieces with their volume and moments.
     pub solids: Vec<Solid>,
-    /// Regions in which something counts as in the link.
+    /// Convex regions in which something counts as inside the link.
     pub cavity: Vec<Piece>,
 }
 
 impl LinkBuilder {
-    /// Translates everything, m.
+    /// Translates all geometry by a vector, m.
     pub fn shift(&mut self, by: DVec3) {
         for part in &mut self.visual {
             part.link_from_part.position += by;
@@ -31,7 +31,7 @@ impl LinkBuilder {
         }
     }
 
-    /// The finished link, with its mass spread uniformly over the volume of its solids.
+    /// Link with this geometry; its mass is spread uniformly over the volume of its solids.
     pub fn into_link(self, name: &str, mass_kg: f64, joint: Option<Joint>) -> ObjectLink {
         ObjectLink {
             name: name.to_owned(),

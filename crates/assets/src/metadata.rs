@@ -12,16 +12,16 @@ use crate::stable_poses::{StablePose, stable_poses};
 /// Licence of everything that this project creates.
 const OWN_LICENCE: &str = "CC0-1.0";
 
-/// Train/test split.
+/// Train/test split of an object.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Split {
-    /// Used for training.
+    /// The object is used for training.
     #[default]
     Train,
-    /// Held out for testing; other objects of its family are used for training.
+    /// The object is held out for testing; other objects of its family are used for training.
     UnseenInstance,
-    /// Held out for testing together with its whole family.
+    /// The object is held out for testing together with its whole family.
     UnseenFamily,
 }
 
@@ -41,26 +41,26 @@ impl Split {
 pub struct AssetMetadata {
     /// Category path from general to specific, e.g. tableware, drinkware, mug.
     pub category_path: Vec<String>,
-    /// Synonyms.
+    /// Synonyms of the category; empty for an object without family.
     pub synonyms: Vec<String>,
-    /// Everyday uses.
+    /// Everyday uses; empty for an object without family.
     pub uses: Vec<String>,
-    /// Accepted names when it is identified from an image.
+    /// Names accepted as correct when the object is to be identified from an image.
     pub accepted_names: Vec<String>,
     /// Licence of geometry and appearance.
     pub licence: String,
-    /// Origin.
+    /// Origin of the asset in words, e.g. from which files it was imported.
     pub source: String,
 }
 
-/// A named part of an object.
+/// Named part of an object.
 #[derive(Clone, Debug, Serialize)]
 pub struct PartMetadata {
-    /// Name, e.g. `handle`.
+    /// Name of the part, e.g. `handle`.
     pub name: String,
-    /// Link that it belongs to.
+    /// Name of the link that the part belongs to.
     pub link: String,
-    /// Bounds in the link's frame, m.
+    /// Bounding box in the link's frame, m.
     pub link_bounds: Aabb,
     /// Affordances: `grasp`, `contain`, `support`, `do_not_touch`, `read`, `open`, …
     pub affordances: Vec<String>,
@@ -71,15 +71,15 @@ pub struct PartMetadata {
 pub struct GeometryMetadata {
     /// Named parts with their affordances.
     pub parts: Vec<PartMetadata>,
-    /// Stable poses.
+    /// Stable poses on a level surface.
     pub stable_poses: Vec<StablePose>,
-    /// Number of convex collision pieces.
+    /// Number of convex collision pieces of all links.
     pub pieces: usize,
 }
 
-/// Metadata of a card's asset.
+/// Metadata of the asset that a card describes.
 ///
-/// Built-in objects use the metadata of the family of their category.
+/// Built-in objects have the metadata of the first family of their category.
 pub fn asset_metadata(card: &ObjectCard) -> AssetMetadata {
     let families = Families::builtin();
     let family = families.of(&card.asset).or_else(|| families.of_category(&card.category));
@@ -109,7 +109,7 @@ pub fn asset_metadata(card: &ObjectCard) -> AssetMetadata {
     }
 }
 
-/// Geometry metadata of an object.
+/// Named parts, stable poses and collision pieces of an object.
 pub fn geometry_metadata(model: &ObjectModel) -> GeometryMetadata {
     let families = Families::builtin();
     let family = families.of(&model.asset).or_else(|| families.of_category(&model.card.category));
@@ -144,7 +144,7 @@ fn parts(model: &ObjectModel, family: Option<&Family>) -> Vec<PartMetadata> {
     parts
 }
 
-/// Default affordances by part name.
+/// Affordances of a part that follow from its name.
 fn default_affordances(name: &str, model: &ObjectModel) -> Vec<String> {
     let words: &[&str] = match name {
         "handle" if model.card.is_articulated => &["grasp", "open"],

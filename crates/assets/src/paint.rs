@@ -12,20 +12,20 @@ use serde::Deserialize;
 
 use crate::color::Color;
 
-/// One layer of a texture.
+/// Layer of a texture. `at` is a centre (u, v); with `repeat`, the layer is repeated that many times along u.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Paint {
-    /// Soft irregular noise.
+    /// Soft irregular noise; `scale` is the number of features along u and v, `amount` the largest opacity.
     Noise { color: Color, scale: [f32; 2], amount: f32 },
-    /// Grain along u (or along v when `upright`).
+    /// Wood grain along u (or along v with `upright`).
     Wood {
         color: Color,
         rings: f32,
         #[serde(default)]
         upright: bool,
     },
-    /// Random dots, on a surface that wraps around v.
+    /// Random dots between two heights `v`, on a surface that is a closed loop in u.
     Speckle {
         color: Color,
         count: u32,
@@ -33,11 +33,11 @@ pub enum Paint {
         #[serde(default = "full")]
         v: [f32; 2],
     },
-    /// Uniform band between two heights.
+    /// Uniform band between two heights `v`.
     Band { color: Color, v: [f32; 2] },
-    /// A wavy band.
+    /// Wavy band around the height `v`, with `periods` waves along u.
     Wave { color: Color, v: f32, amplitude: f32, width: f32, periods: f32 },
-    /// A disc or an ellipse (`stretch` > 1: wider than high).
+    /// Disc, or an ellipse with `stretch` times its height as width.
     Disc {
         color: Color,
         at: [f32; 2],
@@ -47,9 +47,9 @@ pub enum Paint {
         #[serde(default = "one")]
         repeat: f32,
     },
-    /// The lower half of a disc: a bowl from the side.
+    /// Lower half of a disc, like a bowl seen from the side.
     Cup { color: Color, at: [f32; 2], radius: f32 },
-    /// A rectangle, width and height.
+    /// Rectangle with `size` (width, height).
     Rect {
         color: Color,
         at: [f32; 2],
@@ -57,7 +57,7 @@ pub enum Paint {
         #[serde(default = "one")]
         repeat: f32,
     },
-    /// A pointed oval; angle in degrees, counter-clockwise from u.
+    /// Pointed oval; `angle` in degrees, counter-clockwise from u.
     Leaf {
         color: Color,
         at: [f32; 2],
@@ -67,7 +67,7 @@ pub enum Paint {
         #[serde(default = "one")]
         repeat: f32,
     },
-    /// A star with `count` points between two radii.
+    /// Star with `count` points between the radii `inner` and `radius`.
     Star {
         color: Color,
         at: [f32; 2],
@@ -77,7 +77,7 @@ pub enum Paint {
         #[serde(default = "one")]
         repeat: f32,
     },
-    /// Straight stripes across u (or across v when `level`); `width` is the painted fraction.
+    /// Straight stripes across u (or across v with `level`); `width` is the painted fraction of a period.
     Stripes {
         color: Color,
         count: f32,
@@ -88,9 +88,9 @@ pub enum Paint {
         #[serde(default)]
         lean: f32,
     },
-    /// Over-and-under weave of `cells` strands, shaded towards the colour.
+    /// Weave of `cells` (along u, along v) strands that pass over and under each other, shaded towards the colour.
     Weave { color: Color, cells: [f32; 2] },
-    /// Text lines drawn as bars: `lines` rows in a rectangle.
+    /// Bars that look like `lines` lines of text in a rectangle.
     Text { color: Color, at: [f32; 2], size: [f32; 2], lines: u32 },
     /// Words in capitals centred at a point, `height` high, shrunk to fit `width` (a fraction of the texture's width);
     /// `weight` is the stroke width relative to the cap height.
@@ -106,13 +106,14 @@ pub enum Paint {
         #[serde(default = "one")]
         repeat: f32,
     },
-    /// Randomly coloured squares on a grid.
+    /// Randomly coloured squares on a grid of `cells`; `gap` is the unpainted margin on each side of a cell, as a
+    /// fraction of the cell.
     Squares { colors: Vec<Color>, cells: [u32; 2], gap: f32 },
-    /// Seam of a tennis ball, on a spherical surface.
+    /// Seam of a tennis ball, for a texture on a sphere.
     Seam { color: Color, width: f32 },
 }
 
-/// A texture in progress.
+/// Texture to which layers are added.
 #[derive(Clone, Debug)]
 pub struct Canvas {
     width: u32,
@@ -122,19 +123,19 @@ pub struct Canvas {
 }
 
 impl Canvas {
-    /// An empty texture; `aspect` is the width of the painted area over its height.
+    /// Texture of one colour; `aspect` is the width of the painted area divided by its height.
     pub fn new([width, height]: [u32; 2], aspect: f32, ground: Color) -> Self {
         let (width, height) = (width.clamp(1, 4096), height.clamp(1, 4096));
         Self { width, height, aspect, pixels: vec![Vec3::from_array(ground.0); (width * height) as usize] }
     }
 
-    /// Adds a layer.
+    /// Paints a layer over the texture; `seed` drives random patterns.
     pub fn apply(&mut self, paint: &Paint, seed: Seed) {
         let soft = 1.0 / self.height as f32;
         let edge = |distance: f32| (0.5 - distance / soft).clamp(0.0, 1.0);
         let within = |value: f32, [low, high]: [f32; 2]| edge(low - value).min(edge(value - high));
         let aspect = self.aspect;
-        // Offset from a point in heights, after repeating the texture `repeat` times around u.
+        // Offset from the point `at`, in heights of the texture, in a pattern that is repeated `repeat` times along u.
         let from = move |p: Vec2, at: [f32; 2], repeat: f32| {
             let folded = (p.x * repeat).rem_euclid(1.0);
             let mut du = folded - at[0];
@@ -260,7 +261,7 @@ impl Canvas {
                 }
             }
             Paint::Seam { color, width } => self.blend(*color, |p| {
-                // On a unit sphere the seam is near the saddle curve x² − y² = z.
+                // On the unit sphere, the seam is close to the intersection with the saddle x² − y² = z.
                 let (polar, around) = (p.y * TAU / 2.0, p.x * TAU);
                 let (x, y, z) = (polar.sin() * around.cos(), polar.sin() * around.sin(), polar.cos());
                 let value = x * x - y * y - 0.85 * z * (2.2 - z * z) * 0.75;
@@ -269,7 +270,7 @@ impl Canvas {
         }
     }
 
-    /// The finished texture.
+    /// Texture with all layers painted.
     pub fn into_texture(self) -> Texture {
         let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
         let rgb = self.pixels.iter().flat_map(|pixel| pixel.to_array().map(byte)).collect();
@@ -280,12 +281,12 @@ impl Canvas {
         self.blend_rows(color, [0.0, 1.0], coverage);
     }
 
-    /// Blends between two heights only; the coverage may exceed them by a pixel.
+    /// Blends a colour into the rows between two heights only; `coverage` may exceed them by a pixel.
     fn blend_rows(&mut self, color: Color, v: [f32; 2], coverage: impl Fn(Vec2) -> f32) {
         self.blend_pixels(color, v, (0, i64::from(self.width) - 1), coverage);
     }
 
-    /// Blends around a point only; columns wrap.
+    /// Blends a colour within `reach` of a point only; columns wrap around.
     fn blend_within(&mut self, color: Color, at: [f32; 2], reach: f32, coverage: impl Fn(Vec2) -> f32) {
         let across = reach / self.aspect;
         let column = |u: f32| (u * self.width as f32).floor() as i64;
@@ -315,12 +316,12 @@ fn distance_squared(p: Vec2, [a, b]: [Vec2; 2]) -> f32 {
     p.distance_squared(a + along * t)
 }
 
-/// Height interval around a point.
+/// Height interval within `reach` of a point.
 fn around(at: &[f32; 2], reach: f32) -> [f32; 2] {
     [at[1] - reach, at[1] + reach]
 }
 
-/// Maps u onto a circle with `scale` features, so that the noise has no seam.
+/// Point on a circle whose circumference is `scale` noise features, so that noise has no seam along u.
 fn wrapped(p: Vec2, scale: f32) -> Vec3 {
     let radius = scale / TAU;
     Vec3::new(radius * (p.x * TAU).cos(), radius * (p.x * TAU).sin(), 0.0)

@@ -6,74 +6,75 @@ use serde::Deserialize;
 
 use crate::parts::{Part, assemble};
 
-/// Name of the root link.
+/// Name of every object's root link.
 const ROOT: &str = "body";
 
-/// An object as a list of parts in its frame.
+/// Object as a list of parts in the object's frame.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
-    /// Family, e.g. `mug`.
+    /// Family of the object, e.g. `mug`.
     pub family: String,
-    /// Sliding friction coefficient against the same surface.
+    /// Sliding friction coefficient against a surface of the same kind.
     pub friction: f64,
-    /// Parts of the root link.
+    /// Parts of the root link, with collision and visual geometry.
     pub parts: Vec<Part>,
-    /// Moving links.
+    /// Moving links; empty for a rigid object.
     #[serde(default)]
     pub links: Vec<LinkRecipe>,
-    /// Joint intervals of the card's states.
+    /// Joint intervals of the states that the card names.
     #[serde(default)]
     pub states: Vec<StateRecipe>,
 }
 
-/// A moving link: drawer, door, lid, lever, dial or button.
+/// Moving link: drawer, door, lid, lever, dial or button.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LinkRecipe {
     /// Name of the link and of its joint.
     pub name: String,
-    /// Share of the card's mass, kg.
+    /// Mass of the link, kg; part of the card's total mass.
     pub mass_kg: f64,
     /// Joint to the root link.
     pub joint: JointRecipe,
     /// Parts in the object's frame at joint position 0.
     ///
-    /// The part by which the gripper moves it is named `handle`.
+    /// The gripper moves the link by the part named `handle`.
     pub parts: Vec<Part>,
 }
 
-/// A joint to the root link; its frame is parallel to the object's.
+/// Joint between a link and the root link; its frame is parallel to the object's frame.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointRecipe {
-    /// Joint type.
+    /// Joint type: revolute or prismatic.
     pub kind: JointKind,
     /// Point on the axis in the object's frame, m.
     pub at: DVec3,
-    /// Unit axis.
+    /// Unit vector of the axis in the object's frame.
     pub axis: DVec3,
     /// Smallest and largest position, rad or m.
     pub range: [f64; 2],
     /// Viscous damping, N·s/m or N·m·s/rad.
     pub damping: f64,
-    /// Dry friction, N or N·m.
+    /// Dry (Coulomb) friction, N or N·m.
     pub friction_loss: f64,
-    /// Spring, N/m or N·m/rad; it carries the link's weight, for which the engine's dry friction creeps.
+    /// Spring stiffness, N/m or N·m/rad. The spring carries the link's weight, since a joint held by the engine's dry
+    /// friction alone creeps.
     #[serde(default)]
     pub stiffness: f64,
-    /// Rest position of the spring; far outside the range for a nearly constant force.
+    /// Rest position of the spring, rad or m; far outside the range for a nearly constant force.
     #[serde(default)]
     pub spring_reference: f64,
 }
 
-/// A named state of an articulated object.
+/// Named state of an articulated object.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StateRecipe {
-    /// Name as on the card.
+    /// Name of the state as on the card.
     pub name: String,
-    /// Smallest, nominal and largest position of each joint, in link order.
+    /// Smallest, nominal and largest position of each joint, in link order, rad or m.
     pub joints: Vec<[f64; 3]>,
 }
 
@@ -103,7 +104,7 @@ impl Recipe {
         }
     }
 
-    /// Size of the root link's cavity, if it has exactly one.
+    /// Size of the root link's cavity; `None` unless it has exactly one.
     pub fn room(&self) -> Option<CavitySize> {
         let mut cavities = self.parts.iter().filter_map(Part::cavity);
         cavities.next().filter(|_| cavities.next().is_none()).and_then(|cavity| CavitySize::of_cavity(&cavity))

@@ -6,13 +6,13 @@ use serde::Deserialize;
 
 use crate::recipe::Recipe;
 
-/// An object of the built-in catalogue.
+/// Record of an object in the built-in catalogue.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Record {
-    /// Uid; see [`ObjectCard`] for undocumented fields.
+    /// Uid of the object; fields without comment are documented at [`ObjectCard`].
     pub uid: String,
-    /// Version, incremented when pieces, inertia, joints, cavities or states change.
+    /// Version of the object, incremented when pieces, inertia, joints, cavities or states change.
     version: u32,
     name: String,
     description: String,
@@ -27,7 +27,7 @@ pub struct Record {
     is_articulated: bool,
     states: Vec<String>,
     can_grasp: bool,
-    /// See [`Annotations`].
+    /// Annotations for task design, see [`Annotations`].
     #[serde(default)]
     looks: Vec<String>,
     #[serde(default)]
@@ -36,13 +36,13 @@ pub struct Record {
     upright_only: bool,
     #[serde(default)]
     affordances: Vec<String>,
-    /// Recipe; without it there is only a card.
+    /// Recipe of the object; an object without one has only a card, and cannot be built.
     #[serde(default)]
     pub recipe: Option<Recipe>,
 }
 
 impl Record {
-    /// Card and recipe.
+    /// Splits the record into card and recipe.
     pub fn into_parts(self) -> (ObjectCard, Option<Recipe>) {
         let annotations = Annotations {
             looks: self.looks,

@@ -1,6 +1,6 @@
-//! The registry of robots: from a name to a model.
+//! Registry of robots: models by name.
 //!
-//! Built-in robots are the files of `data/robots`; [`register`] adds those of a user while the program runs.
+//! Built-in robots are the files in `data/robots`; [`register`] adds a user's robots at run time.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -17,7 +17,7 @@ static FILES: &[(PartKind, &str, &str)] = include!(concat!(env!("OUT_DIR"), "/ro
 /// Robots built or registered so far, by name.
 static KNOWN: Mutex<BTreeMap<String, Arc<RobotModel>>> = Mutex::new(BTreeMap::new());
 
-/// Names of the built-in and the registered robots.
+/// Names of all robots, built-in and registered.
 pub fn names() -> Vec<String> {
     let mut names: Vec<String> = built_in(PartKind::Robot).map(str::to_owned).collect();
     names.extend(KNOWN.lock().unwrap_or_else(PoisonError::into_inner).keys().cloned());
@@ -26,7 +26,7 @@ pub fn names() -> Vec<String> {
     names
 }
 
-/// A robot by name; the same `Arc` on every call.
+/// Robot by name; the same `Arc` on every call.
 ///
 /// # Errors
 /// [`AssetError::UnknownRobot`] with near misses.
@@ -49,7 +49,7 @@ pub fn named(name: &str) -> Result<Arc<RobotModel>, AssetError> {
     }
 }
 
-/// The Franka Emika Panda with its parallel gripper; the same `Arc` on every call.
+/// Franka Emika Panda with its parallel gripper; the same `Arc` on every call.
 ///
 /// # Panics
 /// Never in a tested build: the data files are compiled in.
@@ -57,10 +57,10 @@ pub fn panda() -> Arc<RobotModel> {
     named("panda").expect("built-in data files are tested")
 }
 
-/// Registers a robot under its name until the program ends.
+/// Registers a robot under its name until the process ends; `file` names it in errors.
 ///
 /// # Errors
-/// [`AssetError::Data`] if another robot has this name.
+/// [`AssetError::Data`] if another robot with different physics has this name.
 pub fn register(file: &str, robot: RobotModel) -> Result<Arc<RobotModel>, AssetError> {
     match named(&robot.name) {
         Err(AssetError::UnknownRobot { .. }) => {
@@ -76,10 +76,10 @@ pub fn register(file: &str, robot: RobotModel) -> Result<Arc<RobotModel>, AssetE
     }
 }
 
-/// Text of a built-in arm or gripper.
+/// Text of a built-in arm or gripper file.
 ///
 /// # Errors
-/// [`AssetError::Data`] with the known names.
+/// [`AssetError::Data`] for an unknown name, with the known names.
 pub fn find(kind: PartKind, name: &str) -> Result<String, AssetError> {
     built_in_text(kind, name).map(str::to_owned).ok_or_else(|| {
         let known: Vec<&str> = built_in(kind).collect();
@@ -96,7 +96,7 @@ fn built_in_text(kind: PartKind, name: &str) -> Option<&'static str> {
     FILES.iter().find(|file| file.0 == kind && file.1 == name).map(|file| file.2)
 }
 
-/// The robot of a world, at the world's home configuration; the world must have been made for it.
+/// Robot of a world, at the world's home configuration; the world must state the physics of the current robot.
 ///
 /// # Errors
 /// [`AssetError::UnknownRobot`], or [`AssetError::RobotMismatch`] with the field that differs.

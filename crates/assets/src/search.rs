@@ -7,14 +7,14 @@ use serde::Serialize;
 
 use crate::metadata::{AssetMetadata, Split, asset_metadata};
 
-/// Stop words.
+/// Words that a query ignores.
 const STOP_WORDS: &str = "a an the i me my we you it is are be am can could would something anything some any thing things \
                     object objects item that which who what with of for and to in on at from into onto one ones this \
                     these those want need has have having made please find show give kind sort like used use using \
                     as by very really good there where how much many do does";
 /// Words that negate the following word.
 const NEGATIONS: [&str; 6] = ["not", "no", "without", "isnt", "never", "non"];
-/// Phrases in which a stop word matters, with the word they are replaced by.
+/// Phrases in which a stop word matters, with the search word that replaces the phrase.
 const PHRASES: [(&str, &str); 8] = [
     ("drink from", "drinkware"),
     ("drink out of", "drinkware"),
@@ -25,7 +25,7 @@ const PHRASES: [(&str, &str); 8] = [
     ("draw with", "writing"),
     ("wash with", "washing"),
 ];
-/// Query words with an additional search word.
+/// Query words, each with an additional word that also matches, with 0.8 of the weight.
 const SYNONYMS: [(&str, &str); 44] = [
     ("beverage", "drink"),
     ("drinking", "drink"),
@@ -73,16 +73,16 @@ const SYNONYMS: [(&str, &str); 44] = [
     ("lamp", "light"),
 ];
 
-/// Filter conditions.
+/// Conditions that every result meets; `None` for no condition.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Filter {
-    /// Required colour word.
+    /// Colour word that the card must have.
     pub color: Option<String>,
-    /// Required material.
+    /// Material that the card must have.
     pub material: Option<String>,
-    /// Required word of the category path.
+    /// Word that the category path must contain.
     pub category: Option<String>,
-    /// Required affordance.
+    /// Affordance that the object must have.
     pub affordance: Option<String>,
     /// True for containers only, false for others only.
     pub container: Option<bool>,
@@ -90,24 +90,24 @@ pub struct Filter {
     pub graspable: Option<bool>,
     /// True for articulated objects only, false for rigid ones only.
     pub articulated: Option<bool>,
-    /// Required split.
+    /// Train/test split of the object.
     pub split: Option<Split>,
     /// Maximum length of the longest side, m.
     pub max_size_m: Option<f64>,
     /// Minimum length of the longest side, m.
     pub min_size_m: Option<f64>,
-    /// Required licence.
+    /// Licence of the object.
     pub licence: Option<String>,
 }
 
-/// A search result.
+/// Object that a search found.
 #[derive(Clone, Debug, Serialize)]
 pub struct SearchResult<'a> {
-    /// Its card.
+    /// Card of the object.
     pub card: &'a ObjectCard,
-    /// Relevance; higher is better.
+    /// Relevance without unit, 0 for a query without words; higher is better.
     pub score: f64,
-    /// Matched query words.
+    /// Words of the query that match the object.
     pub matched: Vec<String>,
 }
 
@@ -115,12 +115,12 @@ pub struct SearchResult<'a> {
 #[derive(Debug)]
 pub struct Index {
     entries: Vec<(ObjectCard, AssetMetadata, Split)>,
-    /// Objects of each word, with the weight of the field it occurs in.
+    /// Objects that contain each word, by index into `entries`, with the largest weight of a field that contains it.
     postings: BTreeMap<String, Vec<(u32, f32)>>,
 }
 
 impl Index {
-    /// An index of cards with their splits.
+    /// Index of cards, each with its train/test split.
     pub fn new(cards: impl IntoIterator<Item = (ObjectCard, Split)>) -> Self {
         let mut entries = Vec::new();
         let mut postings: BTreeMap<String, Vec<(u32, f32)>> = BTreeMap::new();
@@ -167,8 +167,8 @@ impl Index {
         Self { entries, postings }
     }
 
-    /// Objects that match the most query words and pass the filter, best first; all that pass the filter if there are
-    /// no words.
+    /// Searches objects: those that match the most query words and pass the filter, best first, at most `limit`;
+    /// without words, all that pass the filter.
     ///
     /// "not", "no" and "without" exclude the next word, `-word` excludes a word, `key:value` filters.
     pub fn search(&self, query: &str, filter: &Filter, limit: usize) -> Vec<SearchResult<'_>> {
@@ -207,7 +207,7 @@ impl Index {
         found.into_iter().map(shown).collect()
     }
 
-    /// Objects that match a word or its synonym, weighted by inverse document frequency.
+    /// Objects that match a word or its synonym, with the field's weight times the word's inverse document frequency.
     fn matches(&self, word: &str) -> BTreeMap<u32, f64> {
         let also = SYNONYMS.iter().filter(|(from, _)| *from == word).map(|(_, to)| (*to, 0.8));
         let mut matches: BTreeMap<u32, f64> = BTreeMap::new();
@@ -222,7 +222,7 @@ impl Index {
         matches
     }
 
-    /// Objects that match a word in a field other than the description.
+    /// Objects that match a word or its synonym in a field other than shape, description and states (weight above 1.2).
     fn matches_strongly(&self, word: &str) -> Vec<u32> {
         let also = SYNONYMS.iter().filter(|(from, _)| *from == word).map(|(_, to)| *to);
         std::iter::once(word)
@@ -268,7 +268,7 @@ impl Query {
                 }
                 negated = false;
             }
-            // A clause ends at a comma, and with it the negation.
+            // A comma, semicolon or "but" ends a clause and its negation.
             if raw.ends_with([',', ';']) || raw == "but" {
                 negated = false;
             }
@@ -280,7 +280,7 @@ impl Query {
 }
 
 impl Filter {
-    /// Sets a filter by name; returns false for an unknown one.
+    /// Sets the condition with this name; returns false for an unknown name.
     pub fn set(&mut self, key: &str, value: &str) -> bool {
         let text = || Some(value.to_owned());
         let truth = || match value {
@@ -336,7 +336,7 @@ fn is_stop(word: &str) -> bool {
     STOP_WORDS.split_whitespace().any(|stop| stop == word)
 }
 
-/// Lower-case singular words, including the parts of hyphenated words.
+/// Words of a text in lower case and singular, including the parts of hyphenated words.
 fn words_of(text: &str) -> Vec<String> {
     let mut words = Vec::new();
     for raw in text.split(|c: char| !(c.is_alphanumeric() || c == '-' || c == '_')) {

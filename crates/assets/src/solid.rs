@@ -5,12 +5,12 @@ use std::f64::consts::PI;
 use genmanip_core::{MassProperties, Piece, Pose, Shape};
 use glam::{DMat3, DQuat, DVec3};
 
-/// A convex collision piece with the moments of its volume.
+/// Convex collision piece with the moments of its volume.
 #[derive(Clone, Debug)]
 pub struct Solid {
-    /// The piece, in the link's frame.
+    /// Collision piece, in the link's frame.
     pub piece: Piece,
-    /// Moments in the link's frame.
+    /// Moments of the piece's volume, in the link's frame.
     pub moments: Moments,
 }
 
@@ -21,12 +21,12 @@ pub struct Moments {
     pub volume: f64,
     /// Centroid, m.
     pub center: DVec3,
-    /// ∫ (x − c)(x − c)ᵀ dV, m⁵.
+    /// Second moments about the centroid c: ∫ (x − c)(x − c)ᵀ dV, m⁵.
     pub second: DMat3,
 }
 
 impl Solid {
-    /// An oriented box.
+    /// Oriented box with these half extents, m.
     pub fn cuboid(link_from_piece: Pose, half_extents: DVec3) -> Self {
         let volume = 8.0 * half_extents.element_product();
         Self::primitive(
@@ -37,7 +37,7 @@ impl Solid {
         )
     }
 
-    /// A cylinder between the centres of its ends.
+    /// Cylinder between the centres of its ends, m.
     pub fn cylinder(from: DVec3, to: DVec3, radius: f64) -> Self {
         let half_height = from.distance(to) / 2.0;
         let volume = 2.0 * PI * radius * radius * half_height;
@@ -46,7 +46,7 @@ impl Solid {
         Self::primitive(along(from, to), Shape::Cylinder { radius, half_height }, volume, second)
     }
 
-    /// A capsule between the centres of its caps.
+    /// Capsule between the centres of its caps, m.
     pub fn capsule(from: DVec3, to: DVec3, radius: f64) -> Self {
         let half_length = from.distance(to) / 2.0;
         let tube = 2.0 * PI * radius * radius * half_length;
@@ -58,7 +58,7 @@ impl Solid {
         Self::primitive(along(from, to), Shape::Capsule { radius, half_length }, tube + caps, second)
     }
 
-    /// The body lofted between rings of equally many points, each counter-clockwise seen from the last ring.
+    /// Body lofted between rings with the same number of points, each counter-clockwise seen from the last ring.
     ///
     /// The rings must span a convex body (tested for every object of the catalogue), so that the hull of the points
     /// equals the body and its moments follow from the rings.
@@ -77,7 +77,7 @@ impl Solid {
 }
 
 impl Moments {
-    /// Moments of the interior of a closed surface with counter-clockwise triangles seen from outside.
+    /// Moments of the interior of a closed surface whose triangles are counter-clockwise seen from outside.
     pub fn of_surface(triangles: &[[DVec3; 3]]) -> Self {
         let origin = triangles.first().map_or(DVec3::ZERO, |triangle| triangle[0]);
         let (mut volume, mut first, mut second) = (0.0, DVec3::ZERO, DMat3::ZERO);
@@ -103,7 +103,7 @@ impl Moments {
         Self { volume, center, second }
     }
 
-    /// Mass properties for a uniform density with the given total mass.
+    /// Mass properties of a body with these moments, uniform density and the given total mass.
     pub fn with_mass(&self, mass_kg: f64) -> MassProperties {
         let second = self.second * (mass_kg / self.volume);
         let trace = second.x_axis.x + second.y_axis.y + second.z_axis.z;

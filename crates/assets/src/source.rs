@@ -6,19 +6,19 @@ use genmanip_core::{AssetHashes, AssetRef, ObjectCard, ObjectModel, PlacedObject
 
 use crate::AssetError;
 
-/// A source of object models.
+/// Source of object models, e.g. a catalogue.
 pub trait AssetSource: Send + Sync {
-    /// Cards of the objects that may be placed unrequested (as distractors), in a fixed order.
+    /// Cards of the objects that may be placed as distractors, in a fixed order.
     fn cards(&self) -> &[ObjectCard];
 
-    /// The model of an asset, the same `Arc` on every call as long as one is held. Its own `asset` field holds the actual version, which may
-    /// be newer than the requested one.
+    /// Model of an asset; the same `Arc` on every call as long as one is held. The model's `asset` field states the
+    /// actual version, which may be newer than the requested one.
     ///
     /// # Errors
     /// If the source has no such asset.
     fn model(&self, asset: &AssetRef) -> Result<Arc<ObjectModel>, AssetError>;
 
-    /// The hashes of [`AssetSource::model`].
+    /// Hashes of the model that [`AssetSource::model`] returns.
     ///
     /// # Errors
     /// As [`AssetSource::model`].
@@ -26,7 +26,7 @@ pub trait AssetSource: Send + Sync {
         Ok(self.model(asset)?.hashes())
     }
 
-    /// The model of a scenario's instance, after checking that physics and judging inputs match the scenario's hashes.
+    /// Model of a scenario's instance, after checking that its physics and judging inputs match the scenario's hashes.
     ///
     /// # Errors
     /// As [`AssetSource::model`], and [`AssetError::Mismatch`] with the instance and the field that differs.
@@ -49,8 +49,8 @@ pub trait AssetSource: Send + Sync {
         }
     }
 
-    /// The model rendered with full-resolution meshes, if the scenario's appearance hash asks for it, as in older
-    /// scenarios; `hashes` are the current ones of the asset.
+    /// Model that is rendered with full-resolution meshes, if the scenario's appearance hash is that of such a model,
+    /// as in older scenarios; `None` otherwise. `hashes` are the current ones of the asset.
     ///
     /// # Errors
     /// As [`AssetSource::model`].
@@ -64,7 +64,7 @@ pub trait AssetSource: Send + Sync {
         Ok((looks == *known).then_some(model))
     }
 
-    /// [`AssetSource::model`] rendered with full-resolution meshes, and its appearance hash.
+    /// Model of an asset, rendered with full-resolution meshes, and its appearance hash.
     ///
     /// # Errors
     /// As [`AssetSource::model`].
@@ -74,7 +74,7 @@ pub trait AssetSource: Send + Sync {
         Ok((Arc::new(model), looks))
     }
 
-    /// Ids of the instances whose appearance has changed since the scenario was made; not an error.
+    /// Ids of the instances whose appearance has changed since the scenario was made, which is not an error.
     ///
     /// # Errors
     /// As [`AssetSource::model`].

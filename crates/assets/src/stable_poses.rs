@@ -5,22 +5,23 @@ use glam::{DQuat, DVec3};
 use serde::Serialize;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Support points within this height of the lowest one carry the object, m: more than data rounding, less than a foot.
+/// Height above the lowest point up to which support points carry the object, m: more than rounding of data, less than
+/// the height of a foot.
 const TOUCHING_M: f64 = 0.0004;
-/// Minimum distance of the centre of mass from the edge of the support polygon, m; with less, a nudge topples the
-/// object.
+/// Minimum distance of the centre of mass from the edge of the support polygon, m; with less, a nudge would topple the
+/// object. Chosen by hand.
 const MARGIN_M: f64 = 0.003;
 /// Number of directions in which the support polygon is measured.
 const DIRECTIONS: usize = 32;
 
-/// A stable pose on a level surface.
+/// Stable pose on a level surface.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StablePose {
     /// Name of the pose, e.g. `upright`.
     pub name: &'static str,
     /// Pose with the lowest point at z = 0; the horizontal position is unchanged.
     pub world_from_object: Pose,
-    /// Smallest distance from the centre of mass to the edge of the support polygon, m.
+    /// Smallest distance of the centre of mass from the edge of the support polygon, m; negative outside.
     pub margin_m: f64,
 }
 
@@ -28,7 +29,8 @@ pub struct StablePose {
 ///
 /// Upright is always included; a negative margin means a slight lean, as of a spoon resting on bowl and grip.
 ///
-/// Uses the exact support of the pieces: round mantles have none, so that a ball or a can on its side is not listed.
+/// Computed from the support function of the exact pieces: curved side faces contribute no support polygon, so that a
+/// ball or a can on its side is not listed.
 /// Articulated objects have only the canonical pose.
 pub fn stable_poses(model: &ObjectModel) -> Vec<StablePose> {
     let turns = [
@@ -59,7 +61,8 @@ pub fn stable_poses(model: &ObjectModel) -> Vec<StablePose> {
         .collect()
 }
 
-/// Lowest height of the rotated pieces, and the stability margin of the centre of mass within the support polygon.
+/// Lowest height of the rotated pieces (m), and distance of the centre of mass from the edge of the support polygon
+/// (m).
 fn support(pieces: &[Piece], center: DVec3, rotation: DQuat) -> (f64, f64) {
     let back = rotation.inverse();
     let height = |point: DVec3| (rotation * point).z;
@@ -69,7 +72,8 @@ fn support(pieces: &[Piece], center: DVec3, rotation: DQuat) -> (f64, f64) {
     let margin = (0..DIRECTIONS).map(|index| {
         let angle = TAU * index as f64 / DIRECTIONS as f64;
         let outward = DVec3::new(angle.cos(), angle.sin(), 0.0);
-        // A direction slightly off vertical finds the outermost vertex of the lowest face.
+        // A direction slightly off the vertical finds the vertex of the lowest face that is outermost in that
+        // direction.
         let reach = low.iter().map(|piece| {
             let point = rotation * piece.support(back * (DVec3::NEG_Z + outward * 1e-3));
             if point.z < lowest + TOUCHING_M { (point - rotation * center).dot(outward) } else { f64::NEG_INFINITY }
@@ -91,7 +95,7 @@ mod tests {
             let names: Vec<&str> = stable_poses(&model).iter().map(|pose| pose.name).collect();
             assert_eq!(names, expected, "{}", model.card.name);
         };
-        // A cube on every side; a can on its ends; a mug on its rim as well; a cabinet upright only.
+        // Expected poses: a cube on every side, a can on its ends, a mug also on its rim, a cabinet only upright.
         check(
             "046",
             &["upright", "upside down", "on its front", "on its back", "on its left side", "on its right side"],

@@ -6,27 +6,27 @@ use std::f64::consts::TAU;
 use genmanip_core::TriMesh;
 use glam::{DQuat, DVec2, DVec3};
 
-/// Faces that meet at a smaller angle share smooth normals.
+/// Cosine of the largest angle between faces that share smooth normals.
 const CREASE_COSINE: f64 = 0.77; // 40 degrees
 
-/// Maximum deviation of the rendering mesh from the full-resolution mesh, m; chosen below a sub-sample of a 1280x720
-/// image at a distance of 0.2 m.
+/// Maximum deviation of the rendering mesh from the full-resolution mesh, m. Chosen by hand: less than half a pixel of
+/// a 1280x720 image at a distance of 0.2 m.
 const FLAT_M: f64 = 1e-4;
 
-/// Maximum patch length of a painted surface, m; chosen by eye.
+/// Maximum length of a patch along the profile of a painted surface, m. Chosen by eye.
 const PATCH_M: f64 = 0.012;
 
 /// Level of detail of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Detail {
-    /// Full resolution, for judges and planners; independent of rendering.
+    /// Full resolution, for judging and planning; does not depend on rendering.
     Full,
-    /// Rendering: as few triangles as stay within 0.1 mm of the shape.
+    /// Simplified for rendering: as few triangles as stay within 0.1 mm of the shape.
     Simplified,
 }
 
 impl Detail {
-    /// Number of chords of an arc of a radius (m) and an angle (rad), at most `most`.
+    /// Number of chords, from 1 to `most`, of an arc with this radius (m) and angle (rad).
     pub fn chords(self, most: usize, radius: f64, angle: f64) -> usize {
         let widest = 2.0 * (1.0 - FLAT_M / radius.max(FLAT_M)).acos();
         match self {
@@ -36,12 +36,12 @@ impl Detail {
     }
 }
 
-/// Mesh through rings of equally many points, each counter-clockwise seen from the last ring.
+/// Mesh through rings with the same number of points, each counter-clockwise seen from the last ring.
 ///
-/// Texture: u runs once around along the longest ring; v from 1 at the first ring to 0 at the last, proportional to
-/// the mean distance of the rings.
-/// A ring of equal points closes the surface. Normals and texture coordinates are computed from all rings, also where
-/// a rendering mesh skips some.
+/// Texture coordinates: u covers the circumference once, measured along the longest ring; v runs from 1 at the first
+/// ring to 0 at the last, proportional to the mean distance of the rings.
+/// A ring of equal points closes the surface. Normals and texture coordinates are computed from all rings, even if a
+/// rendering mesh omits some.
 pub fn from_rings(rings: &[Vec<DVec3>], detail: Detail) -> TriMesh {
     let mut rings = rings.to_vec();
     rings.dedup();
@@ -69,7 +69,7 @@ pub fn from_rings(rings: &[Vec<DVec3>], detail: Detail) -> TriMesh {
                 }
                 surface.add([0, 1, 2].map(|corner| {
                     let (ring, at) = face[corner];
-                    // The row that touches this end of the patch.
+                    // Row of the full-resolution mesh that touches this end of the patch.
                     let row = if ring == pair[0] { ring } else { ring - 1 };
                     let normal = normals[(row * count + column) * 2 + half][corner].normalize_or(own.normalize());
                     (position(ring, at), normal, DVec2::new(around[at], 1.0 - along[ring] / total))
@@ -80,7 +80,7 @@ pub fn from_rings(rings: &[Vec<DVec3>], detail: Detail) -> TriMesh {
     surface.mesh
 }
 
-/// The two triangles between neighbouring columns of two rings, as (ring, column) of their vertices.
+/// Two triangles between neighbouring columns of two rings, as (ring, column) of their vertices.
 fn patch(low: usize, high: usize, column: usize) -> [[(usize, usize); 3]; 2] {
     let (a, b, c, d) = ((low, column), (low, column + 1), (high, column + 1), (high, column));
     [[a, b, c], [a, c, d]]
@@ -113,7 +113,8 @@ fn distance_to_segment(point: DVec3, from: DVec3, to: DVec3) -> f64 {
     point.distance(from + along * share.clamp(0.0, 1.0))
 }
 
-/// Points of a horizontal circle, counter-clockwise from above; `phase` in steps.
+/// Points of a horizontal circle given by (radius, height), counter-clockwise seen from above; `phase` is an angle in
+/// steps between points.
 pub fn circle(radius_height: DVec2, sides: usize, phase: f64) -> Vec<DVec3> {
     (0..sides)
         .map(|i| {
@@ -123,7 +124,8 @@ pub fn circle(radius_height: DVec2, sides: usize, phase: f64) -> Vec<DVec3> {
         .collect()
 }
 
-/// Points of a rounded rectangle, counter-clockwise from above, starting on the +x side; `4 * per_corner` points.
+/// Points of a horizontal rounded rectangle, counter-clockwise seen from above, starting on the +x side; `4 *
+/// per_corner` points.
 pub fn rounded_rectangle(half: DVec2, corner: f64, height: f64, per_corner: usize) -> Vec<DVec3> {
     let corner = corner.min(half.min_element()).max(0.0);
     (0..4 * per_corner)
@@ -138,7 +140,8 @@ pub fn rounded_rectangle(half: DVec2, corner: f64, height: f64, per_corner: usiz
         .collect()
 }
 
-/// Rings of elliptic cross-sections along a path; `half_widths` per station: horizontal and vertical.
+/// Rings of elliptic cross-sections along a path; `half_widths` has one (horizontal, vertical) pair per point of the
+/// path.
 pub fn tube_rings(path: &[DVec3], half_widths: &[DVec2], sides: usize) -> Vec<Vec<DVec3>> {
     let frames = path_frames(path);
     path.iter()
@@ -155,7 +158,7 @@ pub fn tube_rings(path: &[DVec3], half_widths: &[DVec2], sides: usize) -> Vec<Ve
         .collect()
 }
 
-/// Rotation-minimising frames along a path: z along the path, y as upright as possible at the start.
+/// Rotation-minimising frames along a path: z along the path, y as upright as possible at its start.
 fn path_frames(path: &[DVec3]) -> Vec<DQuat> {
     let tangent = |i: usize| {
         let (before, after) = (path[i.saturating_sub(1)], path[(i + 1).min(path.len() - 1)]);
@@ -173,7 +176,8 @@ fn path_frames(path: &[DVec3]) -> Vec<DQuat> {
     frames
 }
 
-/// Catmull-Rom curve through points, clamped to their bounds so that sizes stay exact.
+/// Catmull-Rom curve through points with `steps` segments between two points, clamped to their bounds so that sizes
+/// stay exact.
 pub fn smooth_curve(points: &[DVec3], steps: usize) -> Vec<DVec3> {
     let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return Vec::new() };
     if points.len() < 3 || steps < 2 {
@@ -203,7 +207,7 @@ pub fn smooth_profile(points: &[[f64; 2]], steps: usize) -> Vec<DVec2> {
     smooth_curve(&points, steps).into_iter().map(DVec3::truncate).collect()
 }
 
-/// Subdivides a profile into segments of at most 12 mm, so that textures are mapped onto nearly square patches.
+/// Profile subdivided into segments of at most 12 mm, so that textures are mapped onto nearly square patches.
 pub fn subdivided(profile: &[DVec2]) -> Vec<DVec2> {
     let mut fine: Vec<DVec2> = profile.first().copied().into_iter().collect();
     for pair in profile.windows(2) {
@@ -213,7 +217,7 @@ pub fn subdivided(profile: &[DVec2]) -> Vec<DVec2> {
     fine
 }
 
-/// Mesh with vertex normals smoothed except across creases, from loose triangles with texture coordinates.
+/// Mesh of loose triangles with texture coordinates; vertex normals are smoothed except across creases.
 pub fn smooth(corners: &[[(DVec3, DVec2); 3]]) -> TriMesh {
     let faces: Vec<[DVec3; 3]> = corners.iter().map(|triangle| triangle.map(|(position, _)| position)).collect();
     let mut surface = MeshBuilder::default();
@@ -246,7 +250,7 @@ fn smooth_normals(faces: &[[DVec3; 3]]) -> Vec<[DVec3; 3]> {
     faces.iter().enumerate().map(|(index, face)| face.map(|position| normal(index, position))).collect()
 }
 
-/// Face normal with a length of twice the area.
+/// Normal of a triangle, with twice the triangle's area as length.
 fn weighted_normal([a, b, c]: [DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a)
 }
@@ -295,7 +299,7 @@ fn ring_distances(rings: &[Vec<DVec3>]) -> Vec<f64> {
     along
 }
 
-/// Fraction of the circumference at each column of the longest ring, 0-1; one more entry than columns.
+/// Fraction of the circumference, 0-1, at each column of the longest ring; one more entry than columns.
 fn around_fractions(rings: &[Vec<DVec3>]) -> Vec<f64> {
     let lengths = |ring: &Vec<DVec3>| {
         let mut sum = 0.0;

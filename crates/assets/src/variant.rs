@@ -1,4 +1,4 @@
-//! Variants of a rigid object: other proportions, size and mass.
+//! Variants of a rigid object with other proportions, size and mass.
 
 use genmanip_core::{
     AssetRef, CavitySize, MassProperties, ObjectLink, ObjectModel, Piece, Pose, Seed, Shape, TriMesh, VisualPart,
@@ -9,24 +9,24 @@ use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-/// Name of the parameter with the uid of the varied built-in object.
+/// Parameter that holds the uid of the built-in object of which an object is a variant.
 pub(crate) const VARIANT_OF: &str = "of";
 
-/// Maximum relative change of width, of height, and, for elongated objects, additionally of length.
+/// Maximum relative changes of width and depth, of height, and of the length of elongated objects.
 const WIDTH_SPREAD: f64 = 0.15;
 const HEIGHT_SPREAD: f64 = 0.15;
 const LENGTH_SPREAD: f64 = 0.1;
 /// Maximum relative change of density.
 const DENSITY_SPREAD: f64 = 0.15;
-/// Maximum width of a graspable object after scaling, m.
+/// Maximum width (m) that scaling may give a graspable object, for a gripper that opens 8 cm.
 const MAX_GRASPABLE_M: f64 = 0.0745;
 
-/// A variant of a rigid object, scaled and with another density by factors sampled from the seed.
+/// Variant of a rigid object, scaled and with another density by factors sampled from the seed.
 ///
 /// Width and depth scale equally, so that round objects stay round; objects more than 1.8 times as long as wide also
 /// change their length. A graspable object stays graspable by the 8 cm gripper.
-/// Pieces stay exact linear images: primitives where possible, otherwise hulls (for round bodies the inscribed hull of
-/// 32 sides).
+/// Collision pieces are scaled exactly: primitives where possible, otherwise hulls (of round bodies, the inscribed hull
+/// of 32 sides).
 /// Articulated objects are returned unchanged.
 pub fn variant(model: &ObjectModel, seed: Seed) -> ObjectModel {
     let ([link], false) = (model.links.as_slice(), model.card.is_articulated) else { return model.clone() };
@@ -72,7 +72,7 @@ pub fn variant(model: &ObjectModel, seed: Seed) -> ObjectModel {
 fn stretched_mass(mass: &MassProperties, factors: DVec3, density: f64) -> MassProperties {
     let scale = DMat3::from_diagonal(factors);
     let share = factors.element_product() * density;
-    // Convert inertia to second moments and back: I = tr(Σ) 1 - Σ.
+    // Inertia I is converted to second moments Σ and back: I = tr(Σ) 1 - Σ.
     let trace = |m: &DMat3| m.x_axis.x + m.y_axis.y + m.z_axis.z;
     let second = DMat3::IDENTITY * (trace(&mass.inertia) / 2.0) - mass.inertia;
     let second = scale * second * scale * share;
@@ -126,7 +126,7 @@ fn stretched_piece(piece: &Piece, factors: DVec3) -> Piece {
     }
 }
 
-/// Points whose hull is the shape, or for round shapes the inscribed body of 32 sides.
+/// Points whose convex hull is the shape; of round shapes, the inscribed body of 32 sides.
 fn outline(shape: &Shape) -> Vec<DVec3> {
     const SIDES: usize = 32;
     const RINGS: usize = 8;

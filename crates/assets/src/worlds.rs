@@ -6,10 +6,10 @@ use genmanip_core::{CameraMount, RobotModel, World, WorldFault, WorldFile, World
 
 use crate::{AssetError, robots};
 
-/// The default world as a commented TOML file, also used as a template.
+/// Default world as a commented TOML file, which is also used as a template.
 pub const DEFAULT_TEXT: &str = include_str!("../data/world.toml");
 
-/// The parsed [`DEFAULT_TEXT`]; the same `Arc` on every call.
+/// World parsed from [`DEFAULT_TEXT`]; the same `Arc` on every call.
 ///
 /// # Panics
 /// Never in a tested build: the text is compiled in.
@@ -22,10 +22,10 @@ pub fn default_world() -> Arc<World> {
     Arc::clone(DEFAULT.get_or_init(read))
 }
 
-/// A world and its robot from TOML or JSON text.
+/// Parses a world from TOML or JSON text, with its robot from the registry.
 ///
 /// # Errors
-/// All faults found.
+/// All faults of the text.
 pub fn read(text: &str) -> Result<(World, Arc<RobotModel>), Vec<WorldFault>> {
     let file = WorldFile::from_text(text).map_err(|fault| vec![fault])?;
     let name = file.robot_name().unwrap_or_default();
@@ -36,8 +36,8 @@ pub fn read(text: &str) -> Result<(World, Arc<RobotModel>), Vec<WorldFault>> {
     Ok((world, robot))
 }
 
-/// The same world with another robot at its home position; a wrist camera at the old robot's default pose moves to the
-/// new robot's default pose.
+/// Same world with another robot at its home position; a wrist camera at the old robot's default pose moves to the new
+/// robot's default pose.
 ///
 /// # Errors
 /// [`AssetError::UnknownRobot`] with near misses.

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ActionSpec {
-    /// Space of the motion.
+    /// Space in which the motion is expressed.
     pub space: ActionSpace,
     /// Reference of deltas and velocities; ignored by absolute spaces.
     #[serde(default)]
@@ -29,7 +29,7 @@ pub struct ActionSpec {
     pub rotation: RotationEncoding,
     /// Encoding of the gripper value.
     pub gripper: GripperSpec,
-    /// Interpolation of the command during the action; ignored by joint velocities, which are a ramp.
+    /// Interpolation of the command during the action; ignored for joint velocities, whose targets always form a ramp.
     #[serde(default)]
     pub between: Interpolation,
 }
@@ -64,7 +64,7 @@ pub enum DeltaFrom {
     ChunkStart,
 }
 
-/// Interpolation of the 60 Hz commands within an action of a lower rate.
+/// Interpolation of the commands at the control rate within an action of a lower rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Interpolation {
@@ -87,7 +87,7 @@ pub enum ActionFrame {
     EndEffector,
 }
 
-/// Encoding of a rotation.
+/// Encoding of a rotation in an action vector.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RotationEncoding {
@@ -109,10 +109,10 @@ pub enum RotationEncoding {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GripperSpec {
-    /// Range and polarity.
+    /// Range and polarity of the gripper value.
     pub encoding: GripperEncoding,
-    /// Binary grippers: a value above the threshold becomes the upper end of the range, any other value the lower end;
-    /// in the encoding's own unit.
+    /// Threshold of a binary gripper, in the encoding's own unit: a value above it becomes the upper end of the range,
+    /// any other value the lower end. `None` for a continuous gripper.
     #[serde(default)]
     pub binary_threshold: Option<f64>,
 }

@@ -17,7 +17,7 @@ use crate::Seed;
 pub struct AppearanceRandomisation {
     /// Seed of the randomisation.
     pub seed: Seed,
-    /// Randomised factors.
+    /// Factors that are randomised; all others keep their defaults.
     pub vary: Vec<AppearanceFactor>,
     /// Strength of the randomisation: 0 is the default appearance, 1 the full range.
     #[serde(default = "full_strength", skip_serializing_if = "is_full_strength")]
@@ -40,7 +40,7 @@ fn is_full_strength(strength: &f64) -> bool {
     *strength == full_strength()
 }
 
-/// Factor of appearance randomisation.
+/// Group of appearance properties that are randomised together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AppearanceFactor {

@@ -18,7 +18,7 @@ pub struct Camera {
     pub mount: CameraMount,
     /// Optical frame in the frame of the mount.
     pub mount_from_camera: Pose,
-    /// Pinhole projection.
+    /// Pinhole projection, in pixels.
     pub intrinsics: Intrinsics,
     /// Lens distortion; `None` for an ideal pinhole.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -32,7 +32,7 @@ pub struct Camera {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CameraMount {
-    /// The world.
+    /// The world frame: a fixed camera.
     World,
     /// The robot's hand link (wrist camera).
     Hand,
@@ -41,8 +41,8 @@ pub enum CameraMount {
 impl CameraMount {
     /// Pose of an optical frame at `eye` that looks at `target`, both in the frame of the mount, m.
     ///
-    /// The upper edge of the image lies towards +z of the world, or towards +x of the hand, as that of the wrist camera;
-    /// towards the other one of the two axes where the camera looks along the first.
+    /// The upper edge of the image lies towards +z of the world for a world camera, and towards +x of the hand for a
+    /// hand camera; if the view direction is parallel to that axis, towards the other of these two axes.
     pub fn pose_looking_at(self, eye: DVec3, target: DVec3) -> Pose {
         let forward = (target - eye).normalize();
         let [up, other] = match self {
@@ -90,7 +90,7 @@ pub struct CameraPreset {
     pub name: &'static str,
     /// Device and stream that the preset models.
     pub what: &'static str,
-    /// Width and height.
+    /// Width and height of the image, pixels.
     pub size_px: [u32; 2],
     /// Horizontal field of view, degrees.
     pub horizontal_fov_deg: f64,
@@ -101,7 +101,7 @@ pub struct CameraPreset {
 const REALSENSE: &str =
     "Intel RealSense Product Family D400 Series datasheet, 337029, field of view at 16:9, +-3 degrees";
 
-/// Known cameras.
+/// Commercial cameras that worlds can name.
 pub const PRESETS: [CameraPreset; 8] = [
     CameraPreset {
         name: "d415",
@@ -135,7 +135,7 @@ pub const PRESETS: [CameraPreset; 8] = [
         name: "droid_exterior",
         what: "exterior camera of DROID, a ZED 2 at HD720",
         size_px: [1280, 720],
-        // 2 atan(640 / 528)
+        // Focal length 528 px at a width of 1280: 2 atan(640 / 528).
         horizontal_fov_deg: 100.96,
         source: "focal length of rectified ZED 2 images at HD720, about 528 px (2.1 mm lens, 4 um binned pixels)",
     },
@@ -143,7 +143,7 @@ pub const PRESETS: [CameraPreset; 8] = [
         name: "droid_wrist",
         what: "wrist camera of DROID, a ZED Mini at HD720",
         size_px: [1280, 720],
-        // 2 atan(640 / 700)
+        // Focal length 700 px at a width of 1280: 2 atan(640 / 700).
         horizontal_fov_deg: 84.87,
         source: "Stereolabs, \"What is the camera focal length and field of view?\": ZED Mini, HD720, 700 px",
     },
@@ -164,7 +164,7 @@ pub const PRESETS: [CameraPreset; 8] = [
 ];
 
 impl CameraPreset {
-    /// The preset with this name.
+    /// Preset with this name; `None` if there is none.
     pub fn named(name: &str) -> Option<&'static Self> {
         PRESETS.iter().find(|preset| preset.name == name)
     }

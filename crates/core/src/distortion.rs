@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::Intrinsics;
 
-/// Newton iterations; realistic lenses converge in three or four.
+/// Maximum number of Newton iterations; realistic lenses converge in three or four.
 const MAX_ITERATIONS: usize = 20;
-/// Samples along each image edge when testing that the whole image can be undistorted.
+/// Number of samples along each image edge when testing that the whole image can be undistorted.
 const EDGE_SAMPLES: u32 = 33;
 /// Largest ratio of the undistorted image's width or height to the distorted image's.
 const MAX_STRETCH: f64 = 2.0;

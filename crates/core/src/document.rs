@@ -109,12 +109,12 @@ pub struct Upgrade {
 pub trait LongDocument: Document {
     /// Key of the list, which follows the schema.
     const LIST: &'static str;
-    /// Maximum number of entries.
+    /// Maximum number of entries of the list.
     const MAX_ENTRIES: usize = ENTRIES;
-    /// Type of the entries.
+    /// Type of an entry of the list.
     type Entry: DeserializeOwned;
 
-    /// The list.
+    /// The list of this document, for reading into it.
     fn entries(&mut self) -> &mut Vec<Self::Entry>;
 }
 
@@ -155,7 +155,8 @@ pub fn long_from_reader<T: LongDocument>(
     Ok(document)
 }
 
-/// Parses entry `index` of the list; fails if the list has more than its maximum number of entries.
+/// Parses entry `index` of the list; fails if `index` is at least the maximum number of entries or the value is
+/// invalid.
 fn entry<T: LongDocument>(index: usize, value: Value) -> Result<T::Entry, DocumentError> {
     if index == T::MAX_ENTRIES {
         let (path, message) =
@@ -246,7 +247,7 @@ mod tests {
         assert_eq!(diary.to_json(), whole);
         assert_eq!(Diary::from_json(&whole).unwrap(), diary);
         for (text, days, pages) in [
-            // List before the schema; an older version; an empty list.
+            // Cases: list before the schema; an older version; an empty list.
             (r#"{"days": [[1, "b"]], "schema": "diary/2", "title": "a", "pages": 1}"#, 1, Some(1)),
             (r#"{"schema": "diary/1", "title": "a", "days": [[1, "b"], [2, "c"]]}"#, 2, None),
             (r#"{"schema": "diary/2", "title": "a", "days": [], "pages": null}"#, 0, None),

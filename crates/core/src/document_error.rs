@@ -3,12 +3,12 @@
 /// Reason why a text is not the expected document.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DocumentError {
-    /// Malformed JSON.
+    /// The text is not valid JSON.
     #[error("not JSON: {message}")]
     NotJson {
-        /// Line, from 1.
+        /// Line of the error, from 1.
         line: usize,
-        /// Column, from 1.
+        /// Column of the error, from 1.
         column: usize,
         /// The parser's message, including the position.
         message: String,
@@ -18,12 +18,12 @@ pub enum DocumentError {
     /// Unsupported schema name or version.
     #[error("expected schema \"{expected}\", got {got}")]
     WrongSchema {
-        /// The supported schema.
+        /// Name and version of the schema that this program reads.
         expected: String,
-        /// The schema in the file.
+        /// Name and version in the file.
         got: String,
     },
-    /// An invalid value.
+    /// A value that has the wrong type or violates a constraint.
     #[error("at {path}: {message}")]
     Invalid {
         /// JSON path, e.g. `$.objects[2].pose`.

@@ -25,11 +25,11 @@ pub struct Frame {
     pub gripper_width: f64,
     /// Peak force of the gripper drive during the interval (sum over both fingers), N.
     pub grip_force: f64,
-    /// `world_from_tcp`.
+    /// `world_from_tcp` as measured.
     pub tcp: Pose,
-    /// Objects in the order of the scenario.
+    /// States of the objects, in the order of the scenario.
     pub objects: Vec<ObjectState>,
-    /// Index of the object touched by both fingers.
+    /// Index of the object pressed by both fingers; `None` if there is none.
     pub grasped: Option<usize>,
     /// Peak contact force during the interval between the robot and anything but the grasped object, N.
     pub stray_contact_n: f64,
@@ -40,7 +40,7 @@ pub struct Frame {
 pub struct ObjectState {
     /// `world_from_object`.
     pub pose: Pose,
-    /// Joint positions of an articulated object.
+    /// Joint positions of an articulated object in link order, rad or m; empty for a rigid one.
     pub joint_positions: Vec<f64>,
     /// Linear speed, m/s.
     pub speed: f64,
@@ -51,9 +51,9 @@ pub struct ObjectState {
 /// A recorded episode: enough to replay it bit-exactly and to render it from any viewpoint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Episode {
-    /// Initial conditions.
+    /// Task, layout and world.
     pub scenario: Scenario,
-    /// Outcome.
+    /// Judged outcome.
     pub result: EpisodeResult,
     /// Full simulator state before the first command.
     pub initial_state: Vec<f64>,
@@ -68,21 +68,21 @@ pub struct Episode {
 pub struct EpisodeResult {
     /// Episode id, usable as a file name.
     pub id: String,
-    /// Scenario id.
+    /// Id of the scenario that was run.
     pub scenario_id: String,
-    /// Task id.
+    /// Id of the scenario's task.
     pub task_id: String,
-    /// Policy name.
+    /// Name of the policy that acted.
     pub policy: String,
     /// True if the policy reads simulator ground truth.
     pub oracle: bool,
-    /// Seed of the episode.
+    /// Seed of the episode's random choices.
     pub seed: Seed,
     /// Primary metric: the goal holds at the end, after settling, with nothing held or moving.
     pub success: bool,
     /// True if the goal held at any control step with nothing held and everything at rest.
     pub success_once: bool,
-    /// Verdict at the end of the episode.
+    /// Verdict on the goal at the end of the episode.
     pub verdict: GoalVerdict,
     /// Termination reason; `None` if the episode never began because no layout was found.
     pub ending: Option<Ending>,
@@ -91,35 +91,36 @@ pub struct EpisodeResult {
     /// Analysis of an agent's failed episode; absent for other policies and after a success.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub agent_failure: Option<AgentFailure>,
-    /// Simulated duration, s.
+    /// Simulated duration of the episode, s.
     pub duration_s: f64,
-    /// Time limit, s.
+    /// Time limit of the episode, s.
     pub horizon_s: f64,
-    /// Control rate, Hz.
+    /// Control rate of the world, Hz.
     pub control_rate_hz: f64,
-    /// Number of control steps.
+    /// Number of control steps that were simulated.
     pub frames: usize,
-    /// Number of actions that were held because their pose is unreachable; absent if there were none.
+    /// Number of actions that were held because their pose is unreachable; files omit 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub unreachable_actions: usize,
     /// Path length of the TCP, m.
     pub tcp_path_m: f64,
     /// Peak stray contact force of the robot, N.
     pub max_stray_contact_n: f64,
-    /// Details of that contact; `None` if there was none.
+    /// Details of the contact with the peak stray force; `None` if there was none.
     #[serde(default)]
     pub stray_contact: Option<StrayContact>,
     /// Hashes of the world's parts, including its robot; absent in results of older versions and in attempts without a
     /// layout.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub world_hashes: Option<WorldHashes>,
-    /// Verdict on point clouds of the final scene, for evaluated episodes; does not affect `success`.
+    /// Verdict on point clouds of the final scene, which does not affect `success`; `None` unless the episode was
+    /// evaluated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cloud: Option<CloudVerdict>,
-    /// True if the scenario's alternative request, which was not made, is satisfied at the end.
+    /// True if the scenario's alternative request, which was not made, is satisfied at the end; `None` without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub other_request_success: Option<bool>,
-    /// Takeover from another policy that failed, and the failure that was corrected.
+    /// Takeover from another policy that failed, and the failure that was corrected; `None` in other episodes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correction: Option<Correction>,
     /// Style of the expert that acted in a collected episode; absent for the default one.
@@ -127,7 +128,7 @@ pub struct EpisodeResult {
     pub expert: ExpertStyle,
     /// Physics engine and version, e.g. `mujoco 3.17.0`.
     pub engine: String,
-    /// Version of this program.
+    /// Version of the program that ran the episode.
     pub genmanip_version: String,
 }
 
@@ -140,13 +141,13 @@ named_enum! {
         #[default]
         Default = "default",
         /// The grasp nearest to the gripper's orientation, and the goal pose nearest to the middle of the goal region:
-        /// demonstrations that a policy can predict from what it sees.
+        /// demonstrations that a policy can predict from its observations.
         Consistent = "consistent",
     }
 }
 
 impl ExpertStyle {
-    /// True for the default, which files leave out.
+    /// True for the default, which files omit.
     pub fn is_default(&self) -> bool {
         *self == Self::Default
     }
@@ -170,9 +171,9 @@ pub struct Correction {
 /// Goal verdict computed from point clouds of the fixed cameras in the final scene, as in the paper.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CloudVerdict {
-    /// True if the goal holds.
+    /// True if the goal holds according to the point clouds.
     pub success: bool,
-    /// Fraction of the goal satisfied, 0-1.
+    /// Fraction of conditions that hold in the best alternative, 0-1.
     pub score: f64,
     /// Ids of the goal's objects with too few visible points; conditions on them do not hold.
     pub unseen: Vec<String>,
@@ -184,7 +185,7 @@ impl Document for EpisodeResult {
 }
 
 impl EpisodeResult {
-    /// The most decisive cause, with the evidence of all causes joined; `None` on success.
+    /// The most decisive cause, with the evidence of all causes joined; `None` without causes.
     pub fn failure(&self) -> Option<Failure> {
         let evidence: Vec<&str> = self.failures.iter().map(|failure| failure.evidence.as_str()).collect();
         let first = self.failures.first()?;
@@ -218,23 +219,23 @@ impl Ending {
     }
 }
 
-/// An episode that was requested but not run because its policy was unreachable or made a mistake; not a result, retried
-/// next time.
+/// An episode that was requested but not run because its policy was unreachable or its program made a mistake. It is no
+/// result and is retried by the next run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NotRun {
     /// Episode id.
     pub id: String,
-    /// Scenario id.
+    /// Id of the scenario that was to be run.
     pub scenario_id: String,
-    /// Error reported by the policy's endpoint, or its mistake.
+    /// Error reported by the policy's endpoint or program.
     pub reason: String,
     /// True for a mistake of the policy's program; absent otherwise.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub mistake: bool,
 }
 
-/// Strongest stray contact of an episode.
+/// Contact behind [`EpisodeResult::max_stray_contact_n`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StrayContact {
@@ -255,11 +256,11 @@ pub struct StrayContact {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GripperPhase {
-    /// Nothing between the fingers.
+    /// The fingers rest with nothing pressed between them.
     Empty,
     /// The fingers are commanded to close.
     Closing,
-    /// Both fingers press on an object.
+    /// The fingers rest and press on an object.
     Holding,
     /// The fingers are commanded to open.
     Opening,
@@ -300,6 +301,6 @@ impl std::fmt::Display for StrayContact {
 pub enum AttemptOutcome {
     /// The goal held after settling.
     Verified,
-    /// The attempt failed.
+    /// The attempt failed for this cause.
     Failed(Failure),
 }

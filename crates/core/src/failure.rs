@@ -1,4 +1,4 @@
-//! Failures of episodes: causes, which every policy's failures have, and beside them, for the agent, stages and classes.
+//! Failures of episodes: a cause for every policy; for the agent also a stage and a class.
 //!
 //! Causes are decided in `genmanip_rollout::evidence`, classes in `genmanip_agent_sim`.
 
@@ -10,7 +10,7 @@ use crate::named_enum;
 /// A failure cause with its evidence.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Failure {
-    /// The cause.
+    /// Category of the failure.
     pub cause: FailureCause,
     /// Observation with numbers, e.g. `Red Mug slipped at 3.2 s`.
     pub evidence: String,
@@ -53,8 +53,7 @@ impl std::fmt::Display for Failure {
 /// Analysis of an agent's failed episode.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct AgentFailure {
-    /// Class of the first wrong step that was not taken back; absent without an annotator that knows the simulator's
-    /// state.
+    /// Class of the first wrong step that was not undone; `None` without an annotator that knows the simulator's state.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub class: Option<FailureClass>,
     /// Stage of that step; without a class, the stage at which the agent gave up.
@@ -62,15 +61,15 @@ pub struct AgentFailure {
     /// Index of the wrongly answered question in the transcript; absent if no answer was wrong.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ask: Option<usize>,
-    /// Evidence with numbers.
+    /// Observation with numbers.
     pub evidence: String,
-    /// Path of the transcript, if one was written.
+    /// Path of the transcript; `None` if none was written.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transcript: Option<String>,
 }
 
 named_enum! {
-    /// Failure class of an episode: the six classes of the paper, and those of a closed loop.
+    /// Failure class of an agent's episode: the six classes of the paper, and four more for a closed loop.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
     #[serde(rename_all = "snake_case")]
     pub enum FailureClass {
@@ -78,11 +77,11 @@ named_enum! {
         Decomposition = "decomposition",
         /// The wrong object was chosen to be picked.
         GraspGrounding = "grasp_grounding",
-        /// The chosen part or point, or the detector, gave no suitable grasp.
+        /// The chosen part or point admits no suitable grasp, or the detector proposed none.
         GraspProposal = "grasp_proposal",
         /// The grasp could not be executed, or did not hold.
         GraspExecution = "grasp_execution",
-        /// The object was sent to the wrong reference.
+        /// The wrong reference object was chosen for the placement.
         PlanGrounding = "plan_grounding",
         /// The reference was correct, the placement was not.
         PlanLocation = "plan_location",
@@ -90,7 +89,7 @@ named_enum! {
         PlanMotion = "plan_motion",
         /// The check reported *finished* before the goal held, or *not finished* after it did.
         Checker = "checker",
-        /// Answers did not match the requested format, or named marks that are not in the image.
+        /// An answer did not match the requested format, or named marks that are not in the image.
         Format = "format",
         /// A service did not answer.
         Service = "service",
@@ -116,11 +115,11 @@ named_enum! {
         GridPath = "grid_path",
         /// Question: the grid cell of the placement.
         PointToPoint = "point_to_point",
-        /// Collision world from the depth images.
+        /// Reconstruction of the collision world from the depth images.
         Look = "look",
         /// Grasp proposal and selection.
         Grasp = "grasp",
-        /// Motion planning.
+        /// Planning of the arm's motion.
         Motion = "motion",
         /// Execution of the plan.
         Execute = "execute",
@@ -140,7 +139,7 @@ named_enum! {
         Undrawn = "undrawn",
         /// The answer says that no mark fits.
         NotFound = "not_found",
-        /// The object cannot be placed there.
+        /// The object cannot be placed at the chosen cell.
         Unusable = "unusable",
         /// Segmentation found nothing.
         NoMasks = "no_masks",
@@ -148,9 +147,9 @@ named_enum! {
         TooSmall = "too_small",
         /// No pixel of the object has a depth.
         NoDepth = "no_depth",
-        /// Depth images or grasps that cannot be used.
+        /// The depth images or the detector's response could not be used.
         Unsuited = "unsuited",
-        /// No grasp was proposed.
+        /// The detector proposed no grasp on the object.
         #[serde(rename = "none")]
         NoGrasp = "none",
         /// Most grasps are beyond the arm's reach.
@@ -171,11 +170,11 @@ named_enum! {
 #[error("{} failed ({}): {evidence}", .stage.name(), .cause.name())]
 #[serde(deny_unknown_fields)]
 pub struct FailedStage {
-    /// The stage.
+    /// Stage that failed.
     pub stage: AgentStage,
     /// Reason for its failure.
     pub cause: StageCause,
-    /// Evidence.
+    /// Observation with numbers.
     pub evidence: String,
 }
 

@@ -12,38 +12,38 @@ use crate::Pose;
 pub enum Shape {
     /// Axis-aligned box.
     Box {
-        /// Half extent along each axis.
+        /// Half extent along each axis, m.
         #[schemars(with = "[f64; 3]")]
         half_extents: DVec3,
     },
     /// Ball.
     Sphere {
-        /// Radius.
+        /// Radius, m.
         radius: f64,
     },
     /// Axis-aligned ellipsoid.
     Ellipsoid {
-        /// Semi-axes.
+        /// Semi-axes along x, y and z, m.
         #[schemars(with = "[f64; 3]")]
         radii: DVec3,
     },
     /// Flat-ended cylinder along z.
     Cylinder {
-        /// Radius.
+        /// Radius, m.
         radius: f64,
-        /// Half height.
+        /// Half height, m.
         half_height: f64,
     },
     /// Round-ended cylinder along z.
     Capsule {
-        /// Radius of the tube and of the caps.
+        /// Radius of the tube and of the caps, m.
         radius: f64,
-        /// Half distance between the centres of the caps.
+        /// Half distance between the centres of the caps, m.
         half_length: f64,
     },
     /// Convex hull of points.
     Hull {
-        /// Vertices, unordered, not coplanar.
+        /// Vertices, m, unordered, not coplanar.
         #[schemars(with = "Vec<[f64; 3]>")]
         points: Vec<DVec3>,
     },
@@ -52,7 +52,7 @@ pub enum Shape {
 /// One convex piece of a link, posed in the link's frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Piece {
-    /// Shape of the piece.
+    /// Convex shape in the piece's own frame.
     pub shape: Shape,
     /// Pose of the piece in the link's frame.
     pub link_from_piece: Pose,
@@ -112,22 +112,22 @@ impl Shape {
     }
 }
 
-/// Axis-aligned bounds.
+/// Axis-aligned bounding box.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Aabb {
-    /// Smallest corner.
+    /// Corner with the smallest x, y and z.
     #[schemars(with = "[f64; 3]")]
     pub min: DVec3,
-    /// Largest corner.
+    /// Corner with the largest x, y and z.
     #[schemars(with = "[f64; 3]")]
     pub max: DVec3,
 }
 
 impl Aabb {
-    /// Empty bounds, which grow with the first point.
+    /// Bounds of nothing: contain no point, and grow with [`Aabb::including`].
     pub const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
-    /// Bounds of points.
+    /// Bounds of points; [`Aabb::EMPTY`] for none.
     pub fn from_points(points: impl IntoIterator<Item = DVec3>) -> Self {
         points.into_iter().fold(Self::EMPTY, |bounds, point| bounds.including(point))
     }
@@ -164,13 +164,13 @@ impl Aabb {
         self.max - self.min
     }
 
-    /// Middle point.
+    /// Centre of the bounds.
     pub fn center(&self) -> DVec3 {
         (self.max + self.min) * 0.5
     }
 }
 
-/// Oriented bounding box.
+/// Bounding box with any orientation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OrientedBox {
     /// Centre and axes of the box in the outer frame, e.g. the world.
@@ -180,7 +180,7 @@ pub struct OrientedBox {
 }
 
 impl OrientedBox {
-    /// Corner indices of each edge.
+    /// The two corners of each edge, as indices into [`OrientedBox::corners`].
     pub const EDGES: [[usize; 2]; 12] =
         [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];
 

@@ -39,9 +39,9 @@ impl Grasp {
 pub struct VerifiedGrasp {
     /// The grasp, in the object's frame.
     pub grasp: Grasp,
-    /// Number of trials.
+    /// Number of physics trials.
     pub trials: u32,
-    /// Number of successful trials.
+    /// Number of trials in which the gripper held the object.
     pub held: u32,
 }
 
@@ -70,11 +70,11 @@ impl VerifiedGrasp {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct GraspNetGrasp {
-    /// Pose of the TCP, opening width, score.
+    /// Pose of the TCP, contact distance and score.
     pub grasp: Grasp,
     /// Finger extent across the closing and approach directions, m.
     pub height_m: f64,
-    /// Distance from the row's origin to the fingertips, m.
+    /// Distance from the origin of the row's pose to the fingertips, m.
     pub depth_m: f64,
     /// Object id; -1 if unknown.
     pub object_id: i64,
@@ -86,7 +86,7 @@ pub enum GraspNetError {
     /// A number is NaN or infinite.
     #[error("number {index} of a GraspNet row is not finite")]
     NotFinite {
-        /// Index in the row.
+        /// Index of the number in the row.
         index: usize,
     },
     /// The rotation is not orthonormal.
@@ -98,13 +98,13 @@ pub enum GraspNetError {
     /// The object id is not a whole number.
     #[error("the object id of a GraspNet row must be a whole number, got {got}")]
     ObjectId {
-        /// Entry 16.
+        /// Value at index 16 of the row.
         got: f64,
     },
 }
 
 impl GraspNetGrasp {
-    /// From a 17-number row; the pose is in the row's frame (the camera frame for the original service).
+    /// Grasp from a 17-number row; the pose is in the row's frame (the camera frame for the original service).
     ///
     /// # Errors
     /// For non-finite numbers, a matrix that is not a rotation, or an invalid object id.

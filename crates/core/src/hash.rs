@@ -32,7 +32,7 @@ impl ObjectModel {
         AssetHashes { physics: self.physics_hash(), judging: self.judging_hash(), looks: self.looks_hash() }
     }
 
-    /// See [`AssetHashes::physics`].
+    /// Hash of the physics inputs, see [`AssetHashes::physics`].
     pub fn physics_hash(&self) -> String {
         let mut bytes = Canonical::default();
         bytes.numbers(&[self.friction]);
@@ -40,7 +40,7 @@ impl ObjectModel {
         bytes.finish()
     }
 
-    /// See [`AssetHashes::judging`].
+    /// Hash of further judging inputs, see [`AssetHashes::judging`].
     pub fn judging_hash(&self) -> String {
         let mut bytes = Canonical::default();
         bytes.list(&self.links, Canonical::judging);
@@ -48,7 +48,7 @@ impl ObjectModel {
         bytes.finish()
     }
 
-    /// See [`AssetHashes::looks`].
+    /// Hash of the rendering inputs, see [`AssetHashes::looks`].
     pub fn looks_hash(&self) -> String {
         let mut bytes = Canonical::default();
         bytes.list(&self.links, Canonical::looks);
@@ -120,7 +120,7 @@ pub fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Hasher of canonical bytes.
+/// SHA-256 hasher of the canonical byte sequence.
 #[derive(Default)]
 pub(crate) struct Canonical(Sha256);
 

@@ -40,7 +40,7 @@ pub struct CameraRequest {
     /// The whole image is resized: a different aspect ratio gives non-square pixels, as reflected in K.
     #[serde(default)]
     pub size: Option<[u32; 2]>,
-    /// Requested channels.
+    /// Channels that the image must contain.
     #[serde(default)]
     pub channels: ImageChannels,
 }
@@ -49,22 +49,22 @@ pub struct CameraRequest {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImageChannels {
-    /// Colour.
+    /// True for colour.
     pub rgb: bool,
-    /// Depth along the optical axis.
+    /// True for depth along the optical axis.
     pub depth: bool,
-    /// Instance ids: simulator ground truth, for privileged policies only.
+    /// True for instance ids: simulator ground truth, for privileged policies only.
     pub ids: bool,
-    /// Surface normals.
+    /// True for surface normals.
     pub normals: bool,
-    /// World points.
+    /// True for world points.
     pub points: bool,
 }
 
 impl ImageChannels {
-    /// Colour only.
+    /// Colour without other channels.
     pub const RGB: Self = Self { rgb: true, depth: false, ids: false, normals: false, points: false };
-    /// Colour and depth.
+    /// Colour and depth without other channels.
     pub const RGBD: Self = Self { depth: true, ..Self::RGB };
 }
 
@@ -75,12 +75,12 @@ impl Default for ImageChannels {
 }
 
 impl CameraRequest {
-    /// A camera at its own size.
+    /// Request for a camera at its own size.
     pub fn new(name: &str, channels: ImageChannels) -> Self {
         Self { name: name.into(), size: None, channels }
     }
 
-    /// The same camera at another size.
+    /// The same request at another size, pixels.
     #[must_use]
     pub fn sized(self, width: u32, height: u32) -> Self {
         Self { size: Some([width, height]), ..self }
@@ -88,7 +88,7 @@ impl CameraRequest {
 }
 
 impl RgbdImage {
-    /// A depth-only image.
+    /// An image with depth (m) as its only channel, from a camera without distortion.
     pub fn of_depth(intrinsics: Intrinsics, world_from_camera: Pose, depth_m: Vec<f32>) -> Self {
         Self {
             intrinsics,
@@ -112,7 +112,7 @@ impl RgbdImage {
         self.intrinsics.height
     }
 
-    /// Projection of the image's camera.
+    /// Projection of the camera for this image.
     pub fn projection(&self) -> Projection {
         let Self { intrinsics, distortion, world_from_camera, .. } = *self;
         Projection { intrinsics, distortion, world_from_camera }
@@ -126,7 +126,8 @@ impl RgbdImage {
         self.projection().point(pixel, f64::from(depth_m))
     }
 
-    /// Pixel of a world point, which may lie outside the image; `None` behind the camera.
+    /// Pixel of a world point, which may lie outside the image; `None` behind the camera and where the distortion folds
+    /// over.
     pub fn pixel_of(&self, point: DVec3) -> Option<DVec2> {
         self.projection().pixel(point).map(|(pixel, _)| pixel)
     }
@@ -186,7 +187,7 @@ pub fn depth_to_mm(depth_m: f32) -> u16 {
 mod tests {
     use super::*;
 
-    /// `depth_to_mm` equals `f64::round`, tested around every half millimetre and across all magnitudes.
+    /// Checks that `depth_to_mm` equals `f64::round`, around every half millimetre and across all magnitudes.
     #[test]
     fn millimetres_are_rounded_and_saturate() {
         for (depth_m, expected) in [

@@ -15,18 +15,18 @@ pub const MAX_ALTERNATIVES: usize = 96;
 /// Reason why groups of interchangeable instances are invalid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum InterchangeError {
-    /// A group of fewer than two or too many instances.
+    /// A group of fewer than two or more than [`MAX_INTERCHANGEABLE`] instances.
     #[error("a group of {got} interchangeable instances, expected 2 to {MAX_INTERCHANGEABLE}")]
     Size {
-        /// Size of the group.
+        /// Number of instances in the group.
         got: usize,
     },
     /// An unknown id, or an id listed twice.
     #[error("interchangeable instance `{id}` is {what}")]
     Instance {
-        /// The id.
+        /// The invalid id.
         id: String,
-        /// The violation.
+        /// Message, e.g. that the id is listed twice.
         what: &'static str,
     },
     /// Different assets in one group.
@@ -37,16 +37,16 @@ pub enum InterchangeError {
         /// Id with a different asset.
         second: String,
     },
-    /// Too many alternatives after expansion.
+    /// More than [`MAX_ALTERNATIVES`] alternatives after expansion.
     #[error("exchanging copies gives the goal {got} alternatives, expected at most {MAX_ALTERNATIVES}")]
     Alternatives {
-        /// Number of alternatives.
+        /// Number of alternatives after expansion.
         got: usize,
     },
 }
 
 impl Task {
-    /// The goal expanded by every permutation of interchangeable copies.
+    /// The goal with an alternative for every permutation of interchangeable copies.
     ///
     /// The alternatives as written come first, so that a verdict names the instances that satisfied the goal.
     pub fn judged_goal(&self) -> Cow<'_, Goal> {
@@ -125,25 +125,25 @@ impl Atom {
     }
 }
 
-/// Members of each group that occur in the conditions, with the whole group.
+/// For each group, its members that occur in the conditions, and the whole group.
 fn concerned<'g>(groups: &'g [Vec<String>], atoms: &[Atom]) -> Vec<(Vec<&'g str>, &'g [String])> {
     let is_meant = |id: &&str| atoms.iter().flat_map(Atom::ids).any(|other| other == *id);
     groups.iter().map(|group| (group.iter().map(String::as_str).filter(is_meant).collect(), group.as_slice())).collect()
 }
 
-/// Number of substitutions of copies for the instances in the conditions.
+/// Number of ways to replace the instances in the conditions by interchangeable copies.
 fn count(groups: &[Vec<String>], atoms: &[Atom]) -> usize {
     let ways =
         |(meant, group): &(Vec<&str>, &[String])| (0..meant.len()).map(|taken| group.len() - taken).product::<usize>();
     concerned(groups, atoms).iter().map(ways).product()
 }
 
-/// All substitutions of copies for the instances in the conditions, the identity first.
+/// All replacements of the instances in the conditions by interchangeable copies, the identity first.
 fn exchanges<'g>(groups: &'g [Vec<String>], atoms: &[Atom]) -> Vec<BTreeMap<&'g str, &'g str>> {
     let mut all = vec![BTreeMap::new()];
     for (meant, group) in concerned(groups, atoms) {
         for id in meant {
-            // The identity comes first.
+            // The copy itself comes first, so that the first replacement is the identity.
             let own = group.iter().filter(|other| *other == id);
             let others: Vec<&str> = own.chain(group.iter().filter(|other| *other != id)).map(String::as_str).collect();
             let with = |so_far: BTreeMap<&'g str, &'g str>| {
@@ -188,7 +188,7 @@ mod tests {
         task
     }
 
-    /// The expanded alternatives as text.
+    /// The alternatives of the judged goal as text.
     fn judged(task: &Task) -> Vec<String> {
         let words = |atoms: &Vec<Atom>| atoms.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
         task.judged_goal().alternatives.iter().map(words).collect()

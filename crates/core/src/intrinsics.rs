@@ -24,7 +24,7 @@ pub struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// Square pixels, centred principal point, vertical field of view in rad.
+    /// Intrinsics with square pixels, a centred principal point and this vertical field of view (rad).
     pub fn from_vertical_fov(width: u32, height: u32, vertical_fov: f64) -> Self {
         let f = f64::from(height) / 2.0 / (vertical_fov / 2.0).tan();
         Self { width, height, fx: f, fy: f, cx: (f64::from(width) - 1.0) / 2.0, cy: (f64::from(height) - 1.0) / 2.0 }
@@ -46,7 +46,7 @@ impl Intrinsics {
         2.0 * (f64::from(self.width) / 2.0 / self.fx).atan()
     }
 
-    /// Projects a point of the camera frame to a pixel; `None` behind the camera.
+    /// Projects a point of the camera frame to a pixel; `None` in or behind the camera's plane.
     pub fn project(&self, point: DVec3) -> Option<DVec2> {
         (point.z > 1e-9)
             .then(|| DVec2::new(self.fx * point.x / point.z + self.cx, self.fy * point.y / point.z + self.cy))
@@ -65,7 +65,7 @@ impl Intrinsics {
         DVec3::new((pixel.x - self.cx) / self.fx * depth_m, (pixel.y - self.cy) / self.fy * depth_m, depth_m)
     }
 
-    /// Intrinsics after resizing the image.
+    /// Intrinsics after resizing the image, which stretches it if the aspect ratio changes.
     #[must_use]
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let (sx, sy) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
@@ -79,9 +79,8 @@ impl Intrinsics {
         }
     }
 
-    /// Intrinsics after scaling to fill another size and centre-cropping, with pixels of the same shape.
-    ///
-    /// [`Intrinsics::resized`] stretches instead when the aspect ratio changes.
+    /// Intrinsics after scaling the image to fill another size and cropping it centrally, which keeps its aspect ratio,
+    /// unlike [`Intrinsics::resized`].
     #[must_use]
     pub fn filling(&self, width: u32, height: u32) -> Self {
         let (sx, sy) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));

@@ -79,7 +79,7 @@ fn list<'de, R: serde_json::de::Read<'de>>(
     let value = read(reader, text, Listing { schema, key, take, refused: &mut refused });
     match (refused, value) {
         (Some(error), _) => Err(error),
-        // The list is the only value of an object with a fixed type.
+        // Of the object's values only the list has to be of a certain type, so this error concerns the list.
         (None, Err(DocumentError::NotJson { message, .. })) if message.starts_with("invalid type") => {
             Err(DocumentError::Invalid { path: format!("$.{key}"), message })
         }
@@ -144,7 +144,7 @@ fn hint(text: &str, error: &serde_json::Error) -> &'static str {
 /// below 1 GB.
 const MAX_BYTES: usize = 256 << 20;
 const TOO_MANY: &str = "so many values that they need more than 256 MiB of memory";
-/// Size of a list item, and of an object entry without the bytes of its key (hash, key and value).
+/// Memory of a list item, bytes; also of an object entry (hash, key and value) without the bytes of its key.
 const ITEM: usize = size_of::<Value>();
 const ENTRY: usize = size_of::<(usize, String, Value)>() + size_of::<usize>();
 /// Capacity that a collection reserves for its first entry.
@@ -164,7 +164,7 @@ impl MemoryBudget {
     }
 }
 
-/// Parses any value and rejects duplicate keys.
+/// Seed that parses any value and rejects duplicate keys.
 #[derive(Clone, Copy)]
 struct UniqueKeys<'a> {
     budget: &'a MemoryBudget,
@@ -245,7 +245,7 @@ struct Listing<'a> {
     schema: &'a str,
     key: &'a str,
     take: &'a mut dyn FnMut(usize, Value) -> Result<(), DocumentError>,
-    /// Error returned by `take`.
+    /// Set to the error that `take` returned, which serde cannot carry.
     refused: &'a mut Option<DocumentError>,
 }
 

@@ -13,7 +13,7 @@
 //! let handle_in_world = world_from_mug.transform_point(DVec3::new(0.05, 0.0, 0.04));
 //! assert!((handle_in_world - DVec3::new(0.5, 0.15, 0.04)).length() < 1e-12);
 //!
-// Labelled sub-streams: an additional draw for the layout does not change the grasps.
+//! // Labelled sub-streams: an additional draw for the layout does not change the grasps.
 //! assert_ne!(Seed::new(7).fork("layout"), Seed::new(7).fork("grasp"));
 //! ```
 

@@ -1,7 +1,7 @@
 //! Maximum sizes of input files, for every reader.
 //!
-//! The limits are several times the largest useful file of each kind, and small enough that reading takes at most 1 GB
-//! of memory and 10 s; `genmanip-lab hostile` measures it.
+//! Each limit is several times the largest useful file of its kind, and so small that reading takes at most 1 GB of
+//! memory and 10 s, as measured by `genmanip-lab hostile`.
 
 /// Maximum size of one kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,7 +43,7 @@ pub const REVIEWS: Limit = Limit::mib("a log of reviews", 192);
 pub const WORLD: Limit = Limit::mib("a world", 2);
 /// A file with cameras: a world or a scenario.
 pub const WORLD_OR_SCENARIO: Limit = Limit::mib("a world or scenario", 8);
-/// A list of cameras.
+/// A list of cameras, JSON.
 pub const CAMERAS: Limit = Limit::mib("a list of cameras", 1);
 /// Settings of a language model, TOML.
 pub const SETTINGS: Limit = Limit::mib("a settings file", 1);
@@ -66,7 +66,7 @@ pub const CHUNK: Limit = Limit::mib("a chunk of an array", 192);
 pub const LEDGER: Limit = Limit::mib("the list of what is finished", 192);
 /// The index of a run's episodes, 500 bytes to 1 KiB each.
 pub const INDEX: Limit = Limit::mib("the index of a run", 192);
-/// `timings.json`: two numbers per attempt.
+/// `timings.json` of a run: two numbers per attempt.
 pub const TIMINGS: Limit = Limit::mib("the timings of a run", 16);
 /// A results file of an evaluation, 3 to 5 KiB per episode.
 pub const EVALUATION: Limit = Limit::mib("an evaluation", 192);
@@ -74,25 +74,25 @@ pub const EVALUATION: Limit = Limit::mib("an evaluation", 192);
 pub const RATES: Limit = Limit::mib("a table of success rates", 4);
 /// Views of a calibration board: 144 corners per view take 10 KiB.
 pub const VIEWS: Limit = Limit::mib("a list of views of a calibration board", 64);
-/// The identity of an evaluation in progress.
+/// The file that identifies an evaluation in progress, so that only the same one is continued.
 pub const IDENTITY: Limit = Limit::mib("the identity of an evaluation", 4);
 /// Results of an evaluation in progress, one per line.
 pub const RESULTS: Limit = Limit::mib("the results of an unfinished evaluation", 192);
-/// Maximum length of a line of those results; a result lists every condition of its goal.
+/// Maximum length of a line of [`RESULTS`]; a result lists every condition of its goal.
 pub const RESULT_LINE: Limit = Limit::mib("a result", 1);
-/// Tried grasps; the catalogue's take 1 MiB.
+/// Grasps with the results of their physics trials; those of the catalogue take 1 MiB.
 pub const GRASPS: Limit = Limit::mib("a file of tried grasps", 16);
 /// Motion problems, 500 bytes to 3 KiB each.
 pub const PROBLEMS: Limit = Limit::mib("a file of motion problems", 16);
-/// Recorded relation cases.
+/// Recorded cases of spatial relations, JSON.
 pub const CASES: Limit = Limit::mib("a file of recorded cases", 16);
-/// Point clouds of recorded cases.
+/// Point clouds of the recorded cases of spatial relations, a NumPy archive.
 pub const CLOUDS: Limit = Limit::mib("an archive of clouds", 64);
-/// Trials of grasps, one per line.
+/// Physics trials of grasps, one per line.
 pub const TRIALS: Limit = Limit::mib("a file of trials", 64);
 /// Object families; the largest built-in file is 60 KiB.
 pub const FAMILIES: Limit = Limit::mib("a file of families", 4);
-/// URDF or SRDF text.
+/// A robot's URDF or SRDF text.
 pub const ROBOT: Limit = Limit::mib("a robot description", 8);
 /// A robot mesh, STL or OBJ.
 pub const MESH: Limit = Limit::mib("a mesh", 32);
@@ -108,7 +108,7 @@ pub const PACK: Limit = Limit::mib("the index of a pack", 64);
 pub const PACK_OBJECT: Limit = Limit::mib("an object of a pack", 32);
 /// `NAME/assets/UID.json.gz` of a frozen suite.
 pub const FROZEN_ASSET: Limit = Limit::mib("an object of a frozen suite", 8);
-/// `store.json`.
+/// `store.json`, which marks a folder as an episode store.
 pub const STORE_MARK: Limit = Limit::kib("the mark of an episode store", 64);
 /// `episode.json` and `files.json` in a store.
 pub const EPISODE_RECORD: Limit = Limit::mib("the record of an episode", 4);

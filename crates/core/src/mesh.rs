@@ -29,7 +29,7 @@ pub struct VisualPart {
     pub mesh: Arc<TriMesh>,
     /// Mesh used for rendering: the same, or a simplified one within 0.1 mm of it.
     pub render_mesh: Arc<TriMesh>,
-    /// Material.
+    /// Material of the whole part.
     pub material: Material,
     /// Pose of the part in the link's frame.
     pub link_from_part: Pose,
@@ -43,7 +43,7 @@ impl VisualPart {
     }
 }
 
-/// Metallic-roughness material.
+/// Material of the metallic-roughness model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// Albedo in sRGB, 0-1; multiplied with the texture.
@@ -58,7 +58,7 @@ pub struct Material {
     pub ior: f32,
     /// True for a shell without volume, e.g. a drinking glass.
     pub thin_walled: bool,
-    /// Base-colour texture.
+    /// Base-colour texture; `None` for a uniform colour.
     pub texture: Option<Arc<Texture>>,
 }
 
@@ -74,12 +74,12 @@ pub struct Texture {
 }
 
 impl Material {
-    /// An opaque dielectric of uniform colour.
+    /// An opaque dielectric of uniform colour (sRGB).
     pub fn plain(base_color: [f32; 3], roughness: f32) -> Self {
         Self { base_color, roughness, metallic: 0.0, opacity: 1.0, ior: 1.5, thin_walled: false, texture: None }
     }
 
-    /// A bare metal.
+    /// A bare metal of uniform colour (sRGB).
     pub fn metal(base_color: [f32; 3], roughness: f32) -> Self {
         Self { metallic: 1.0, ..Self::plain(base_color, roughness) }
     }

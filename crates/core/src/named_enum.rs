@@ -36,7 +36,7 @@ macro_rules! named_enum {
                 }
             }
 
-            /// Variant by its name.
+            /// Variant with this name; `None` if there is none.
             pub fn named(name: &str) -> Option<Self> {
                 Self::ALL.into_iter().find(|variant| variant.name() == name)
             }

@@ -22,7 +22,8 @@ pub fn fits_file_name(c: char) -> bool {
 
 /// The known name that was most likely meant, if any is similar.
 ///
-/// Two names are similar if one contains the other, or if at most a third of the letters differ.
+/// Names are similar if one contains the other and the given one has more than two letters, or if the edit distance is
+/// at most a third of the known name's length.
 ///
 /// ```
 /// assert_eq!(genmanip_core::names::near_misses("expret", &["expert", "replay"]), ["expert"]);
@@ -38,7 +39,7 @@ pub fn near_misses(got: &str, known: &[&str]) -> Vec<String> {
     near.first().map(|(_, name)| (*name).to_owned()).into_iter().collect()
 }
 
-/// Levenshtein distance.
+/// Levenshtein distance of two texts, characters.
 fn edits(from: &str, to: &str) -> usize {
     let to: Vec<char> = to.chars().collect();
     let mut row: Vec<usize> = (0..=to.len()).collect();

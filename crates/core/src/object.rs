@@ -18,7 +18,7 @@ pub struct ObjectCard {
     pub asset: AssetRef,
     /// Short name, e.g. `Red Mug`.
     pub name: String,
-    /// One sentence.
+    /// Description of the object in one sentence.
     pub description: String,
     /// Category, e.g. `mug`.
     pub category: String,
@@ -26,9 +26,9 @@ pub struct ObjectCard {
     pub general_category: String,
     /// Colour words, most prominent first.
     pub colors: Vec<String>,
-    /// Material words.
+    /// Words for the materials, e.g. `ceramic`.
     pub materials: Vec<String>,
-    /// Shape description.
+    /// Description of the shape in words, e.g. `cylinder with handle`.
     pub shape: String,
     /// Axis-aligned size in the canonical pose, m.
     #[schemars(with = "[f64; 3]")]
@@ -43,12 +43,12 @@ pub struct ObjectCard {
     pub states: Vec<String>,
     /// True if the whole object can be grasped by an 8 cm gripper.
     pub can_grasp: bool,
-    /// Optional annotations.
+    /// Further facts for instructions and search, each optional.
     #[serde(default, skip_serializing_if = "Annotations::is_empty")]
     pub annotations: Annotations,
 }
 
-/// Optional annotations of an asset.
+/// Optional annotations of an asset; empty or `None` where nothing is known.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Annotations {
@@ -115,7 +115,7 @@ impl CavitySize {
 /// articulated object faces -x.
 #[derive(Clone, Debug)]
 pub struct ObjectModel {
-    /// Description.
+    /// Description of the object for people and language models.
     pub card: ObjectCard,
     /// Family that generated it, e.g. `mug`.
     pub family: String,
@@ -129,20 +129,20 @@ pub struct ObjectModel {
     pub joint_states: Vec<JointState>,
 }
 
-/// One rigid body of an object.
+/// A rigid body of an object.
 #[derive(Clone, Debug)]
 pub struct ObjectLink {
     /// Name, unique in the object.
     pub name: String,
     /// Joint to the parent; `None` for the root.
     pub joint: Option<Joint>,
-    /// Rendered surfaces.
+    /// Meshes with materials, for rendering.
     pub visual: Vec<VisualPart>,
-    /// Convex collision pieces.
+    /// Convex pieces for collision, in the link's frame.
     pub pieces: Vec<Piece>,
     /// Convex regions in the link's frame in which an object counts as *in* this object; they move with the link.
     pub cavity: Vec<Piece>,
-    /// Mass, centre and inertia.
+    /// Mass, centre of mass and inertia of the link.
     pub mass: MassProperties,
 }
 
@@ -154,7 +154,7 @@ pub struct Joint {
     pub name: String,
     /// Index of the parent link.
     pub parent: usize,
-    /// Joint type.
+    /// Revolute or prismatic.
     pub kind: JointKind,
     /// Joint frame in the parent's frame; equals the child's frame at position 0.
     pub parent_from_joint: Pose,
@@ -168,11 +168,11 @@ pub struct Joint {
     pub friction_loss: f64,
     /// Spring towards `spring_reference`, N/m or N·m/rad; 0 for no spring.
     pub stiffness: f64,
-    /// Rest position of the spring.
+    /// Rest position of the spring, rad or m.
     pub spring_reference: f64,
 }
 
-/// Joint type.
+/// Kind of a joint, which has one degree of freedom.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum JointKind {
@@ -186,11 +186,11 @@ pub enum JointKind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointState {
-    /// One of the card's states.
+    /// Name of the state, one of [`ObjectCard::states`].
     pub name: String,
-    /// Joint names with the closed interval of their position.
+    /// Names of joints, each with the closed interval of its position, rad or m.
     pub intervals: Vec<(String, [f64; 2])>,
-    /// Representative position of each listed joint, used to set the state.
+    /// Representative position of each listed joint, rad or m, used to set the state.
     pub nominal: Vec<f64>,
 }
 
@@ -200,7 +200,7 @@ pub struct JointState {
 pub struct MassProperties {
     /// Mass, kg.
     pub mass_kg: f64,
-    /// Centre of mass.
+    /// Centre of mass, m.
     pub center: DVec3,
     /// Inertia about the centre of mass in the link's axes, kg·m².
     pub inertia: DMat3,
@@ -216,7 +216,7 @@ impl ObjectModel {
         model
     }
 
-    /// Number of movable joints.
+    /// Number of joints that can move.
     pub fn joint_count(&self) -> usize {
         self.links.iter().filter(|link| link.joint.is_some()).count()
     }
@@ -276,7 +276,7 @@ impl ObjectModel {
         Aabb::from_points(corners)
     }
 
-    /// Exact bounds in the world frame.
+    /// Exact bounds of the visual meshes in the world frame, given joint positions in link order.
     pub fn world_bounds(&self, world_from_object: &Pose, joint_positions: &[f64]) -> Aabb {
         self.links.iter().zip(self.link_poses(joint_positions)).fold(Aabb::EMPTY, |bounds, (link, object_from_link)| {
             bounds.union(&Aabb::from_pieces(&(*world_from_object * object_from_link), &link.pieces))

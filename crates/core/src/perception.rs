@@ -17,11 +17,11 @@ pub const FIRST_OBJECT: u16 = 3;
 pub struct VisibleRegion {
     /// Bounding box: left, top, right, bottom in pixels, right and bottom exclusive. Zeros if nothing is visible.
     pub bounds_px: [u32; 4],
-    /// Number of pixels.
+    /// Number of visible pixels.
     pub pixels: u32,
 }
 
-/// Labels of the objects in one image: a line of `labels.jsonl`.
+/// Labels of the objects in one image; stored as one line of `labels.jsonl`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImageLabels {
@@ -33,7 +33,7 @@ pub struct ImageLabels {
     pub time_s: f64,
     /// Name of the camera.
     pub camera: String,
-    /// Camera pose and intrinsics.
+    /// Camera pose, intrinsics and distortion of the image.
     pub projection: Projection,
     /// All objects of the scenario in order, including those that are not visible.
     pub objects: Vec<ObjectLabel>,
@@ -61,7 +61,7 @@ pub struct ObjectLabel {
     pub whole_pixels: u32,
     /// Visibility: `visible_pixels / whole_pixels`, 0-1; null if outside the image.
     pub visible_share: Option<f64>,
-    /// True if it reaches the image border and may be truncated.
+    /// True if the unoccluded object reaches the image border and may be truncated.
     pub touches_edge: bool,
     /// Pose of the oriented bounding box in the world; its axes are those of the object's frame.
     pub world_from_box: Pose,
@@ -106,7 +106,7 @@ pub fn visible_region(ids: &[u16], width: u32, id: u16) -> VisibleRegion {
 }
 
 impl VisibleRegion {
-    /// Adds a pixel.
+    /// Includes a pixel in the region.
     fn add(&mut self, x: u32, y: u32) {
         let [left, top, right, bottom] = self.bounds_px;
         self.bounds_px = match self.pixels {
@@ -170,7 +170,7 @@ mod tests {
     use super::*;
     use crate::{Distortion, Intrinsics};
 
-    /// Objects that are partly visible, invisible, and at the border.
+    /// Checks objects that are partly visible, invisible, and at the border.
     #[test]
     fn labels_report_occlusion_and_truncation() {
         let projection = Projection {
@@ -200,7 +200,7 @@ mod tests {
         assert!(back.position.distance(DVec3::X) < 1e-12 && back.angle_to(&placed.outer_from_box) < 1e-7);
     }
 
-    /// Points project back to their pixel, with and without distortion.
+    /// Checks that points project back to their pixel, with and without distortion.
     #[test]
     fn cloud_points_project_to_their_pixels() {
         let intrinsics = Intrinsics::from_vertical_fov(8, 6, 0.9);

@@ -26,20 +26,20 @@ pub trait Policy: Send {
     /// If the policy gives up; the episode then ends and the reason is recorded.
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError>;
 
-    /// Own analysis of the episode, which failed; `frames` is the recording.
+    /// Analysis by the policy of its own failed episode; `frames` is the recording. `None` if the policy has none.
     fn analyse(&self, _frames: &[Frame]) -> Option<AgentFailure> {
         None
     }
 }
 
-/// Interface of a policy.
+/// Observations that a policy needs, and actions that it returns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PolicySpec {
     /// Name in results, e.g. `expert`.
     pub name: String,
     /// Images rendered for each observation.
     pub cameras: Vec<CameraRequest>,
-    /// Required entries of `Observation::state`.
+    /// Keys that must be present in [`Observation::state`].
     pub state_keys: Vec<String>,
     /// Layout of the action vector.
     pub action: ActionSpec,
@@ -52,7 +52,8 @@ pub struct PolicySpec {
 }
 
 impl PolicySpec {
-    /// Native actions from proprioception alone, executing every chunk completely.
+    /// Interface of a policy that returns native actions, needs only proprioception, and executes every chunk
+    /// completely.
     pub fn native(name: &str, rate_hz: f64) -> Self {
         Self {
             name: name.into(),
@@ -68,7 +69,7 @@ impl PolicySpec {
     /// Number of control steps per action in a world of that control rate, Hz.
     ///
     /// # Errors
-    /// A rate that does not divide the control rate; the message names some that do.
+    /// Message about a rate that does not divide the control rate, with some rates that do.
     pub fn control_steps(&self, control_rate_hz: f64) -> Result<usize, String> {
         let steps = control_rate_hz / self.rate_hz;
         if steps >= 1.0 && steps.fract() == 0.0 {
@@ -91,11 +92,11 @@ pub struct EpisodeStart {
     pub seed: Seed,
     /// The requested cameras, at the requested sizes.
     pub cameras: Vec<Camera>,
-    /// The whole scenario; privileged policies only.
+    /// The whole scenario; `None` except for privileged policies.
     pub scenario: Option<Arc<Scenario>>,
 }
 
-/// Observation of a policy.
+/// Observation of a policy at the time of a decision.
 #[derive(Clone, Debug, Default)]
 pub struct Observation {
     /// Time since the start of the episode, s.
@@ -104,7 +105,7 @@ pub struct Observation {
     pub state: BTreeMap<String, Vec<f64>>,
     /// Requested images by camera name.
     pub images: BTreeMap<String, Arc<RgbdImage>>,
-    /// Simulator ground truth; privileged policies only.
+    /// Simulator ground truth; `None` except for privileged policies.
     pub privileged: Option<PrivilegedState>,
 }
 
@@ -117,24 +118,24 @@ impl Observation {
     pub const TOOL: &'static str = "observation.tool";
     /// Key of the tool pose that the last action requested, in the same form.
     pub const TOOL_TARGET: &'static str = "observation.tool_target";
-    /// Keys by their names in Python.
+    /// Names of the state vectors in Python, each with its key.
     pub const NAMES: [(&'static str, &'static str); 4] =
         [("state", Self::STATE), ("command", Self::COMMAND), ("tool", Self::TOOL), ("tool_target", Self::TOOL_TARGET)];
 }
 
-/// Simulator ground truth.
+/// Simulator ground truth for privileged policies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrivilegedState {
     /// Objects in the order of the scenario.
     pub objects: Vec<ObjectState>,
-    /// Index of the object touched by both fingers.
+    /// Index of the object pressed by both fingers; `None` if there is none.
     pub grasped: Option<usize>,
 }
 
 /// Actions to execute, one per period of the policy's rate.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ActionChunk {
-    /// Action vectors of the length that the spec implies.
+    /// Action vectors; their length follows from [`PolicySpec::action`] and the arm.
     pub actions: Vec<Vec<f32>>,
     /// True if the policy considers the task done once these actions are executed.
     pub finished: bool,
@@ -149,8 +150,8 @@ pub enum PolicyError {
     /// The policy cannot work on this episode at all.
     #[error("policy cannot serve this episode: {0}")]
     Unsuited(String),
-    /// A mistake of the policy's program, with its place and, on a line that starts with `hint:`, its remedy: the episode
-    /// is not run, does not count as a failure and is retried.
+    /// An error of the policy's program: message with its place and, on a line that starts with `hint:`, its remedy.
+    /// The episode is not run, does not count as a failure and is retried.
     #[error("{0}")]
     Mistake(String),
     /// The policy's endpoint is unreachable: the episode is not run, does not count as a failure and is retried.

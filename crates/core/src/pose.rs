@@ -23,7 +23,7 @@ impl Pose {
     /// The identity transform.
     pub const IDENTITY: Self = Self { position: DVec3::ZERO, rotation: DQuat::IDENTITY };
 
-    /// From a position and a rotation, which is normalised.
+    /// Pose from a position and a rotation, which is normalised.
     pub fn new(position: DVec3, rotation: DQuat) -> Self {
         Self { position, rotation: rotation.normalize() }
     }
@@ -33,17 +33,17 @@ impl Pose {
         Self { position, rotation: DQuat::IDENTITY }
     }
 
-    /// Upright at `position`, turned by `yaw` radians about +z.
+    /// Upright pose at `position`, rotated by `yaw` radians about +z.
     pub fn from_position_yaw(position: DVec3, yaw: f64) -> Self {
         Self { position, rotation: DQuat::from_rotation_z(yaw) }
     }
 
-    /// From the inner frame's origin and axes expressed in the outer frame.
+    /// Pose from the inner frame's origin and axes expressed in the outer frame.
     pub fn from_axes(position: DVec3, x: DVec3, y: DVec3, z: DVec3) -> Self {
         Self::new(position, DQuat::from_mat3(&DMat3::from_cols(x, y, z)))
     }
 
-    /// From the `[w, x, y, z]` order that MuJoCo and this project's files use.
+    /// Pose from the `[w, x, y, z]` order that MuJoCo and this project's files use.
     pub fn from_wxyz_array(position: [f64; 3], [w, x, y, z]: [f64; 4]) -> Self {
         Self::new(DVec3::from_array(position), DQuat::from_xyzw(x, y, z, w))
     }
@@ -89,7 +89,7 @@ impl Pose {
         x.y.atan2(x.x)
     }
 
-    /// Euler angles about the fixed axes x, y, z in this order (extrinsic): R = Rz · Ry · Rx.
+    /// Euler angles about the fixed axes x, y, z in this order (extrinsic), rad: R = Rz · Ry · Rx.
     pub fn to_fixed_xyz_euler(&self) -> [f64; 3] {
         let (z, y, x) = self.rotation.to_euler(EulerRot::ZYX);
         [x, y, z]

@@ -31,7 +31,7 @@ const MAX_ROUND_TRIP_ERROR: f64 = 1e-6;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Projection {
-    /// Pinhole, pixels.
+    /// Pinhole intrinsics, pixels.
     pub intrinsics: Intrinsics,
     /// Lens distortion; `None` for a pinhole.
     #[serde(default, skip_serializing_if = "Option::is_none")]

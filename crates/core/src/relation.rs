@@ -1,5 +1,4 @@
-//! Spatial relations and their facts: kind of geometry, logic and phrases. The judge in `relations` defines when one
-//! holds.
+//! Spatial relations with their kind of geometry, logic and phrases. Crate `relations` decides whether one holds.
 
 use glam::DVec2;
 use schemars::JsonSchema;
@@ -19,11 +18,11 @@ pub enum Relation {
     Right,
     /// Close in the plane, neither in nor on nor beneath.
     Near,
-    /// Resting on or lying in.
+    /// Resting on the reference or lying in it.
     Top,
-    /// Resting on.
+    /// Resting on the reference, but not in it.
     On,
-    /// Lying in.
+    /// Lying in a cavity of the reference.
     In,
     /// Between two references.
     Between,
@@ -34,7 +33,7 @@ impl Relation {
     pub const ALL: [Self; 9] =
         [Self::Front, Self::Back, Self::Left, Self::Right, Self::Near, Self::Top, Self::On, Self::In, Self::Between];
 
-    /// Relations to a single reference: all words of the exchange format.
+    /// Relations to a single reference: all relation words of the exchange format.
     pub const OF_PAIRS: [Self; 8] =
         [Self::Front, Self::Back, Self::Left, Self::Right, Self::Near, Self::Top, Self::On, Self::In];
 
@@ -154,7 +153,7 @@ impl Relation {
         self.facts().name
     }
 
-    /// Relation by its name in files.
+    /// Relation by its name in files; `None` for an unknown name.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|relation| relation.name() == name)
     }
@@ -164,12 +163,12 @@ impl Relation {
         self.facts().kind
     }
 
-    /// Converse relation, if there is one.
+    /// Converse relation: that of the reference to the subject; `None` if there is none.
     pub const fn inverse(self) -> Option<Self> {
         self.facts().inverse
     }
 
-    /// Side of the reference on which the subject is.
+    /// Side of the reference on which the subject is; `None` for relations without a side.
     pub const fn side(self) -> Option<Side> {
         match self.kind() {
             RelationKind::Side(side) => Some(side),
@@ -192,26 +191,26 @@ impl Relation {
         matches!(self.kind(), RelationKind::Between)
     }
 
-    /// True if `other` holds wherever this relation holds.
+    /// True if `other` is this relation or holds wherever this relation holds.
     pub fn implies(self, other: Self) -> bool {
         self == other || self.facts().implies.contains(&other)
     }
 
-    /// Place in a description: `on the far side of the Plate`, `between the Plate and the Mug`.
+    /// Text of the place in a description: `on the far side of the Plate`, `between the Plate and the Mug`.
     pub fn describe(self, reference: &str, second: Option<&str>) -> String {
         let second = second.map_or_else(String::new, |second| format!(" and the {second}"));
         format!("{} the {reference}{second}", self.facts().described)
     }
 }
 
-/// Facts about a relation.
+/// Facts about a relation that designer, judge and prompts share.
 #[derive(Clone, Copy, Debug)]
 pub struct RelationFacts {
     /// Name in files and answers of language models.
     pub name: &'static str,
     /// Position of the subject relative to its references.
     pub kind: RelationKind,
-    /// Relation of the reference to the subject, if there is one.
+    /// Relation of the reference to the subject; `None` if there is none.
     pub inverse: Option<Relation>,
     /// Further relations that hold wherever this one holds.
     pub implies: &'static [Relation],
@@ -229,7 +228,7 @@ pub struct RelationFacts {
     pub quota: f64,
 }
 
-/// Geometry of a relation.
+/// Kind of geometry by which a relation is judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RelationKind {
     /// Beyond one side of the reference.
@@ -245,7 +244,7 @@ pub enum RelationKind {
 /// Side of a reference in the robot's frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Side {
-    /// HorizontalAxis along which the bounds are apart.
+    /// Horizontal axis along which the bounds are apart.
     pub axis: HorizontalAxis,
     /// True if the subject has the larger coordinate.
     pub is_positive: bool,
@@ -272,7 +271,7 @@ pub enum HorizontalAxis {
 }
 
 impl HorizontalAxis {
-    /// The axis across this one.
+    /// The horizontal axis perpendicular to this one.
     pub const fn other(self) -> Self {
         match self {
             Self::Depth => Self::Width,
@@ -281,14 +280,14 @@ impl HorizontalAxis {
     }
 }
 
-/// Support by a reference.
+/// Kind of support by the reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Support {
-    /// On it.
+    /// On the reference.
     On,
-    /// In it.
+    /// In the reference.
     In,
-    /// On it or in it.
+    /// On or in the reference.
     OnOrIn,
 }
 
@@ -296,7 +295,7 @@ pub enum Support {
 mod tests {
     use super::*;
 
-    /// The names in the schema are those of all variants.
+    /// Checks that the lists hold every relation of their kind.
     #[test]
     fn the_lists_hold_every_relation_of_their_kind() {
         let schema = serde_json::to_value(schemars::schema_for!(Relation)).unwrap();

@@ -20,7 +20,7 @@ pub struct RobotModel {
     pub hand: usize,
     /// TCP frame: midpoint between the pads, axes of the hand link (z = approach, y = closing).
     pub hand_from_tcp: Pose,
-    /// The gripper.
+    /// Fingers, maximum opening, maximum force and pads.
     pub gripper: Gripper,
     /// Arm joint positions at the start of an episode, rad.
     pub home: Vec<f64>,
@@ -28,13 +28,13 @@ pub struct RobotModel {
     pub drives: Option<Drives>,
     /// Measured reach; `None` if unknown.
     pub reach: Option<Reach>,
-    /// Default wrist-camera pose: optical frame in the hand link's frame.
+    /// Default wrist-camera pose: optical frame in the hand link's frame; `None` for a robot without one.
     pub hand_from_wrist_camera: Option<Pose>,
     /// Pairs of links excluded from self-collision checks (neighbours and pairs that cannot meet).
     pub never_colliding: Vec<(usize, usize)>,
 }
 
-/// One body of the robot.
+/// A rigid body of the robot.
 #[derive(Clone, Debug)]
 pub struct RobotLink {
     /// Name, e.g. `link4`.
@@ -45,11 +45,11 @@ pub struct RobotLink {
     pub parent_from_link: Pose,
     /// Joint to the parent; `None` if rigidly attached.
     pub joint: Option<RobotJoint>,
-    /// Rendered surfaces.
+    /// Meshes with materials, for rendering.
     pub visual: Vec<VisualPart>,
-    /// Convex collision pieces.
+    /// Convex pieces for collision, in the link's frame.
     pub pieces: Vec<Piece>,
-    /// Mass, centre and inertia.
+    /// Mass, centre of mass and inertia of the link.
     pub mass: MassProperties,
 }
 
@@ -58,7 +58,7 @@ pub struct RobotLink {
 pub struct RobotJoint {
     /// Name, e.g. `joint4`.
     pub name: String,
-    /// Joint type.
+    /// Revolute or prismatic.
     pub kind: JointKind,
     /// Unit axis in the link's frame.
     pub axis: DVec3,
@@ -74,16 +74,17 @@ pub struct RobotJoint {
     pub max_jerk: f64,
     /// Largest torque or force, N·m or N.
     pub max_effort: f64,
-    /// Joint without end stops: positions a full turn apart are the same.
+    /// True for a joint without end stops: positions a full turn apart are the same.
     pub continuous: bool,
-    /// Coupling to another joint, which then sets the position; such a joint is no degree of freedom.
+    /// Coupling to another joint, which then sets the position: the coupled joint is no degree of freedom. `None` for
+    /// an independent joint.
     pub mimic: Option<Mimic>,
 }
 
 /// Position of a joint as a linear function of another joint's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mimic {
-    /// Link moved by the other joint.
+    /// Index of the link that the other joint moves.
     pub link: usize,
     /// Position per unit of the other joint's position.
     pub multiplier: f64,
@@ -136,7 +137,7 @@ pub struct Drives {
     pub hull_friction: f64,
 }
 
-/// Reach of a robot.
+/// Distances at which a robot can work.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reach {
@@ -198,12 +199,12 @@ impl RobotModel {
         self.home.len()
     }
 
-    /// The arm's joints that move by themselves, base to tip.
+    /// Joints of the arm that are not coupled to another joint, base to tip.
     pub fn arm_joints(&self) -> impl Iterator<Item = &RobotJoint> {
         self.arm_links().filter_map(|index| self.links[index].joint.as_ref())
     }
 
-    /// The links behind [`RobotModel::arm_joints`].
+    /// Indices of the links that [`RobotModel::arm_joints`] move.
     pub fn arm_links(&self) -> impl Iterator<Item = usize> {
         let moves = |link: &RobotLink| link.joint.as_ref().is_some_and(|joint| joint.mimic.is_none());
         (0..self.links.len()).filter(move |index| !self.gripper.fingers.contains(index) && moves(&self.links[*index]))

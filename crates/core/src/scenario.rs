@@ -12,16 +12,16 @@ use crate::{AssetRef, Document, DocumentError, Goal, Pose, Seed, Task, Upgrade, 
 pub struct Scenario {
     /// Name, unique in its collection and usable as a file name, e.g. `017_pick_and_place-03`.
     pub id: String,
-    /// The task.
+    /// Instruction, goal and initial graph.
     pub task: Task,
-    /// Seed of the layout.
+    /// Seed from which the layout was sampled.
     pub seed: Seed,
     /// Instances in the order of the task's nodes, followed by distractors.
     pub objects: Vec<PlacedObject>,
     /// Surfaces, robot, cameras, physics and judging settings.
     pub world: World,
-    /// Alternative request that the scene allows but the instruction does not ask for, to detect policies that ignore
-    /// language.
+    /// Alternative request that the scene allows but the instruction does not make, to detect policies that ignore
+    /// language; `None` if the scenario has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub other_request: Option<Request>,
     /// Version of the program that created it.
@@ -34,7 +34,7 @@ pub struct Scenario {
 pub struct Request {
     /// Language instruction.
     pub instruction: String,
-    /// Success condition.
+    /// Success condition of the request.
     pub goal: Goal,
 }
 
@@ -77,7 +77,7 @@ pub const MAX_OBJECTS: usize = 256;
 pub struct PlacedObject {
     /// Instance id, as in the task's graph.
     pub id: String,
-    /// Source asset.
+    /// Asset of which this is an instance.
     pub asset: AssetRef,
     /// Physics hash, [`crate::AssetHashes::physics`]; a mismatch is an error.
     ///
@@ -95,7 +95,7 @@ pub struct PlacedObject {
     /// Joint positions of an articulated object, in link order: rad, or m for prismatic joints.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joint_positions: Vec<f64>,
-    /// Perturbation of its physics.
+    /// Perturbation of the instance's physics.
     #[serde(default, skip_serializing_if = "PhysicsFactors::is_unchanged")]
     pub physics: PhysicsFactors,
 }
@@ -114,7 +114,7 @@ pub struct PhysicsFactors {
     pub joint_friction: f64,
 }
 
-/// Range of [`PhysicsFactors`]; beyond it the object would be a different one.
+/// Range of [`PhysicsFactors`]: a factor beyond it would make a different object. Chosen by hand.
 const MIN_FACTOR: f64 = 0.1;
 const MAX_FACTOR: f64 = 10.0;
 
@@ -124,7 +124,7 @@ impl PhysicsFactors {
         *self == Self::default()
     }
 
-    /// Name and value of a factor out of range.
+    /// Name and value of the first factor out of range; `None` if all are valid.
     fn fault(&self) -> Option<(&'static str, f64)> {
         let factors = [
             ("friction", self.friction),
@@ -143,7 +143,7 @@ impl Default for PhysicsFactors {
 }
 
 impl Scenario {
-    /// Index of an instance by id.
+    /// Index of an instance by id; `None` if there is none.
     pub fn index_of(&self, id: &str) -> Option<usize> {
         self.objects.iter().position(|object| object.id == id)
     }

@@ -39,12 +39,12 @@ impl Seed {
         Self(value & Self::MAX)
     }
 
-    /// The numeric value.
+    /// The seed as a number, at most [`Seed::MAX`].
     pub fn value(self) -> u64 {
         self.0
     }
 
-    /// The sub-stream for one purpose.
+    /// Seed of the sub-stream for one purpose, which the label names.
     #[must_use]
     pub fn fork(self, label: &str) -> Self {
         let mut hasher = Sha256::new();
@@ -56,7 +56,7 @@ impl Seed {
         Self::new(u64::from_le_bytes(first))
     }
 
-    /// The sub-stream of the `index`-th of a series (episodes, attempts, samples).
+    /// Seed of the `index`-th sub-stream of a series (episodes, attempts, samples).
     #[must_use]
     pub fn fork_index(self, index: u64) -> Self {
         self.fork(&format!("#{index}"))

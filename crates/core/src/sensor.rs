@@ -9,10 +9,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSensor {
-    /// Depth sensor.
+    /// Depth sensor; `None` for ideal depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth: Option<DepthSensor>,
-    /// Colour sensor.
+    /// Colour sensor; `None` for ideal colour.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub color: Option<ColorSensor>,
 }
@@ -46,7 +46,7 @@ pub struct DepthSensor {
     pub least_return: f64,
 }
 
-/// Maximum exposure time, s.
+/// Maximum exposure time, s; longer ones are rejected as implausible.
 pub const MAX_SHUTTER_S: f64 = 0.1;
 
 /// Colour imager with a lens: exposure, white balance, motion blur, vignetting, shot and read noise, compression.
@@ -98,9 +98,9 @@ pub struct SensorPreset {
     pub name: &'static str,
     /// Device that the preset models.
     pub what: &'static str,
-    /// Source of the numbers.
+    /// Source of the numbers, e.g. a data sheet.
     pub source: &'static str,
-    /// Parameters.
+    /// Depth and colour models of the device.
     pub sensor: CameraSensor,
 }
 
@@ -123,10 +123,10 @@ const REALSENSE: &str = "baselines and fields of view: Intel RealSense D400 data
 /// D435 at 848x480; the D415 differs in baseline, lens and derived values.
 const D435_DEPTH: DepthSensor = DepthSensor {
     baseline_m: 0.050,
-    // 424 / tan(87 degrees / 2)
+    // Half the width of 848 pixels and the horizontal field of view: 424 / tan(87 degrees / 2).
     focal_length_px: 446.8,
     field_of_view_deg: [87.0, 58.0],
-    // 446.8 px · 0.05 m / 126
+    // Depth at the maximum disparity of 126 pixels: 446.8 px · 0.05 m / 126.
     range_m: [0.177, 6.0],
     disparity_error_px: 0.08,
     disparity_step_px: 1.0 / 32.0,
@@ -150,10 +150,10 @@ pub const SENSORS: [SensorPreset; 3] = [
         sensor: CameraSensor {
             depth: Some(DepthSensor {
                 baseline_m: 0.055,
-                // 640 / tan(65 degrees / 2)
+                // As for the D435: 640 / tan(65 degrees / 2).
                 focal_length_px: 1004.6,
                 field_of_view_deg: [65.0, 40.0],
-                // 1004.6 px · 0.055 m / 126
+                // As for the D435: 1004.6 px · 0.055 m / 126.
                 range_m: [0.439, 6.0],
                 ..D435_DEPTH
             }),
@@ -183,7 +183,7 @@ pub const SENSORS: [SensorPreset; 3] = [
 ];
 
 impl SensorPreset {
-    /// The preset with this name.
+    /// Preset with this name; `None` if there is none.
     pub fn named(name: &str) -> Option<&'static Self> {
         SENSORS.iter().find(|preset| preset.name == name)
     }

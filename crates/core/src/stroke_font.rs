@@ -11,7 +11,7 @@ const GAP: f32 = 1.6;
 /// Width of a blank, grid units.
 const SPACE: f32 = 2.4;
 
-/// Strokes of a glyph, separated by spaces: points as two digits (x 0-4, y 0-6 up from the baseline).
+/// Strokes of a glyph, separated by spaces: points as two digits (x 0-4, y 0-6 up from the baseline). Empty for a gap.
 fn glyph(letter: char) -> &'static str {
     match letter.to_ascii_uppercase() {
         'A' => "002640 1232",
@@ -68,7 +68,7 @@ fn glyph(letter: char) -> &'static str {
     }
 }
 
-/// Strokes and width of a text with cap height 1: x to the right from 0, y up from the baseline.
+/// Strokes (polylines) and width of a text with cap height 1: x to the right from 0, y up from the baseline.
 ///
 /// ```
 /// let (strokes, width) = genmanip_core::stroke_font::strokes("I");

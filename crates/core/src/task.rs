@@ -16,17 +16,17 @@ use crate::{AssetRef, Document, ObjectCard, Relation, Upgrade, named_enum};
 pub struct Task {
     /// Id, unique in its collection and usable as a file name.
     pub id: String,
-    /// Task category.
+    /// Category of the task.
     pub kind: TaskKind,
     /// Instruction given to the robot, at most 30 words.
     pub instruction: String,
     /// Success condition.
     pub goal: Goal,
-    /// Initial scene.
+    /// Initial objects, states and relations.
     pub scene_graph: SceneGraph,
     /// Cards of the instances, one per node of the graph and in its order; see [`SharedCards`].
     pub objects: Vec<Arc<ObjectCard>>,
-    /// Support surfaces of the world, other than the table, that goal or graph refer to.
+    /// Support surfaces of the world, other than the table, to which goal or graph refer.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<NamedSurface>,
     /// Groups of interchangeable instances of one asset: the goal holds if it holds for any permutation.
@@ -60,7 +60,7 @@ pub struct SharedCards {
     by_uid: BTreeMap<String, Shared>,
 }
 
-/// Card and asset shared by tasks with the same object.
+/// Card and asset of an object, shared by tasks that contain it.
 #[derive(Debug)]
 struct Shared {
     card: Arc<ObjectCard>,
@@ -91,7 +91,7 @@ impl SharedCards {
 }
 
 named_enum! {
-    /// Task category.
+    /// Category of a task by its goal and the way it refers to objects.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
     #[serde(rename_all = "snake_case")]
     pub enum TaskKind {
@@ -101,11 +101,11 @@ named_enum! {
         Spatial = "spatial",
         /// Objects are referred to by their appearance.
         Appearance = "appearance",
-        /// Objects follow from an everyday need.
+        /// Objects or destinations follow from an everyday need.
         CommonSense = "common_sense",
-        /// Two to four steps.
+        /// Two to four pick-and-place or state-changing steps.
         LongHorizon = "long_horizon",
-        /// Changes the state of an articulated object.
+        /// The state of an articulated object changes.
         Articulated = "articulated",
     }
 }
@@ -125,11 +125,11 @@ pub struct NamedSurface {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Goal {
-    /// The alternatives.
+    /// Conjunctions, of which one must hold.
     pub alternatives: Vec<Vec<Atom>>,
 }
 
-/// An atomic condition.
+/// A condition on the final scene that is true or false.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "test", rename_all = "snake_case")]
 pub enum Atom {
@@ -137,11 +137,11 @@ pub enum Atom {
     Relation {
         /// Id of the placed instance.
         subject: String,
-        /// The relation.
+        /// Relation of the subject to the reference.
         relation: Relation,
         /// Id of the reference instance or support surface.
         reference: String,
-        /// Second reference of `between`.
+        /// Second reference of `between`; `None` for all other relations.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         second_reference: Option<String>,
     },
@@ -157,9 +157,9 @@ pub enum Atom {
 /// The initial scene: objects, their states and relations.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SceneGraph {
-    /// Description of the scene.
+    /// Description of the scene in words.
     pub description: String,
-    /// Objects with their states.
+    /// Objects of the scene with their initial states.
     pub nodes: Vec<GraphNode>,
     /// Relations that hold initially; objects without a supporting edge stand on the table.
     pub edges: Vec<GraphEdge>,
@@ -170,23 +170,23 @@ pub struct SceneGraph {
 pub struct GraphNode {
     /// Instance id: the asset's uid, or `001#2` for its second copy.
     pub id: String,
-    /// Source asset.
+    /// Asset of which the node is an instance.
     pub asset: Arc<AssetRef>,
-    /// State of an articulated object.
+    /// Initial state of an articulated object; `None` if none is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub state: Option<String>,
 }
 
-/// A relation in the scene.
+/// A spatial relation that holds in the initial scene.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 pub struct GraphEdge {
-    /// Id of the instance.
+    /// Id of the instance that stands in the relation.
     pub subject: String,
-    /// The relation.
+    /// Relation of the subject to the reference.
     pub relation: Relation,
     /// Id of the reference instance or support surface.
     pub reference: String,
-    /// Second reference of `between`.
+    /// Second reference of `between`; `None` for all other relations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second_reference: Option<String>,
 }
@@ -204,26 +204,26 @@ impl GraphEdge {
 }
 
 impl SceneGraph {
-    /// Index of an instance's node by id.
+    /// Index of an instance's node by id; `None` if there is none.
     pub fn index_of(&self, id: &str) -> Option<usize> {
         self.nodes.iter().position(|node| node.id == id)
     }
 }
 
 impl GraphNode {
-    /// The first instance of a card's object, without a state.
+    /// Node for the first instance of a card's object, without a state.
     pub fn of(card: &ObjectCard) -> Self {
         Self { id: card.uid.clone(), asset: Arc::new(card.asset.clone()), state: None }
     }
 }
 
 impl Task {
-    /// The card of an instance in the scene.
+    /// Card of an instance in the scene; `None` for an unknown id.
     pub fn card(&self, id: &str) -> Option<&ObjectCard> {
         self.objects.get(self.scene_graph.index_of(id)?).map(Arc::as_ref)
     }
 
-    /// A support surface by id, if the task refers to it.
+    /// A support surface by id; `None` if the task does not refer to it.
     pub fn surface(&self, id: &str) -> Option<&NamedSurface> {
         self.surfaces.iter().find(|surface| surface.id == id)
     }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Atom;
 
-/// Verdict on a goal.
+/// Verdict on a goal, with the verdicts on its conditions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GoalVerdict {
     /// Fraction of atoms that hold in the best alternative, 0-1.
@@ -16,22 +16,22 @@ pub struct GoalVerdict {
     pub alternatives: Vec<Vec<AtomVerdict>>,
 }
 
-/// Verdict on one condition.
+/// Verdict on one condition, with the measurements behind it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AtomVerdict {
-    /// The condition.
+    /// The condition that was judged.
     pub atom: Atom,
-    /// True if it holds.
+    /// True if the condition holds.
     pub holds: bool,
     /// Distance of the deciding quantity from its threshold, in that quantity's unit; negative if the condition does
     /// not hold. Compare verdicts by [`Self::normalised_margin`].
     pub margin: f64,
-    /// Measurements, the deciding quantity first.
+    /// Measurements that decide the condition, the deciding quantity first.
     pub measurements: Vec<Measurement>,
     /// Measurements of readings of the relation that do not count in this world, such as *between* in space.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub other_readings: Vec<Measurement>,
-    /// Explanation, e.g. `left: gap 0.042 m ≤ 0.150 m`.
+    /// Explanation in words and numbers, e.g. `left: gap 0.042 m ≤ 0.150 m`.
     pub explanation: String,
 }
 
@@ -40,9 +40,9 @@ pub struct AtomVerdict {
 pub struct Measurement {
     /// Name of the quantity, e.g. `gap in the plane`.
     pub quantity: String,
-    /// The value.
+    /// Measured value, in `unit`.
     pub value: f64,
-    /// Threshold.
+    /// Threshold of the value, in `unit`.
     pub threshold: f64,
     /// Unit of value, threshold and margin.
     pub unit: Unit,
@@ -74,7 +74,7 @@ impl Unit {
     ///
     /// ```
     /// use genmanip_core::Unit;
-    // 3 cm within a limit is less than 40 degrees within another.
+    /// // 3 cm within a limit is less than 40 degrees within another.
     /// assert!(Unit::Metre.normalise(0.03) < Unit::Radian.normalise(0.7));
     /// ```
     pub fn normalise(self, margin: f64) -> f64 {
@@ -88,9 +88,10 @@ impl Unit {
             Self::Metre => 0.1,
             // Chosen: a rotation that moves a neighbour at that distance by that distance.
             Self::Radian => 1.0,
-            // Chosen: the whole object.
+            // Chosen: the whole range from 0 to 1.
             Self::Share => 1.0,
-            // Chosen: a fact outweighs every measured margin, because distances on the table are below a metre.
+            // Chosen: a fact (margin 1) counts as 10, which outweighs every measured margin, because distances on the
+            // table are below a metre.
             Self::Fact => 0.1,
         }
     }
@@ -131,7 +132,7 @@ impl GoalVerdict {
         Self { score, success: score >= 1.0, alternatives }
     }
 
-    /// The alternative with the largest fraction of true atoms; the first on a tie.
+    /// The alternative with the largest fraction of true atoms, the first on a tie; `None` without alternatives.
     pub fn best(&self) -> Option<&[AtomVerdict]> {
         let fraction =
             |atoms: &[AtomVerdict]| atoms.iter().filter(|atom| atom.holds).count() as f64 / atoms.len().max(1) as f64;

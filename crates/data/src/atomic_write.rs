@@ -21,19 +21,19 @@ pub struct AtomicFolder {
     published: bool,
 }
 
-/// Handling of a folder that already exists at the target.
+/// Handling of a folder that already exists at the target when the new one is published.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum OnConflict {
-    /// It stays; publishing fails.
+    /// The existing folder is kept; publishing fails with [`DataError::Exists`].
     Fail,
     Replace,
     /// Publishing succeeds if it has the same contents and fails otherwise.
     AcceptIdentical,
 }
 
-/// Block size for comparing files, bytes.
+/// Block size for comparing files, bytes. Chosen by hand.
 const BLOCK_BYTES: u64 = 1 << 20;
-/// Maximum attempts to replace a folder that another program keeps recreating.
+/// Maximum attempts to replace a folder that another program keeps recreating. Chosen by hand.
 const MAX_TRIES: usize = 100;
 
 impl AtomicFolder {
@@ -50,8 +50,8 @@ impl AtomicFolder {
         Self::begin(target, OnConflict::Replace)
     }
 
-    /// As [`AtomicFolder::new`], but an identical existing target is accepted, e.g. the output of an earlier call that was
-    /// killed later.
+    /// As [`AtomicFolder::new`], but a target with identical files is accepted, e.g. the output of an earlier call that
+    /// was killed after publishing.
     pub fn accepting_identical(target: &Path) -> Result<Self, DataError> {
         Self::begin(target, OnConflict::AcceptIdentical)
     }
@@ -83,7 +83,7 @@ impl AtomicFolder {
         Ok(path)
     }
 
-    /// Writes and syncs one file.
+    /// Writes and syncs one file, by its path relative to the folder; it must not exist.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), DataError> {
         let path = self.path(name)?;
         write_synced(&path, bytes)
@@ -139,7 +139,7 @@ impl Drop for AtomicFolder {
     }
 }
 
-/// Writes a JSON file of a data set.
+/// Writes a JSON document into an unpublished data set.
 pub fn write_json(dataset: &AtomicFolder, name: &str, value: &Value) -> Result<(), DataError> {
     let text = serde_json::to_string_pretty(value)
         .map_err(|error| DataError::NotWritable { what: name.into(), why: error.to_string() })?;
@@ -151,7 +151,7 @@ pub fn write_synced(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
     write_new(path, bytes).map_err(DataError::io("write", path))
 }
 
-/// The parent folder; `.` for a bare name.
+/// Parent of a path; `.` for a bare name, for which [`Path::parent`] gives an empty path.
 fn parent(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }

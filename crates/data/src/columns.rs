@@ -13,16 +13,16 @@ pub type Rows = BTreeMap<String, Column>;
 /// Column of vectors, row-major.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Column {
-    /// Element type, as in `info.json`.
+    /// Element type as in `info.json`, e.g. `float32`.
     pub dtype: &'static str,
-    /// Elements per row.
+    /// Number of elements per row.
     pub width: usize,
-    /// Value of each row.
+    /// Elements of all rows, row by row.
     pub values: Vec<f64>,
 }
 
 impl Column {
-    /// `None` if the array is not numeric or its rows differ in length.
+    /// Column of an Arrow array; `None` if the array is not numeric or its rows differ in length.
     pub fn of(array: &dyn Array) -> Option<Self> {
         let rows = array.len();
         if array.null_count() > 0 {
@@ -62,7 +62,7 @@ impl Column {
         }
     }
 
-    /// Vector of one row.
+    /// Elements of one row.
     pub fn row(&self, row: usize) -> &[f64] {
         self.values.get(row * self.width..(row + 1) * self.width).unwrap_or_default()
     }
@@ -74,7 +74,8 @@ pub fn cell(batch: &RecordBatch, name: &str, row: usize) -> Option<Vec<f64>> {
     if row >= column.len() { None } else { Some(Column::of(&column.slice(row, 1))?.values) }
 }
 
-/// Text of a cell with the count 1; for a list of texts, the first one and the length of the list.
+/// Text of a cell, with the count 1; for a list of texts, the first one and the length of the list. `None` for other
+/// types.
 pub fn text(batch: &RecordBatch, name: &str, row: usize) -> Option<(String, usize)> {
     let column = batch.column_by_name(name)?;
     if row >= column.len() || column.is_null(row) {
@@ -92,7 +93,7 @@ pub fn text(batch: &RecordBatch, name: &str, row: usize) -> Option<(String, usiz
     }
 }
 
-/// All texts of a list cell.
+/// All texts of a cell that holds a list of texts; `None` for other types.
 pub fn texts(batch: &RecordBatch, name: &str, row: usize) -> Option<Vec<String>> {
     let lists = batch.column_by_name(name)?.as_list_opt::<i32>()?;
     if row >= lists.len() || lists.is_null(row) {
@@ -102,7 +103,7 @@ pub fn texts(batch: &RecordBatch, name: &str, row: usize) -> Option<Vec<String>>
     Some(texts.as_string_opt::<i32>()?.iter().map(|text| text.unwrap_or_default().to_owned()).collect())
 }
 
-/// Integer of a cell.
+/// Integer in a cell; `None` if it is null or of another type.
 pub fn integer(batch: &RecordBatch, name: &str, row: usize) -> Option<i64> {
     let column = batch.column_by_name(name)?.as_primitive_opt::<Int64Type>()?;
     (row < column.len() && !column.is_null(row)).then(|| column.value(row))

@@ -28,7 +28,7 @@ pub fn encode_depth_png(depth_m: &[f32], width: u32, height: u32) -> Result<Vec<
     encode_mm_png(&depth_mm, width, height)
 }
 
-/// [`depth_to_mm`] of an image.
+/// Conversion of a whole image by [`depth_to_mm`].
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 fn to_mm(depth_m: &[f32], depth_mm: &mut [u16]) {
     depth_mm.iter_mut().zip(depth_m).for_each(|(mm, &m)| *mm = depth_to_mm(m));
@@ -68,7 +68,7 @@ fn filtered(depth_mm: &[u16], width: usize) -> Vec<u8> {
     bytes
 }
 
-/// Bytes per pixel.
+/// Bytes of one pixel.
 const PIXEL: usize = 2;
 
 /// Paeth residuals of a row; `row` and `above` begin with one pixel of zeros.

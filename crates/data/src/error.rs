@@ -8,42 +8,42 @@ use genmanip_core::limits::Limit;
 /// A failed read, write or export, with the file it concerns.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
-    /// An operating-system error.
+    /// A failed call of the operating system.
     #[error("cannot {action}: {source}: {}", path.display())]
     Io {
         /// The attempted action, e.g. `write`.
         action: &'static str,
-        /// The file or folder.
+        /// File or folder of the attempted action.
         path: PathBuf,
-        /// The system's error.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// Not a regular file: reading it might never end, or follow a link elsewhere.
     #[error("expected a file, found {found}: {}", path.display())]
     NotAFile {
-        /// The path.
+        /// Path of the special file.
         path: PathBuf,
-        /// Its file type.
+        /// File type found, e.g. `folder` or `pipe`.
         found: &'static str,
     },
     /// A file larger than the limit of its kind.
     #[error("file too large: {} may be {} at most: {}", limit.what, limit.human_readable(), path.display())]
     TooLarge {
-        /// The file.
+        /// File that is too large.
         path: PathBuf,
-        /// Its kind and bound.
+        /// Kind of the file, with its maximum size.
         limit: Limit,
     },
-    /// A data set that another run wrote; it is not replaced.
+    /// An existing data set that is not of this collection run; it is not replaced.
     #[error("a data set that this run did not write is already there: {}", path.display())]
     NotOurs {
-        /// The data set.
+        /// Folder of the existing data set.
         path: PathBuf,
     },
     /// A folder that is not an episode store.
     #[error("not an episode store (no store.json in it): {}", path.display())]
     NotAStore {
-        /// The folder.
+        /// Folder that was expected to be a store.
         path: PathBuf,
     },
     /// An invalid file name.
@@ -51,69 +51,69 @@ pub enum DataError {
         "\"{name}\" cannot be a file name: expected 1 to 200 letters, digits or any of `-_.+=@`, not starting with a dot"
     )]
     BadName {
-        /// The name.
+        /// Name that was given.
         name: String,
     },
     /// A path that exists and is not overwritten.
     #[error("already exists: {}", path.display())]
     Exists {
-        /// The existing path.
+        /// Path that exists already.
         path: PathBuf,
     },
     /// An episode that the store does not contain.
     #[error("no episode \"{id}\"{}: {}", near_misses(near), root.display())]
     UnknownEpisode {
-        /// The requested id.
+        /// Id that was requested.
         id: String,
-        /// The store.
+        /// Root folder of the store.
         root: PathBuf,
-        /// Similar ids.
+        /// Up to three similar ids of the store, for the hint.
         near: Vec<String>,
     },
     /// An episode stored without frames.
     #[error("only the result of this attempt was stored, not its frames: {}", path.display())]
     NotRecorded {
-        /// The episode's folder.
+        /// Folder of the episode without frames.
         path: PathBuf,
     },
     /// A missing attachment of an episode.
     #[error("the episode has no {name}: {}", path.display())]
     NoAttachment {
-        /// Name, e.g. `images_15hz/static.h264`.
+        /// Name of the attachment, e.g. `images_15hz/static.h264`.
         name: String,
-        /// The episode's folder.
+        /// Folder of the episode without the attachment.
         path: PathBuf,
     },
     /// A file whose size or hash differs from the manifest.
     #[error("damaged file: expected {expected}, got {got}: {}", path.display())]
     Damaged {
-        /// The file.
+        /// Damaged file.
         path: PathBuf,
-        /// Recorded size and SHA-256.
+        /// Size and SHA-256 in the manifest.
         expected: String,
-        /// Actual size and SHA-256.
+        /// Size and SHA-256 of the file as it is.
         got: String,
     },
     /// An invalid JSON file.
     #[error("{source}: {}", path.display())]
     Document {
-        /// The file.
+        /// File that is not valid.
         path: PathBuf,
-        /// The error and its position.
+        /// Parse error with its position in the file.
         source: DocumentError,
     },
     /// A value that does not survive a round trip through JSON, e.g. a NaN in a verdict.
     #[error("{what} cannot be stored without loss: {why}")]
     NotWritable {
-        /// The value.
+        /// Value that was to be written, in words.
         what: String,
-        /// The reason.
+        /// Difference found after the round trip.
         why: String,
     },
     /// A table that cannot be read or written.
     #[error("table {}: {source}", path.display())]
     Table {
-        /// The file.
+        /// Path of the Parquet file.
         path: PathBuf,
         /// Error of the Parquet library, or what is missing.
         source: Box<dyn std::error::Error + Send + Sync>,
@@ -123,9 +123,9 @@ pub enum DataError {
     Mismatch {
         /// The compared quantity, e.g. `objects in frame 3 of episode 017`.
         what: String,
-        /// The expected value.
+        /// Value that the other quantity requires.
         expected: String,
-        /// The actual value.
+        /// Value found.
         got: String,
     },
     /// An error of the video encoder or muxer.
@@ -137,7 +137,7 @@ pub enum DataError {
 }
 
 impl DataError {
-    /// Advice on how to fix the error.
+    /// Advice on how to fix the error; `None` where the message says all.
     pub fn hint(&self) -> Option<String> {
         Some(match self {
             Self::Io { source, .. } => match source.kind() {
@@ -164,7 +164,7 @@ impl DataError {
         })
     }
 
-    /// True if the file or folder does not exist.
+    /// True if the file or folder that an operating-system call was to read does not exist.
     pub fn is_missing(&self) -> bool {
         matches!(self, Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound)
     }

@@ -48,7 +48,7 @@ pub fn open_list(path: &Path) -> Result<impl BufRead + use<>, DataError> {
     Ok(BufReader::with_capacity(BUFFER_BYTES, open(path)?))
 }
 
-/// Buffer size for streaming, bytes; chosen.
+/// Buffer size for streaming, bytes. Chosen by hand.
 const BUFFER_BYTES: usize = 256 << 10;
 
 /// Opens a regular file for streaming; symbolic links are followed.

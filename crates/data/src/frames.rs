@@ -1,4 +1,4 @@
-//! Frames as a table, lossless.
+//! Lossless table of an episode's frames.
 //!
 //! One row per control step. Columns of `frames.parquet`, in order:
 //!
@@ -59,7 +59,7 @@ pub fn to_bytes(frames: &[Frame], objects: usize) -> Result<Vec<u8>, DataError> 
     table::to_parquet(Path::new("frames.parquet"), columns, Purpose::Record, None)
 }
 
-/// Decodes `frames.parquet`.
+/// Decodes `frames.parquet`, which must have `rows` rows and the columns of `objects` objects.
 pub fn from_bytes(path: &Path, bytes: Vec<u8>, objects: usize, rows: usize) -> Result<Vec<Frame>, DataError> {
     let batch = table::from_parquet(path, bytes, rows)?;
     let numbers = |name: &str| -> Result<Vec<f64>, DataError> {

@@ -51,7 +51,7 @@ pub fn export(
     Ok(report)
 }
 
-/// Folder of one episode.
+/// Folder of one episode under construction.
 struct Folder<'a> {
     staging: &'a AtomicFolder,
     name: &'a str,
@@ -63,7 +63,7 @@ impl Folder<'_> {
         self.staging.write(&format!("{}/{name}", self.name), bytes)
     }
 
-    /// An array with one row per image.
+    /// Writes a NumPy array whose first axis is the image and whose other axes are `inner`.
     fn array(&self, name: &str, inner: &[usize], values: impl IntoIterator<Item = f64>) -> Result<(), DataError> {
         let values: Vec<f64> = values.into_iter().collect();
         let expected = self.rows * inner.iter().product::<usize>();
@@ -87,7 +87,7 @@ impl Folder<'_> {
         let opening = |target: &Vec<f64>| target.last().copied().unwrap_or_default();
         let is_closed = |target: &Vec<f64>| opening(target) < 0.5 * robot.gripper.max_width;
         self.array("arm_action", &[dof], targets.iter().flat_map(|target| target[..dof].to_vec()))?;
-        // One value per finger.
+        // Each finger's target is half the opening.
         self.array("gripper_action", &[2], targets.iter().flat_map(|target| [0.5 * opening(target); 2]))?;
         self.array("gripper_close", &[], targets.iter().map(|target| if is_closed(target) { 1.0 } else { -1.0 }))?;
         let poses = targets.iter().flat_map(|target| pose_to_row(&robot.tcp_pose(&target[..dof])));

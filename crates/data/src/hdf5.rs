@@ -29,7 +29,7 @@ use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selecti
 use crate::{CameraTrack, DataError, EpisodeStore, video};
 
 const DEMO: &str = "data/demo_0";
-/// zlib level; higher ones take several times as long for a few percent.
+/// zlib level; higher levels take several times as long for a few percent.
 const LEVEL: u32 = 1;
 /// Maximum size of the decoded images of a camera and episode, bytes; they are held in memory all at once.
 const MAX_IMAGE_BYTES: usize = 600 << 20;
@@ -62,7 +62,7 @@ pub fn export(
     Ok(report)
 }
 
-/// The file of an episode under construction.
+/// HDF5 file of an episode under construction.
 struct File<'a> {
     name: &'a str,
     builder: Hdf5Builder,
@@ -105,7 +105,7 @@ impl File<'_> {
         plan.encode(WriteOptions::default()).map_err(|error| refused(self.name, &error))
     }
 
-    /// The robot's state under robomimic's names.
+    /// Writes the robot's state to `obs`, under robomimic's names.
     fn observations(&mut self, source: &Source, settings: &ExportSettings) -> Result<(), DataError> {
         let episode = &source.episode;
         let (_, stride) = sampling(episode.frames.len(), episode.result.control_rate_hz, settings.fps)?;
@@ -161,7 +161,7 @@ impl File<'_> {
         }
     }
 
-    /// Array with one row per image.
+    /// Writes an array whose first axis is the row and whose other axes are `inner`.
     fn array<T: H5WriteElement>(&mut self, name: &str, inner: &[usize], values: &[T]) -> Result<(), DataError> {
         let row: usize = inner.iter().product();
         let shape: Vec<u64> = [values.len() / row.max(1)].iter().chain(inner).map(|size| *size as u64).collect();

@@ -25,15 +25,15 @@ pub fn appearance_seed(episode: Seed, look: u64) -> Seed {
 /// Images of one camera during one episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraTrack {
-    /// The camera, with its intrinsics K.
+    /// Camera with its intrinsics.
     pub camera: Camera,
     /// Camera poses: one per frame, or a single one for a camera fixed in the world.
     pub world_from_camera: Vec<Pose>,
-    /// Colour.
+    /// Colour images as H.264 video.
     pub video: EncodedVideo,
     /// 16-bit PNG files in millimetres, one per frame; empty without depth.
     pub depth_png: Vec<Vec<u8>>,
-    /// Colour statistics.
+    /// Colour statistics of all images.
     pub colors: ColorHistogram,
 }
 
@@ -42,11 +42,11 @@ pub struct CameraTrack {
 /// All colour statistics of a data set follow exactly from it, and histograms of episodes add up.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ColorHistogram {
-    /// Red, green, blue; 256 counts each.
+    /// Counts of the values 0 to 255 for red, green and blue.
     pub counts: [Vec<u64>; 3],
 }
 
-/// Encodes a camera's images as they are rendered, so that they need not be kept.
+/// Streaming encoder of a camera's images, so that raw images need not be kept.
 pub struct TrackRecorder {
     camera: Camera,
     world_from_camera: Vec<Pose>,
@@ -118,7 +118,7 @@ impl TrackRecorder {
 }
 
 impl CameraTrack {
-    /// Camera pose `world_from_camera` of a frame.
+    /// Camera pose `world_from_camera` of a frame; `None` beyond the last frame.
     pub fn pose_at(&self, frame: usize) -> Option<&Pose> {
         self.world_from_camera.get(frame).or(match self.camera.mount {
             CameraMount::World => self.world_from_camera.first(),
@@ -126,7 +126,7 @@ impl CameraTrack {
         })
     }
 
-    /// Files of the track.
+    /// Files of the track in its group of the store.
     fn attachments(&self) -> [Attachment; 3] {
         let file = TrackFile {
             camera: self.camera.clone(),
@@ -199,7 +199,7 @@ impl Default for ColorHistogram {
 }
 
 impl ColorHistogram {
-    /// Sampling stride along rows and columns, pixels.
+    /// Sampling stride along rows and columns, pixels: a sixteenth of the pixels suffices for statistics.
     const STRIDE: usize = 4;
 
     /// Adds an RGB image of the given width.

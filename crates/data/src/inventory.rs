@@ -8,25 +8,25 @@ use std::time::SystemTime;
 use genmanip_core::EpisodeResult;
 use serde::{Deserialize, Serialize};
 
-/// A valid attempt and its files on disk.
+/// Valid attempt with its files on disk.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inspected {
-    /// Its result.
+    /// Result in the attempt's `episode.json`.
     pub result: EpisodeResult,
-    /// True if its frames were stored.
+    /// True if frames of the attempt were stored.
     pub recorded: bool,
-    /// True if it has a scenario.
+    /// True if the attempt has a scenario.
     pub has_scenario: bool,
-    /// Its files; `None` while unfinished files are among them.
+    /// Files of the attempt; `None` while unfinished files are among them.
     pub inventory: Option<FileInventory>,
 }
 
-/// Files of an attempt with their sizes, and its groups.
+/// Files of an attempt with their sizes, and its groups of files.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileInventory {
     /// Size of each file in bytes, by path relative to the attempt's folder.
     pub files: BTreeMap<String, u64>,
-    /// Folders of its groups.
+    /// Names of the attempt's group folders.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub groups: Vec<String>,
 }

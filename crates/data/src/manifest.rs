@@ -16,7 +16,7 @@ pub struct FileHash {
     pub sha256: String,
 }
 
-/// `files.json` of a group.
+/// Contents of `files.json` in the folder of a group: its files with sizes and hashes.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Manifest {
     pub files: Vec<FileHash>,

@@ -15,7 +15,7 @@ pub use genmanip_core::perception::{FIRST_OBJECT, VisibleRegion};
 /// Instance masks of one camera during one episode.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MaskTrack {
-    /// Name of the camera.
+    /// Camera that the masks belong to, by name.
     pub camera: String,
     /// Masks per second.
     pub fps: u32,
@@ -33,7 +33,7 @@ impl Document for MaskFile {
     const SCHEMA: &'static str = "genmanip.mask_track/1";
 }
 
-/// Encodes instance ids (row-major) as PNG.
+/// Encodes instance ids (row-major) as 16-bit grey PNG.
 ///
 /// # Errors
 /// If the number of ids is not `width · height`.
@@ -45,7 +45,7 @@ pub fn encode(ids: &[u16], width: u32, height: u32) -> Result<Vec<u8>, DataError
     encode_mm_png(ids, width, height)
 }
 
-/// Bounding box and visible pixels of the first `objects` objects of the scenario in a mask.
+/// Bounding box and number of visible pixels of the first `objects` objects of the scenario in a mask.
 ///
 /// # Errors
 /// If the file is not a 16-bit grey PNG.

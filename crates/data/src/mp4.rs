@@ -8,33 +8,33 @@ use std::path::Path;
 
 use crate::{DataError, files};
 
-/// Maximum size of the index, bytes: some millions of frames.
+/// Maximum size of the index (box `moov`), bytes: enough for some millions of frames.
 const INDEX_BYTES: u64 = 64 << 20;
-/// Maximum frames of a file: a day at 60 Hz.
+/// Maximum number of frames of a file: a day at 60 Hz has 5.2 million.
 const MAX_FRAMES: usize = 6_000_000;
 
 /// The only video track of a file.
 #[derive(Debug)]
 pub struct Video {
-    /// Pixels per row.
+    /// Width, pixels.
     pub width: u32,
-    /// Pixel rows.
+    /// Height, pixels.
     pub height: u32,
-    /// Time units per second.
+    /// Ticks per second.
     pub timescale: u32,
     /// Duration of each frame, ticks.
     pub durations: Vec<u32>,
     /// Offset and size of each frame in the file, bytes.
     pub frames: Vec<(u64, u32)>,
-    /// True if the frames' presentation order differs from the file order.
+    /// True if the presentation order of the frames differs from the file order (B-frames).
     pub is_reordered: bool,
-    /// Parameter sets (SPS and PPS).
+    /// H.264 parameter sets (SPS and PPS).
     parameters: Vec<Vec<u8>>,
     file: File,
 }
 
 impl Video {
-    /// Reads the index.
+    /// Reads the index of an MP4 file.
     pub fn open(path: &Path) -> Result<Self, DataError> {
         let mut file = files::open(path)?;
         let length = file.metadata().map_err(DataError::io("read", path))?.len();
@@ -76,7 +76,8 @@ impl Video {
         is_within.then_some(Self { width, height, timescale, durations, frames, is_reordered, parameters, file })
     }
 
-    /// A frame in Annex B format for the decoder, optionally preceded by the parameter sets.
+    /// Frame in Annex B format for the decoder, optionally preceded by the parameter sets; `None` if the index is out
+    /// of range or the data are not H.264.
     pub fn frame(&mut self, index: usize, with_parameters: bool) -> Option<Vec<u8>> {
         let (at, size) = *self.frames.get(index)?;
         let mut bytes = vec![0; usize::try_from(size).ok()?];
@@ -136,7 +137,7 @@ fn movie(file: &mut File, length: u64) -> Result<Vec<u8>, &'static str> {
     Err("no index (`moov` box)")
 }
 
-/// Contents of the first box of a type.
+/// Contents of the first box of a type; `None` if there is none.
 fn find<'a>(mut boxes: &'a [u8], kind: &[u8; 4]) -> Option<&'a [u8]> {
     loop {
         let size = usize::try_from(u32_at(boxes, 0)?).ok().filter(|size| *size >= 8)?;
@@ -148,7 +149,7 @@ fn find<'a>(mut boxes: &'a [u8], kind: &[u8; 4]) -> Option<&'a [u8]> {
     }
 }
 
-/// Offset and size of each frame; a chunk holds consecutive frames.
+/// Offset and size of each frame; a chunk holds consecutive frames. `None` if the tables are invalid.
 fn frame_ranges(table: &[u8], sizes: &[u32]) -> Option<Vec<(u64, u32)>> {
     let chunks: Vec<u64> = match (find(table, b"stco"), find(table, b"co64")) {
         (Some(narrow), _) => (0..usize::try_from(u32_at(narrow, 4)?).ok()?)
@@ -176,7 +177,7 @@ fn frame_ranges(table: &[u8], sizes: &[u32]) -> Option<Vec<(u64, u32)>> {
     (places.len() == sizes.len()).then_some(places)
 }
 
-/// SPS and PPS of an H.264 stream; only 4-byte NAL unit lengths are supported.
+/// SPS and PPS of an H.264 stream; only 4-byte NAL unit lengths are supported. `None` if the record is invalid.
 fn parameter_sets(avcc: &[u8]) -> Option<Vec<Vec<u8>>> {
     if avcc.get(4)? & 3 != 3 {
         return None;

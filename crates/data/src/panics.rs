@@ -15,7 +15,7 @@ static QUIET: Once = Once::new();
 
 /// Runs a decoder on a file; a panic is reported as a damaged file.
 ///
-/// For parquet 60.1, which panics on pages that lack their dictionary, among others (found by fuzzing).
+/// Needed for parquet 60.1, which panics e.g. on pages that lack their dictionary (found by fuzzing).
 pub fn catch_panics<T>(path: &Path, read: impl FnOnce() -> T) -> Result<T, DataError> {
     QUIET.call_once(|| {
         let previous = panic::take_hook();
@@ -47,7 +47,7 @@ mod tests {
         let error =
             catch_panics(path, || assert!(count == 4, "no dictionary for page {count}")).unwrap_err().to_string();
         assert!(error.contains("frames.parquet") && error.contains("no dictionary for page 3"), "{error}");
-        // Other panics are printed as usual.
+        // The guard has ended: other panics are printed as usual.
         assert!(panic::catch_unwind(|| assert!(count == 4)).is_err());
     }
 }

@@ -1,4 +1,4 @@
-//! Temporary file names, and whether the process that created them is dead.
+//! Temporary file names that identify the writing process, and detection of dead writers.
 //!
 //! Format: `.NAME.partial-HOST-BOOT-PID-START-NUMBER`. Several processes, threads and hosts may write into one folder,
 //! also on a shared disk. Only files of processes on *this* host that are known to be dead are ever removed.
@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use genmanip_core::hexadecimal;
 use sha2::{Digest, Sha256};
 
-/// Separates the target's name from the writer's id.
+/// Separator of the target's name and the writer's id.
 const MARK: &str = ".partial-";
 
 /// A temporary name beside `target`, unique among all writers on all hosts.
@@ -70,7 +70,7 @@ impl Writer {
         format!("{}-{}-{}-{}", self.host, self.boot, self.pid, self.start)
     }
 
-    /// Parses a writer id followed by a counter.
+    /// Parses a writer id followed by a counter. `None` for other texts.
     fn parse(text: &str) -> Option<Self> {
         let mut parts = text.split('-');
         let (host, boot) = (parts.next()?.to_owned(), parts.next()?.to_owned());
@@ -82,7 +82,7 @@ impl Writer {
     /// True if the process is known to be dead, judged from the process `here`; `start_of` returns the start time of a
     /// running process.
     fn has_died(&self, here: &Self, start_of: &dyn Fn(u32) -> Option<u64>) -> bool {
-        // Without /proc, nothing is known.
+        // Without /proc, start times are unknown (0), and no process counts as dead.
         let knows = here.start > 0 && self.start > 0;
         knows && self.host == here.host && (self.boot != here.boot || start_of(self.pid) != Some(self.start))
     }
@@ -91,7 +91,7 @@ impl Writer {
 /// Start time of a process, clock ticks since boot; `None` if it does not exist.
 fn start_of(pid: &str) -> Option<u64> {
     let stat = fs::read_to_string(Path::new("/proc").join(pid).join("stat")).ok()?;
-    // Field 2 is the program's name in brackets and may contain anything; the start time is field 22.
+    // Field 2 is the program's name in brackets and may contain spaces and brackets; the start time is field 22.
     stat.rsplit_once(')')?.1.split_whitespace().nth(19)?.parse().ok()
 }
 

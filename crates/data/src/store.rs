@@ -43,12 +43,12 @@ pub struct EpisodeStore {
     root: PathBuf,
 }
 
-/// File stored beside an episode.
+/// File to be stored in the folder or in a group of an episode.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Attachment {
     /// File name, e.g. `static.h264`.
     pub name: String,
-    /// Contents.
+    /// Contents of the file.
     pub bytes: Vec<u8>,
 }
 
@@ -80,7 +80,7 @@ impl Document for EpisodeRecord {
     });
 }
 
-/// Contents of `store.json`.
+/// Contents of `store.json`, which marks a folder as an episode store.
 #[derive(Serialize, Deserialize)]
 struct StoreMark {
     content: String,
@@ -94,7 +94,7 @@ impl EpisodeStore {
     /// Opens a store, or creates one in a missing or empty folder.
     ///
     /// # Errors
-    /// If the folder holds something else or cannot be written.
+    /// If the folder contains anything but a store, or cannot be written.
     pub fn create(root: impl Into<PathBuf>) -> Result<Self, DataError> {
         let root = root.into();
         if root.join("store.json").exists() {
@@ -124,7 +124,7 @@ impl EpisodeStore {
         Ok(Self { root })
     }
 
-    /// The store's folder.
+    /// Root folder of the store.
     pub fn root(&self) -> &Path {
         &self.root
     }
@@ -237,7 +237,7 @@ impl EpisodeStore {
     /// Moves the folder of an attempt, even if damaged, out of the store; `to` must not exist.
     ///
     /// # Errors
-    /// If it cannot be moved.
+    /// If the folder cannot be moved.
     pub fn move_out(&self, id: &str, to: &Path) -> Result<(), DataError> {
         check_name(id)?;
         if let Some(parent) = to.parent() {
@@ -283,7 +283,7 @@ impl EpisodeStore {
     /// Reads the result of an attempt.
     ///
     /// # Errors
-    /// If it is missing or damaged.
+    /// If the record of the attempt is missing or damaged.
     pub fn read_result(&self, id: &str) -> Result<EpisodeResult, DataError> {
         Ok(self.record(id)?.result)
     }

@@ -21,7 +21,7 @@ use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use crate::panics::catch_panics;
 use crate::{DataError, files};
 
-/// Columns under construction, in insertion order; all have one element per row.
+/// Columns under construction, in insertion order; all must have the same number of rows.
 #[derive(Debug, Default)]
 pub struct Columns {
     fields: Vec<Field>,
@@ -29,12 +29,12 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// Adds a column of 64-bit floats.
+    /// Adds a column of 64-bit floats without nulls.
     pub fn f64(&mut self, name: &str, values: impl IntoIterator<Item = f64>) {
         self.push(name, Arc::new(PrimitiveArray::<Float64Type>::from_iter_values(values)), false);
     }
 
-    /// Adds a column of 64-bit integers.
+    /// Adds a column of signed 64-bit integers without nulls.
     pub fn i64(&mut self, name: &str, values: impl IntoIterator<Item = i64>) {
         self.push(name, Arc::new(PrimitiveArray::<Int64Type>::from_iter_values(values)), false);
     }
@@ -44,36 +44,36 @@ impl Columns {
         self.push(name, Arc::new(PrimitiveArray::<Int32Type>::from_iter(values)), true);
     }
 
-    /// Adds a column of flags.
+    /// Adds a column of truth values.
     pub fn bool(&mut self, name: &str, values: impl IntoIterator<Item = bool>) {
         let values: Vec<bool> = values.into_iter().collect();
         self.push(name, Arc::new(BooleanArray::from(values)), false);
     }
 
-    /// Nullable column.
+    /// Adds a column of truth values, some of which may be null.
     pub fn optional_bool(&mut self, name: &str, values: impl IntoIterator<Item = Option<bool>>) {
         let values: Vec<Option<bool>> = values.into_iter().collect();
         self.push(name, Arc::new(BooleanArray::from(values)), true);
     }
 
-    /// Adds a column of texts.
+    /// Adds a column of UTF-8 texts without nulls.
     pub fn text<S: AsRef<str>>(&mut self, name: &str, values: impl IntoIterator<Item = S>) {
         self.push(name, Arc::new(StringArray::from_iter_values(values)), false);
     }
 
-    /// Variable-length lists.
+    /// Adds a column of variable-length lists.
     pub fn lists<T: ArrowPrimitiveType>(&mut self, name: &str, rows: &[&[T::Native]]) {
         let values = PrimitiveArray::<T>::from_iter_values(rows.iter().flat_map(|row| row.iter().copied()));
         self.nested(name, Arc::new(values), rows.iter().map(|row| row.len()));
     }
 
-    /// Variable-length lists of texts.
+    /// Adds a column of variable-length lists of texts.
     pub fn text_lists(&mut self, name: &str, rows: &[Vec<String>]) {
         let values = StringArray::from_iter_values(rows.iter().flatten());
         self.nested(name, Arc::new(values), rows.iter().map(Vec::len));
     }
 
-    /// Fixed-size lists; length 1 gives a scalar column.
+    /// Adds a column of fixed-size lists; length 1 gives a scalar column.
     pub fn vectors<T: ArrowPrimitiveType>(&mut self, name: &str, length: usize, values: Vec<T::Native>) {
         let values: ArrayRef = Arc::new(PrimitiveArray::<T>::from_iter_values(values));
         if length == 1 {
@@ -84,7 +84,8 @@ impl Columns {
         self.push(name, Arc::new(array), false);
     }
 
-    /// Images in the `datasets` library's layout: a struct of the file's bytes and an unused path.
+    /// Adds a column of images in the layout of the `datasets` library: a struct of the file's bytes and an unused
+    /// path.
     pub fn images(&mut self, name: &str, files: &[Vec<u8>]) {
         let bytes: ArrayRef = Arc::new(BinaryArray::from_iter_values(files));
         let paths: ArrayRef = Arc::new(StringArray::new_null(files.len()));
@@ -95,7 +96,7 @@ impl Columns {
         self.push(name, Arc::new(array), true);
     }
 
-    /// `[C][1][1]` per row, the shape of an image statistic.
+    /// Adds a column of nested lists of shape `[C][1][1]` per row, as LeRobot stores image statistics.
     pub fn channel_lists(&mut self, name: &str, rows: &[&[f64]]) {
         let ones = || std::iter::repeat_n(1, rows.iter().map(|row| row.len()).sum());
         let values = PrimitiveArray::<Float64Type>::from_iter_values(rows.iter().flat_map(|row| row.iter().copied()));
@@ -144,7 +145,7 @@ pub struct TableWriter {
 }
 
 impl TableWriter {
-    /// `path` is used in error messages only.
+    /// A writer; `path` is used in error messages only.
     pub fn new(path: &Path, schema: Arc<Schema>, purpose: Purpose) -> Result<Self, DataError> {
         let properties = WriterProperties::builder()
             .set_compression(Compression::SNAPPY)
@@ -166,12 +167,12 @@ impl TableWriter {
         self.writer.write(batch).map_err(|error| DataError::table(&self.path, error))
     }
 
-    /// Appends a row group.
+    /// Writes a batch as a row group of its own.
     pub fn write(&mut self, batch: &RecordBatch) -> Result<(), DataError> {
         self.writer.write(batch).and_then(|()| self.writer.flush()).map_err(|error| DataError::table(&self.path, error))
     }
 
-    /// Completes the file.
+    /// Writes the footer; returns the bytes of the file.
     pub fn finish(self) -> Result<Vec<u8>, DataError> {
         let path = self.path;
         self.writer.into_inner().map_err(|error| DataError::table(&path, error))
@@ -196,10 +197,10 @@ pub fn to_parquet(
     writer.finish()
 }
 
-/// Maximum size of decoded columns, bytes.
+/// Maximum size of decoded columns, bytes. Bounds memory for damaged or hostile files.
 const MAX_TABLE_BYTES: i64 = 512 << 20;
 
-/// Batch size when streaming a data set, rows.
+/// Batch size when streaming a data set, rows. Chosen by hand: bounds memory.
 const ROWS_PER_BATCH: usize = 4096;
 
 fn uncompressed_size(column: &ColumnChunkMetaData) -> i64 {
@@ -208,7 +209,7 @@ fn uncompressed_size(column: &ColumnChunkMetaData) -> i64 {
     if bytes < 0 || entries < 0 { i64::MAX } else { bytes.max(entries.saturating_mul(8)) }
 }
 
-/// All rows of a Parquet file, whose number must match the record.
+/// All rows of a Parquet file in one batch; an error unless there are `rows` of them.
 pub fn from_parquet(path: &Path, bytes: Vec<u8>, rows: usize) -> Result<RecordBatch, DataError> {
     let fail = |error: ParquetError| DataError::table(path, error);
     let opened = catch_panics(path, || ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes)))?;
@@ -270,7 +271,7 @@ impl Table {
         }
     }
 
-    /// Column names.
+    /// Names of all columns in the file.
     pub fn names(&self) -> Vec<String> {
         let schema = self.builder.parquet_schema();
         schema.root_schema().get_fields().iter().map(|field| field.name().to_owned()).collect()
@@ -385,7 +386,7 @@ pub fn files_below(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
     Ok(paths)
 }
 
-/// Column of a given type.
+/// Column of the given name and Arrow type; an error if it is missing or has another type. `path` is for messages.
 pub fn column<'a, T: Array + 'static>(path: &Path, batch: &'a RecordBatch, name: &str) -> Result<&'a T, DataError> {
     let column = batch.column_by_name(name).ok_or_else(|| DataError::table(path, format!("no column `{name}`")))?;
     column.as_any().downcast_ref::<T>().ok_or_else(|| {
@@ -415,7 +416,7 @@ pub fn vector_column<T: ArrowPrimitiveType>(
     }
 }
 
-/// Lists of a column, one per row.
+/// Lists of a column of lists, one per row.
 pub fn list_column<T: ArrowPrimitiveType>(
     path: &Path,
     batch: &RecordBatch,

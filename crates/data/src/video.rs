@@ -19,12 +19,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::{DataError, yuv};
 
-/// Encoder settings.
+/// Settings of the H.264 encoder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VideoSettings {
-    /// Key frame interval, frames. Default 6 (chosen): training reads single frames at random, and reading one takes
-    /// half a millisecond longer than with LeRobot's 2, for videos of 60 % of the size.
+    /// Key frame interval, frames. Default 6: training reads single frames at random, and reading one takes half a
+    /// millisecond longer than with LeRobot's interval of 2, but videos have 60 % of the size.
     pub gop: u32,
     /// Quantiser of every frame, 0 (finest) to 51. Default 22: more than 40 dB on rendered scenes. Quality is constant
     /// and the size varies; there is no rate control.
@@ -46,9 +46,9 @@ impl Document for VideoSettings {
 /// The first frame is a key frame with parameter sets, so videos of equal size, rate and settings can be concatenated.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EncodedVideo {
-    /// Pixels per row.
+    /// Width, pixels.
     pub width: u32,
-    /// Rows.
+    /// Height, pixels.
     pub height: u32,
     /// Frames per second.
     pub fps: u32,
@@ -56,7 +56,7 @@ pub struct EncodedVideo {
     pub frames: Vec<Vec<u8>>,
 }
 
-/// Streaming encoder.
+/// Encoder that takes one image at a time.
 pub struct VideoEncoder {
     encoder: Encoder,
     video: EncodedVideo,
@@ -121,7 +121,7 @@ impl VideoEncoder {
         Ok(())
     }
 
-    /// Completes the video.
+    /// Ends the encoding; returns all frames appended so far.
     pub fn finish(self) -> EncodedVideo {
         self.video
     }

@@ -1,8 +1,9 @@
 //! Colour conversion for video: sRGB-encoded RGB to Y'CbCr 4:2:0, BT.601 matrix, limited range.
 //!
-//! BT.601 although the images are not standard definition: players and training libraries that ignore the colour tags
-//! in the stream assume it, and the tags say so too, so all show the same colours.
-//! Y = 16..235, Cb and Cr = 16..240; chroma is the mean of 2×2 pixels; integer arithmetic, so every machine agrees.
+//! BT.601 is used although the images are not standard definition: players and training libraries that ignore the
+//! colour tags of the stream assume it. The tags also state BT.601, so all readers show the same colours.
+//! Y = 16..235, Cb and Cr = 16..240; chroma is the mean of 2×2 pixels. Integer arithmetic gives equal results on every
+//! machine.
 
 use multiversion::multiversion;
 use openh264::formats::YUVSource;
@@ -46,7 +47,7 @@ fn luma_row(pixels: &[u8], [red, green, blue]: &mut [Vec<u8>; 3], y: &mut [u8]) 
     }
 }
 
-/// Chroma of two rows.
+/// Chroma of two rows of pixels: one value per 2×2 pixels.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 fn chroma_row(upper: &[Vec<u8>; 3], lower: &[Vec<u8>; 3], u: &mut [u8], v: &mut [u8]) {
     let [(red, red_below), (green, green_below), (blue, blue_below)] =
@@ -72,7 +73,8 @@ pub fn to_rgb(image: &dyn YUVSource) -> Vec<u8> {
         let (u, v) = (&image.u()[row / 2 * u_stride..], &image.v()[row / 2 * v_stride..]);
         for (column, luma) in y.iter().enumerate() {
             let (cb, cr) = (i32::from(u[column / 2]) - 128, i32::from(v[column / 2]) - 128);
-            // Coefficients scaled by 2^16: 255/219, and 255/224 · 2 (1 - k) of the inverse matrix.
+            // Coefficients scaled by 2^16: 255/219 for luma, and 255/224 · 2 (1 - k) for chroma, with k = 0.299 (red)
+            // or 0.114 (blue).
             let luma = 76_309 * (i32::from(*luma) - 16) + (1 << 15);
             let channels = [luma + 104_597 * cr, luma - 25_675 * cb - 53_279 * cr, luma + 132_201 * cb];
             rgb.extend(channels.map(|channel| to_byte(channel >> 16)));
@@ -88,7 +90,8 @@ fn luma([r, g, b]: [u8; 3]) -> u8 {
     to_byte(16 + ((sum + (1 << 15)) >> 16))
 }
 
-/// Chroma of a sum over four pixels, with coefficients scaled by 2^16: 224/255 · 0.5/(1 - k) of the differences.
+/// Chroma of a sum over four pixels; coefficients scaled by 2^16: 224/255 · 0.5/(1 - k) of the differences, with k =
+/// 0.299 (red) or 0.114 (blue).
 #[inline(always)]
 fn chroma(sum: i32) -> u8 {
     to_byte(128 + ((sum + (1 << 17)) >> 18))

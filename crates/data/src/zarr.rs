@@ -24,9 +24,9 @@ use crate::export::features::Values;
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection, Source};
 use crate::{DataError, EpisodeStore, depth, video};
 
-/// Rows per chunk of numeric arrays.
+/// Rows per chunk of numeric arrays. Chosen by hand.
 const ROWS_PER_CHUNK: usize = 1024;
-/// zlib level; higher ones take several times as long for a few percent.
+/// zlib level; higher levels take several times as long for a few percent.
 const LEVEL: u32 = 1;
 
 /// Exports the selected episodes as a Zarr group at `target`, which must not exist.
@@ -58,7 +58,7 @@ struct Writer {
     /// Number of frames written so far.
     frames: usize,
     ends: Vec<i64>,
-    /// One per episode, for `.zattrs`.
+    /// Metadata of each episode, for `.zattrs`.
     entries: Vec<Value>,
 }
 
@@ -66,14 +66,14 @@ struct Writer {
 struct Array {
     /// Path in the group, e.g. `data/action`.
     name: String,
-    /// NumPy type string.
+    /// NumPy dtype string, e.g. `<f4`.
     dtype: &'static str,
-    /// Sizes of the other axes.
+    /// Sizes of the axes after the first one.
     inner: Vec<usize>,
     rows_per_chunk: usize,
     row_bytes: usize,
     rows: usize,
-    /// Contents of the current chunk so far.
+    /// Bytes of the chunk that is not yet full.
     pending: Vec<u8>,
 }
 

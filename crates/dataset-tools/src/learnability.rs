@@ -1,8 +1,9 @@
-//! Learnability of demonstrations: how well a policy could predict them from the scene.
+//! Learnability of demonstrations: how well a policy could predict them from the state of the scene.
 //!
-//! Two measurements per task. The *grasp*: tool pose and joints at the first grasp, fitted by a quadratic polynomial of
-//! the picked object's initial position, with 5-fold cross-validation; what no such fit explains looks random to a policy.
-//! The *neighbours*: what the arm does within the next second, predicted from the most similar states of other episodes.
+//! Two measurements per task. *Grasp*: tool pose and joints at the first grasp, regressed by a quadratic polynomial on
+//! the picked object's initial position, with 5-fold cross-validation; the residual looks random to a policy.
+//! *Neighbours*: the motion of the arm in the next second, predicted by k nearest neighbours among the states of other
+//! episodes.
 
 mod fit;
 mod neighbours;
@@ -18,53 +19,55 @@ use fit::residuals;
 pub use neighbours::Prediction;
 use neighbours::{Neighbours, ROWS_HZ, Row};
 
-/// Fewest episodes of a task with a grasp for which a fit is made: three times the 12 coefficients of the larger fit.
+/// Minimum number of episodes of a task with a grasp for a fit: about three times the 12 coefficients of the larger
+/// fit.
 const MIN_EPISODES: usize = 40;
 
 /// Learnability of a set of demonstrations.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Learnability {
-    /// Number of successful episodes.
+    /// Number of successful episodes, which are measured.
     pub episodes: usize,
-    /// Those without a grasp, which are left out of `grasp`.
+    /// Number of successful episodes without a grasp, which do not count in `grasp`.
     pub without_grasp: usize,
-    /// Tasks with too few episodes for a fit, which are left out of `grasp`.
+    /// Number of tasks with too few episodes for a fit, which do not count in `grasp`.
     pub small_tasks: usize,
-    /// Fewest episodes for a fit.
+    /// Minimum number of episodes per task for a fit.
     pub min_episodes: usize,
-    /// The first grasp; `None` if every task is too small.
+    /// Spread of the first grasp; `None` if every task has too few episodes.
     pub grasp: Option<GraspSpread>,
-    /// Prediction by neighbours; `None` with fewer than two episodes per task.
+    /// Errors of the prediction by nearest neighbours; `None` if no task has two episodes.
     pub neighbours: Option<Prediction>,
 }
 
-/// Spread of the first grasp, and the part of it that the scene does not explain.
+/// Spread of the first grasp, and the part of the spread that the scene does not explain.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GraspSpread {
-    /// Number of grasps.
+    /// Number of grasps over all tasks.
     pub grasps: usize,
     /// Circular standard deviation of the closing direction's heading, degrees; infinite for uniform headings.
     pub heading_std_deg: f64,
     /// Root mean square angle between the tool's orientation and its mean, degrees.
     pub orientation_rms_deg: f64,
-    /// Residuals of the fit from the object's x and y.
+    /// Residuals of the regression on the object's x and y.
     pub from_position: Residuals,
-    /// Residuals of the fit from the object's x and y and its heading.
+    /// Residuals of the regression on the object's x, y and heading.
     pub from_pose: Residuals,
 }
 
-/// Root mean square residuals of a cross-validated fit.
+/// Cross-validated root-mean-square residuals of a regression, over all tasks.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Residuals {
-    /// Tool position, x, y and z, m.
+    /// Residuals of tool position x, y and z, m.
     pub position_m: Vec<f64>,
-    /// Entries of the tool's 6d rotation, the first two columns of its matrix.
+    /// Residuals of the six entries of the tool's 6D rotation (the first two columns of its matrix).
     pub direction: Vec<f64>,
-    /// Arm joints, rad.
+    /// Residuals of the arm joints, rad.
     pub joints_rad: Vec<f64>,
 }
 
-/// Measures the successful episodes of a store.
+/// Measures learnability over the successful episodes of a store. `progress` is called after each episode with the
+/// number of all.
 ///
 /// # Errors
 /// If an episode cannot be read, or none succeeded.
@@ -95,13 +98,13 @@ pub fn learnability(store: &EpisodeStore, progress: &mut dyn FnMut(usize)) -> Re
     })
 }
 
-/// Excerpt of an episode.
+/// Data of one episode that the measurements use.
 struct Demonstration {
     grasp: Option<Grasped>,
     rows: Vec<Row>,
 }
 
-/// The arm when both fingers first press on an object, and that object at the start.
+/// State of the arm when both fingers first touch an object, and initial pose of that object.
 struct Grasped {
     object: Pose,
     tool: Pose,
@@ -152,7 +155,7 @@ impl GraspSpread {
             from_position: Residuals::of(tasks, |grasp| (position(grasp), Vec::new())),
             from_pose: Residuals::of(tasks, |grasp| {
                 let [x, y] = heading(grasp.object.rotation);
-                // Boxes look the same after half a turn, cubes after a quarter.
+                // Harmonics 2 and 4, since boxes have a symmetry of a half turn and cubes of a quarter turn.
                 let harmonics = [1.0, 2.0, 4.0].map(|times| (times * y.atan2(x)).sin_cos());
                 (position(grasp), harmonics.iter().flat_map(|&(sin, cos)| [sin, cos]).collect())
             }),
@@ -161,7 +164,8 @@ impl GraspSpread {
 }
 
 impl Residuals {
-    /// Residuals over all tasks; `features` gives those that enter the fit up to their squares and those that enter once.
+    /// Residuals over all tasks; `features` gives the features that enter with their squares and products, and those
+    /// that enter linearly.
     fn of(tasks: &[Vec<&Grasped>], features: impl Fn(&Grasped) -> (Vec<f64>, Vec<f64>)) -> Self {
         let rms = |target: fn(&Grasped) -> Vec<f64>| {
             let (mut squares, mut count): (Vec<f64>, usize) = (Vec::new(), 0);
@@ -185,7 +189,7 @@ impl Residuals {
     }
 }
 
-/// Prediction by neighbours, over all tasks.
+/// Errors of the prediction by nearest neighbours, over all tasks; `None` if no task has two episodes.
 fn predicted(tasks: &BTreeMap<String, Vec<Demonstration>>) -> Option<Prediction> {
     let mut total = Neighbours::default();
     for episodes in tasks.values().filter(|episodes| episodes.len() > 1) {
@@ -194,7 +198,7 @@ fn predicted(tasks: &BTreeMap<String, Vec<Demonstration>>) -> Option<Prediction>
     total.prediction()
 }
 
-/// Cosine and sine of the heading of a rotation's x axis; of its y axis where x is vertical.
+/// Cosine and sine of the heading of a rotation's x axis, or of its y axis if x is nearly vertical.
 fn heading(rotation: DQuat) -> [f64; 2] {
     let ahead = (rotation * DVec3::X).truncate();
     let ahead = if ahead.length() > 0.5 { ahead } else { (rotation * DVec3::Y).truncate() };
@@ -207,7 +211,7 @@ fn columns(rotation: DQuat) -> [DVec3; 2] {
     [matrix.x_axis, matrix.y_axis]
 }
 
-/// Rotation with the least squared chordal distance to the others, up to their mean's renormalisation.
+/// Chordal mean of rotations, approximated by orthonormalising the mean matrix.
 fn mean_rotation(rotations: impl Iterator<Item = DQuat>) -> DQuat {
     let sum = rotations.map(DMat3::from_quat).fold(DMat3::ZERO, |sum, matrix| sum + matrix);
     let x = sum.x_axis.normalize_or(DVec3::X);

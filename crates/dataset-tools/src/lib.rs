@@ -1,11 +1,11 @@
-//! Tools for datasets: check them, import those of other programs, merge, split, filter and convert them.
+//! Tools for data sets: check, import from other programs, merge, split, filter and convert.
 //!
-//! - [`check`]: everything that is wrong with a dataset, an overview of its contents, and leaks between two datasets.
-//! - [`import`]: datasets of other programs (LeRobot v2.1 and v3.0, recordings of the original GenManip).
-//! - [`edit`]: datasets made of datasets: merged, split, filtered, episodes deleted.
+//! - [`check`]: flaws of a data set, an overview of its contents, and train-test overlap of two data sets.
+//! - [`import`]: data sets of other programs (LeRobot v2.1 and v3.0, recordings of the original GenManip).
+//! - [`edit`]: data sets composed of others: merged, split, filtered, episodes deleted.
 //! - [`learnability`]: how well a policy could predict demonstrations.
 //!
-//! Reading and writing the formats themselves is `genmanip-data`.
+//! The formats themselves are read and written by `genmanip-data`.
 
 pub mod check;
 pub mod edit;

@@ -16,31 +16,31 @@ const DENSITY: [f64; 2] = [25.0, 9000.0];
 const FRICTION: [f64; 2] = [0.2, 1.1];
 /// Plausible longest side of a tabletop object, m.
 const LONGEST_SIDE_M: [f64; 2] = [0.015, 0.45];
-/// Plausible pixels along a texture's longer side.
+/// Plausible texture sizes: pixels along the longer side.
 const PIXELS: [u32; 2] = [16, 1024];
-/// Plausible roughness; below the minimum is a mirror.
+/// Plausible roughness; a surface below the minimum would be a mirror.
 const ROUGHNESS: [f32; 2] = [0.02, 1.0];
 /// Plausible reflectance at normal incidence of dielectrics; 0.02 is water, 0.17 is diamond.
 const REFLECTANCE: [f64; 2] = [0.02, 0.17];
-/// Quantities compared between sources, with the maximum factor between the means of one category; chosen: breads
-/// differ in density by a factor of three at most, and an object twice as large is a different object.
+/// Quantities compared between sources: name, unit, and maximum factor between the means of one category. Chosen by
+/// hand: densities of breads differ by a factor of three at most, and an object twice as large is a different object.
 const COMPARED: [(&str, &str, f64); 4] =
     [("density", " kg/m³", 3.0), ("longest side", " m", 2.5), ("friction", "", 2.0), ("roughness", "", 4.0)];
 
-/// An implausible value.
+/// A value outside the plausible range.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
     /// Uid of the object, or the category for a difference between sources.
     pub uid: String,
     /// Name of the object.
     pub name: String,
-    /// Quantity.
+    /// Quantity, e.g. the density.
     pub what: String,
-    /// Actual value.
+    /// Actual value with its unit.
     pub got: String,
-    /// Plausible range.
+    /// Plausible range with its unit.
     pub expected: String,
-    /// Uids of example objects, one per source for a difference between sources.
+    /// Uids of example objects: the object itself, or one per source for a difference between sources.
     pub shown_by: Vec<String>,
 }
 
@@ -56,7 +56,7 @@ type BySource<'a> = BTreeMap<String, Vec<(&'a str, Measures)>>;
 /// If an object cannot be built.
 pub fn audit(catalogue: &Catalogue, progress: &dyn Progress) -> Result<Vec<Finding>, WorkspaceError> {
     let mut findings = Vec::new();
-    // Values by category.
+    // Values of the objects by category, to compare their sources.
     let mut measured: BTreeMap<&str, BySource> = BTreeMap::new();
     progress.begin("auditing", catalogue.cards().len());
     for card in catalogue.cards() {
@@ -71,7 +71,7 @@ pub fn audit(catalogue: &Catalogue, progress: &dyn Progress) -> Result<Vec<Findi
     Ok(findings)
 }
 
-/// Source of an object: hand-written, families, or imported.
+/// Source of an object: the hand-written catalogue, procedural families, or an import.
 fn source(asset: &AssetRef) -> String {
     match asset {
         AssetRef::Builtin { .. } => "made by hand".into(),
@@ -85,7 +85,7 @@ fn between_sources(category: &str, sources: &BySource) -> Vec<Finding> {
     let compare = |(quantity, (what, unit, factor)): (usize, &(&str, &str, f64))| {
         let mean = |(source, objects): (&String, &Vec<(&str, Measures)>)| {
             let mean = objects.iter().map(|(_, measures)| measures[quantity]).sum::<f64>() / objects.len() as f64;
-            // The object closest to the mean represents its source.
+            // The object closest to the mean is the example of its source.
             let off = |measures: &Measures| (measures[quantity] - mean).abs();
             let typical = objects.iter().min_by(|a, b| off(&a.1).total_cmp(&off(&b.1)))?.0;
             Some((source.clone(), mean, typical.to_owned()))

@@ -19,18 +19,19 @@ const FRICTION: f64 = 0.6;
 const FRICTION_RANGE: [f64; 2] = [0.2, 1.1];
 /// Maximum width of a graspable object, m: the gripper's opening minus clearance.
 const GRASP_M: f64 = 0.074;
-/// Maximum mass of a graspable object, kg.
+/// Maximum mass of a graspable object, kg. Chosen by hand.
 const GRASP_KG: f64 = 2.0;
-/// Fractions of a joint's range up to which it counts as closed, and from which it counts as open.
+/// Fractions of a joint's range up to which it counts as closed, and (`OPEN`) from which it counts as open. Chosen by
+/// hand.
 const CLOSED: f64 = 0.1;
 const OPEN: f64 = 0.7;
-/// Maximum number of collision pieces of all links; chosen: objects of most packs have fewer than 100, and an object
-/// standing on 600 needed 12 s of CPU time to settle.
+/// Maximum number of collision pieces of all links. Objects of most packs have fewer than 100; an object standing on
+/// 600 needed 12 s of CPU time to settle.
 const MAX_PIECES: usize = 256;
-/// Maximum number of joints for which states are generated.
+/// Maximum number of joints for which states are generated. Chosen by hand.
 const MAX_STATES: usize = 6;
 
-/// Builds an object model from file contents, guessing everything that the files leave open.
+/// Builds an object model from file contents; properties that the files do not specify are guessed.
 ///
 /// # Errors
 /// If nothing remains after cleaning, or the object encloses no volume.
@@ -253,7 +254,7 @@ fn card(
         materials.join(", "),
         if prior.is_some() { "usual for its category" } else { "the surface's metalness" },
     ));
-    // The narrowest width of the whole object; rims and handles may be narrower, which grasp trials find out.
+    // Narrowest width of the whole object; rims and handles may be narrower, which only grasp trials show.
     let narrow = narrowest(rigid);
     let can_grasp = !is_articulated && mass_kg <= GRASP_KG && (narrow <= GRASP_M || cavity.is_some());
     guesses.push(Guess::new(

@@ -124,7 +124,7 @@ pub fn signed_volume(mesh: &RawMesh) -> f64 {
     mesh.corners().map(|[a, b, c]| (a - middle).dot((b - middle).cross(c - middle)) / 6.0).sum()
 }
 
-/// True if every edge belongs to two triangles; vertices at equal positions are merged.
+/// True if every edge belongs to exactly two triangles; vertices at equal positions count as one.
 pub fn is_closed(mesh: &RawMesh) -> bool {
     let mut places: HashMap<[u64; 3], u32> = HashMap::new(); // only looked up
     let place: Vec<u32> = mesh

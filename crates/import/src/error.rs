@@ -4,7 +4,7 @@
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{file}: {message}")]
 pub struct ImportError {
-    /// The file, relative to the root of the import.
+    /// Path of the file relative to the root of the import.
     pub file: String,
     /// Expected and actual contents, with their position.
     pub message: String,

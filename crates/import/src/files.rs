@@ -13,11 +13,12 @@ use crate::{ImportError, image};
 
 /// Version of the pipeline, part of the hash: versions may build different objects from the same files.
 const PIPELINE: &str = "genmanip.import/1";
-/// Maximum number of files of one object.
+/// Maximum number of files of one object. Bounds time and memory for hostile files.
 const MAX_FILES: usize = 512;
-/// Maximum total size of one object's files, bytes.
+/// Maximum total size of one object's files, bytes. Bounds time and memory for hostile files.
 const MAX_BYTES: u64 = 256 << 20;
-/// The same for a robot, and the maximum number of triangles of one of its meshes.
+/// Maximum total size of a robot's files, bytes, and (`MAX_ROBOT_TRIANGLES`) maximum number of triangles of one of its
+/// meshes.
 const MAX_ROBOT_BYTES: u64 = 1 << 30;
 const MAX_ROBOT_TRIANGLES: usize = 2_000_000;
 
@@ -29,25 +30,26 @@ pub struct Files<'a> {
     read: &'a mut ReadFile<'a>,
     known: BTreeMap<String, Arc<Vec<u8>>>,
     bytes: u64,
-    /// Decoded images by path.
+    /// Decoded textures by path.
     images: BTreeMap<String, Arc<Texture>>,
     /// Remaining budget of pixels to decode.
     pub pixels_left: usize,
     /// Maximum number of triangles of a mesh.
     pub max_triangles: usize,
-    /// Materials and textures are not read.
+    /// True to skip materials and textures.
     pub geometry_only: bool,
-    /// Folders of the disk to search; without them, paths are relative to the root and stay inside.
+    /// Folders on the disk to search for packages; `None` if paths are relative to the root and must stay inside.
     packages: Option<Packages>,
     max_bytes: u64,
 }
 
-/// Folders of ROS packages: those that are named, then those of `ROS_PACKAGE_PATH`, then the folders above the file.
+/// Folders of ROS packages, in the order of the search: named packages, then packages in `ROS_PACKAGE_PATH`, then
+/// folders above the file.
 #[derive(Clone, Debug, Default)]
 pub struct Packages {
     /// Folder of each named package.
     pub named: BTreeMap<String, PathBuf>,
-    /// Folders that contain packages.
+    /// Folders whose subfolders may be packages.
     pub search: Vec<PathBuf>,
 }
 
@@ -77,7 +79,7 @@ impl<'a> Files<'a> {
         }
     }
 
-    /// True if these are the files of an object, which may lack some, and not those of a robot.
+    /// True for the files of an object, some of which may be missing; false for those of a robot.
     pub fn is_object(&self) -> bool {
         self.packages.is_none()
     }
@@ -86,7 +88,7 @@ impl<'a> Files<'a> {
     /// a `package.xml` of that name, on the way from the description to the root.
     ///
     /// # Errors
-    /// As [`beside`], and on the disk if there is no such file.
+    /// As [`beside`]; for files on the disk, also if none of the candidates exists.
     pub fn locate(&mut self, file: &str, named: &str) -> Result<String, ImportError> {
         let named = named.trim().replace('\\', "/");
         let in_package = ["package://", "model://"].into_iter().find_map(|scheme| named.strip_prefix(scheme));
@@ -229,7 +231,7 @@ pub fn beside(file: &str, named: &str) -> Result<String, ImportError> {
     Ok(parts.join("/"))
 }
 
-/// Longest path of a file in a package, bytes.
+/// Longest path of a file in a package, bytes. Longer ones are not searched.
 const MAX_NAME: usize = 1024;
 
 /// Paths of `NAME/inside` of a package in the folders above a file, likeliest first: packages that are called NAME, then
@@ -254,7 +256,7 @@ fn in_folders_above(file: &str, rest: &str) -> Vec<String> {
         }
         named.push(within(rest));
         any.push(within(inside));
-        // Packages within a package are often taken out of it.
+        // Nested packages are often copied out of their outer package.
         let inner = inside.match_indices('/').map(|(at, _)| &inside[at + 1..]).filter(|inner| inner.contains('/'));
         deeper.extend(inner.map(within));
     }

@@ -1,4 +1,4 @@
-//! Grasp baking: tries grasps of the catalogue's objects in physics and stores them in one file, resumably.
+//! Grasp baking: tests grasps of the catalogue's objects in physics and stores the results in one file, resumably.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -23,46 +23,46 @@ use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 use genmanip_workspace::worlds;
 
-/// Settings of grasp baking.
+/// Settings of grasp baking, stored in the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BakeSettings {
-    /// Settings of the trials.
+    /// Settings of the physics trials of a grasp.
     pub trying: RobustnessSettings,
-    /// True to stop at the first few grasps per object that held in every trial.
+    /// True to stop after the first few grasps of an object that held in every trial.
     pub brief: bool,
     /// Settings of the candidate generator.
     pub generator: GraspSettings,
-    /// Name of the catalogue.
+    /// Name of the catalogue, which the file states.
     pub catalog: String,
 }
 
-/// Result of baking.
+/// Result of testing the grasps of all requested objects.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Baked {
     /// One row per object in the file.
     pub rows: Vec<BakedRow>,
-    /// True if every requested object is in the file.
+    /// True if every requested object is in the file; false after an interruption.
     pub is_whole: bool,
 }
 
-/// Counts of an object's tried grasps.
+/// Counts of the grasps of an object that were tested.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BakedRow {
     /// Uid of the object.
     pub uid: String,
-    /// Its name.
+    /// Name of the object.
     pub name: String,
-    /// Number of tried grasps.
+    /// Number of tested grasps.
     pub grasps: usize,
     /// Number of grasps that held in every trial.
     pub always_held: usize,
-    /// Total number of trials.
+    /// Number of trials over all grasps.
     pub trials: u32,
-    /// Number of successful trials.
+    /// Number of trials in which the object was held to the end.
     pub held: u32,
 }
 
-/// Tries grasps of the given objects, or of all graspable ones, and stores them in a file.
+/// Tests grasps of the given objects, or of all graspable ones if none are given, and stores them in the file `out`.
 ///
 /// Existing entries are kept if they were made with the same settings and their objects have not changed.
 /// When `stop` becomes true, objects in progress are finished.
@@ -93,14 +93,14 @@ pub fn bake(
             false => {
                 json!({ "trying": trying, "generator": generator, "physics": world.physics, "drives": robot.drives })
             }
-            // The same settings as an import uses.
+            // The same settings as for grasps that an import tests.
             true => json!({ "trying": trying, "physics": world.physics, "drives": robot.drives }),
         },
     };
     let catalogue = Catalogue::named(catalog).unwrap_or_else(Catalogue::builtin);
     let models = graspable(catalogue, uids)?;
     let known = if out.exists() { read(out)? } else { empty(&made_by) };
-    // Entries made with other settings or for changed objects are made again; older files do not record the robot's
+    // Entries made with other settings or for changed objects are recomputed; older files do not record the robot's
     // hash.
     let known_robot = known.made_by.robot_hash.clone().or_else(|| made_by.robot_hash.clone());
     let is_made_alike = GraspProvenance { robot_hash: known_robot, ..known.made_by.clone() } == made_by;
@@ -169,7 +169,7 @@ pub fn read(path: &Path) -> Result<GraspFile, WorkspaceError> {
     })
 }
 
-/// The given objects, or all graspable ones.
+/// Models of the given objects, or of all graspable ones if none are given.
 fn graspable(catalogue: &Catalogue, uids: &[String]) -> Result<Vec<Arc<ObjectModel>>, WorkspaceError> {
     let all = catalogue.cards().iter().filter(|card| card.can_grasp && !card.is_articulated);
     let wanted: Vec<&String> =

@@ -9,10 +9,10 @@ use zune_jpeg::JpegDecoder;
 
 /// Maximum image width and height: 8192 x 8192 pixels take 200 MB.
 const MAX_SIDE: usize = 8192;
-/// Maximum number of pixels decoded per object: four of the largest images, 6 s of CPU time; a small file can decode
-/// to many.
+/// Maximum number of pixels decoded per object: four of the largest images, 6 s of CPU time. Needed because a small
+/// file can decode to many pixels.
 pub const MAX_PIXELS: usize = 4 * MAX_SIDE * MAX_SIDE;
-/// Maximum texture side after downscaling by whole factors, pixels.
+/// Maximum texture side after downscaling by an integer factor, pixels. Chosen by hand.
 const KEPT_PIXELS: usize = 512;
 
 /// Decodes a texture, with a note if it was downscaled; errors are messages. Decoded pixels are deducted from
@@ -134,7 +134,7 @@ mod tests {
         let good = png_of(4, 4, &[9; 48]);
         assert!(texture(&good[..good.len() / 2]).is_err(), "cut off");
         let mut huge = good.clone();
-        // A decompression bomb: huge width and height in the header.
+        // A decompression bomb: the header states huge width and height.
         huge[16..24].copy_from_slice(&[0, 1, 0, 0, 0, 1, 0, 0]);
         assert!(texture(&huge).is_err(), "65536 pixels per side");
         assert!(texture(b"GIF89a").unwrap_err().contains("PNG or JPEG"));

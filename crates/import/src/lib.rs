@@ -1,4 +1,4 @@
-//! Import of 3D models (GLB, glTF, OBJ, STL, MSH, URDF, MJCF) as object models.
+//! Import of 3D models (GLB, glTF, OBJ, Collada DAE, STL, MSH, URDF, MJCF) as object models.
 //!
 //! 1. A reader of the format converts the files to a [`raw::RawObject`] ([`formats`]).
 //! 2. [`clean`] repairs meshes, [`units_and_frame`] determines unit, up axis and origin, [`simplify`]
@@ -39,24 +39,24 @@ pub use error::ImportError;
 pub use files::{Files, ReadFile};
 pub use units_and_frame::Given;
 
-/// An imported object.
+/// Result of [`import`]: object model, provenance, and a report of guesses and repairs.
 #[derive(Clone, Debug)]
 pub struct Imported {
-    /// The object; its asset reference is the hash of its files.
+    /// Object model; its asset reference is a hash of the files, the given scale and the given up axis.
     pub model: ObjectModel,
-    /// Provenance.
+    /// Provenance: source files, licence and creator.
     pub origin: Origin,
-    /// Guesses and repairs.
+    /// Report of guessed properties and repairs.
     pub report: report::Report,
 }
 
-/// Names of licence files next to an object.
+/// Names of licence files that are searched in the object's folder and its parents.
 const LICENCES: [&str; 6] = ["LICENSE", "LICENSE.txt", "LICENSE.md", "license.txt", "LICENCE", "COPYING"];
 
 /// Imports the object of one file; `read` receives paths relative to the import's root, like `path`.
 ///
 /// # Errors
-/// A single error that states the file and the problem.
+/// A single error, which names the file and the problem.
 ///
 /// ```
 /// use genmanip_import::{Given, import};
@@ -78,7 +78,7 @@ pub fn import(
 ) -> Result<Imported, ImportError> {
     let mut files = Files::new(read);
     let raw = formats::read(path, &mut files).map_err(formats::advised)?;
-    // Toppling follows from the files, so `tipped_up` is not part of the hash.
+    // `tipped_up` follows from simulating the files, which are hashed already.
     let Given { scale, up, .. } = given;
     let hash = files.hash(&format!("Given {{ scale: {scale:?}, up: {up:?} }}"));
     let names: Vec<&str> = std::iter::once(path).chain(files.names().filter(|name| *name != path)).collect();
@@ -90,7 +90,7 @@ pub fn import(
     Ok(Imported { model, origin, report })
 }
 
-/// First line of a licence file in the object's folder or one of its parents.
+/// First line of a licence file in the object's folder or one of its parents; `None` if there is none.
 fn licence_beside(path: &str, files: &mut Files<'_>) -> Option<String> {
     let mut folder = path.rsplit_once('/').map_or("", |(folder, _)| folder);
     loop {

@@ -10,13 +10,14 @@ use crate::raw::RawLink;
 use crate::report::Guess;
 use crate::typical_sizes::Prior;
 
-/// Mean density of household objects of unknown category, hollow ones included, kg/m³.
+/// Mean density of household objects of unknown category, hollow ones included, kg/m³. Chosen by hand.
 const DENSITY: f64 = 450.0;
-/// Plausible range of a link's mass, kg.
+/// Plausible range of a link's mass, kg. Chosen by hand.
 const MASS_KG: [f64; 2] = [0.001, 60.0];
-/// Maximum factor between a mass and the typical mass of its category.
+/// Maximum factor between an estimated mass and the typical mass of the category, in either direction. Chosen by hand.
 const UNUSUAL: f64 = 3.0;
-/// Maximum factor between an inertia and that of a body of uniform density.
+/// Maximum plausible factor between a stated inertia and that of a body of uniform density, in either direction. Chosen
+/// by hand.
 const INERTIA_OFF: f64 = 8.0;
 
 /// Mass properties of each link.
@@ -75,8 +76,8 @@ fn is_plausible(mass: &MassProperties, uniform: &MassProperties) -> bool {
     let diagonal = |inertia: &DMat3| DVec3::new(inertia.x_axis.x, inertia.y_axis.y, inertia.z_axis.z);
     let (own, usual) = (diagonal(&mass.inertia), diagonal(&uniform.inertia));
     let ratio = own / usual;
-    // A physical body has non-negative second moments, which is the triangle inequality along every axis; those of a
-    // flat plate vanish across it, up to rounding.
+    // A physical body has non-negative second moments along every axis, i.e. its inertia satisfies the triangle
+    // inequality. The second moment across a flat plate vanishes, up to rounding.
     let trace = own.element_sum();
     let second = DMat3::from_diagonal(DVec3::splat((0.5 + 1e-9) * trace)) - mass.inertia;
     let reach = (usual.max_element() / uniform.mass_kg).sqrt();

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use crate::raw::RawObject;
 
-/// Uninformative file and folder names.
+/// File and folder names that say nothing about the object.
 const UNINFORMATIVE: [&str; 32] = [
     "textured",
     "nontextured",
@@ -40,9 +40,9 @@ const UNINFORMATIVE: [&str; 32] = [
     "node",
     "robot",
 ];
-/// Extensions of files after which robots and models are named.
+/// Extensions that are removed from names: some files state their own file name as the name of the robot or model.
 const FILES: [&str; 6] = ["urdf", "xml", "obj", "glb", "gltf", "dae"];
-/// Colour words by upper bound of the hue, degrees, for saturated colours.
+/// Colour words of saturated colours, by upper bound of the hue in degrees.
 const HUES: [(f64, &str); 8] = [
     (15.0, "red"),
     (42.0, "orange"),
@@ -54,12 +54,13 @@ const HUES: [(f64, &str); 8] = [
     (340.0, "pink"),
 ];
 
-/// Object name from the file name, otherwise the name in the file, otherwise the nearest informative folder name.
+/// Name of an object: from the file name, otherwise the name stated in the file (`said`), otherwise the nearest
+/// informative folder name.
 pub fn name(path: &str, said: &str) -> String {
     let mut parts: Vec<&str> = path.split('/').collect();
     let file = parts.pop().unwrap_or_default();
     let stem = file.rsplit_once('.').map_or(file, |(stem, _)| stem);
-    // Some robots are named after their file, and libraries name objects by hashes.
+    // Some robots are named after their file. Libraries name objects by hashes.
     let said = said.rsplit_once('.').filter(|(_, end)| FILES.contains(end)).map_or(said, |(name, _)| name);
     let said = said.strip_prefix("partnet_").filter(|rest| is_hash(rest)).map_or(said, |_| "");
     let is_informative =
@@ -184,7 +185,7 @@ pub fn color_word(color: [f32; 3]) -> &'static str {
 pub fn description(noun: &str, colors: &[String], shape: &str, size: DVec3) -> String {
     let colors = if colors.is_empty() { "grey".to_owned() } else { colors.join(" and ") };
     let shape = match shape {
-        // "compact" is not worth a word.
+        // "compact" says nothing about an object.
         "compact" => String::new(),
         "box" if noun.contains("box") => String::new(),
         "box" => "box-shaped ".into(),
@@ -205,7 +206,7 @@ pub fn description(noun: &str, colors: &[String], shape: &str, size: DVec3) -> S
     format!("An imported {colors} {shape}{noun}, {} cm {dimension}.", (longest * 100.0).round())
 }
 
-/// Shape in a word or two.
+/// Shape of an object in one or two words.
 pub fn shape(size: DVec3, pieces: &[Piece], is_hollow: bool) -> String {
     if let [piece] = pieces {
         match piece.shape {

@@ -19,7 +19,7 @@ use crate::Imported;
 use crate::report::Report;
 
 const MARK: &[u8] = b"GMOBJ1\n";
-/// Maximum number of vertices, triangles and pixels of one part.
+/// Maximum number of vertices, triangles and pixels of one part. Bounds memory for hostile files.
 const MAX_COUNT: u64 = 4 << 20;
 
 /// JSON header: everything except meshes and textures.
@@ -62,15 +62,15 @@ struct Part {
     opacity: f32,
     ior: f32,
     thin_walled: bool,
-    /// Index of the texture.
+    /// Index of the texture in the file; `None` without texture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     texture: Option<usize>,
-    /// Width and height of the texture, on the first part that uses it.
+    /// Width and height of the texture (pixels), stored with the first part that uses it. `None` for the other parts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     texture_size: Option<[u32; 2]>,
 }
 
-/// Serialises an object.
+/// Bytes of an object file.
 pub fn to_bytes(object: &Imported) -> Vec<u8> {
     let (mut numbers, mut texels, mut known) = (Vec::new(), Vec::new(), BTreeMap::new());
     let model = &object.model;
@@ -134,10 +134,10 @@ fn to_part(part: &VisualPart, numbers: &mut Vec<u8>, texels: &mut Vec<u8>, known
     }
 }
 
-/// Deserialises an object; errors are messages.
+/// Deserialises an object.
 ///
 /// # Errors
-/// If the file is truncated, or its header does not match the data.
+/// If the file is truncated, or its header does not match the data; the error is a message.
 pub fn from_bytes(bytes: &[u8]) -> Result<Imported, String> {
     let rest = bytes.strip_prefix(MARK).ok_or("not a file of an imported object")?;
     let (length, rest) = rest.split_first_chunk::<4>().ok_or("truncated in the header")?;

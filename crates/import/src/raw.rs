@@ -5,28 +5,28 @@ use glam::{DMat4, DVec3};
 
 /// Maximum number of triangles of an object; larger files are rejected. As many in random order take 9 s of CPU time.
 pub const MAX_TRIANGLES: usize = 400_000;
-/// Maximum number of links of an object.
+/// Maximum number of links of an object. Bounds the time of the import.
 pub const MAX_LINKS: usize = 64;
 
 /// Up axis of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Up {
-    /// +y, as in glTF.
+    /// +y points up, as in glTF.
     Y,
-    /// +z, as in URDF and MJCF.
+    /// +z points up, as in URDF and MJCF.
     Z,
     /// Not specified by the format.
     Unknown,
 }
 
-/// Length unit of a file.
+/// Length unit that a file format specifies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
     /// Metres, as in glTF, URDF and MJCF.
     Metre,
     /// Not specified by the format.
     Unknown,
-    /// None: every object of the library is scaled to the same size.
+    /// None: the library (PartNet-Mobility) scales every object to the same size.
     Normalised,
 }
 
@@ -37,19 +37,19 @@ pub struct RawObject {
     pub name: String,
     /// Links, parents first.
     pub links: Vec<RawLink>,
-    /// Length unit.
+    /// Length unit of the file.
     pub unit: Unit,
-    /// Up axis.
+    /// Up axis of the file.
     pub up: Up,
-    /// Licence, if the file states it.
+    /// Licence; `None` if the file states none.
     pub licence: Option<String>,
-    /// Author, if the file states it.
+    /// Author; `None` if the file states none.
     pub creator: Option<String>,
-    /// Repairs and omissions while reading.
+    /// Repairs and omissions while reading, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// A link.
+/// A link of an object, as described by its files.
 #[derive(Clone, Debug, Default)]
 pub struct RawLink {
     /// Name, unique in the object.
@@ -60,29 +60,29 @@ pub struct RawLink {
     pub surfaces: Vec<Surface>,
     /// Collision geometry, in the link's frame; empty if unspecified.
     pub collision: Vec<RawCollision>,
-    /// Mass properties, if specified.
+    /// Mass properties in the link's frame; `None` if unspecified.
     pub mass: Option<MassProperties>,
-    /// Density of the collision geometry, if specified, kg/m³.
+    /// Density of the collision geometry, kg/m³; `None` if unspecified.
     pub density: Option<f64>,
-    /// Sliding friction coefficient, if specified.
+    /// Sliding friction coefficient; `None` if unspecified.
     pub friction: Option<f64>,
 }
 
-/// A visual surface.
+/// A visual surface with one material.
 #[derive(Clone, Debug)]
 pub struct Surface {
     /// Name of the part.
     pub name: String,
-    /// Triangles.
+    /// Triangle mesh in the link's frame.
     pub mesh: RawMesh,
-    /// Material.
+    /// Material with its texture.
     pub material: Material,
 }
 
-/// Collision geometry.
+/// Collision geometry of a link.
 #[derive(Clone, Debug)]
 pub enum RawCollision {
-    /// A convex piece.
+    /// A convex primitive or polytope.
     Piece(Piece),
     /// Convex hull of points, as MJCF interprets meshes.
     HullOf(Vec<DVec3>),
@@ -93,7 +93,7 @@ pub enum RawCollision {
 /// A triangle mesh in a link's frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RawMesh {
-    /// Vertices.
+    /// Vertices, m or in the file's unit.
     pub positions: Vec<DVec3>,
     /// Texture coordinates per vertex, (0, 0) is the first pixel of the first row; empty if there are none.
     pub uvs: Vec<[f32; 2]>,
@@ -119,7 +119,7 @@ impl RawMesh {
         self
     }
 
-    /// Appends another mesh.
+    /// Appends the triangles of another mesh in the same frame.
     pub fn append(&mut self, other: &Self) {
         let offset = self.positions.len() as u32;
         if !self.uvs.is_empty() || !other.uvs.is_empty() {
@@ -147,7 +147,7 @@ impl RawObject {
         all
     }
 
-    /// While the root has no geometry, makes its child the root, because an empty root cannot stand on a table.
+    /// Removes a root without geometry and makes its child the root, repeatedly: an empty root cannot stand on a table.
     pub fn drop_empty_root(&mut self) {
         while self.links.len() > 1 && self.links[0].surfaces.is_empty() && self.links[0].collision.is_empty() {
             self.links.remove(0);

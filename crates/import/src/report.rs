@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 pub struct Guess {
     /// Property, e.g. `unit`.
     pub what: String,
-    /// Chosen value.
+    /// Value that was chosen, with its unit.
     pub value: String,
-    /// Reason.
+    /// Reason for the choice.
     pub because: String,
 }
 
@@ -25,7 +25,7 @@ impl Guess {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Report {
-    /// All guesses.
+    /// Guessed properties.
     pub guesses: Vec<Guess>,
     /// Repairs, downscaled textures and omissions.
     pub repairs: Vec<String>,

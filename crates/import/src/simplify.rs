@@ -8,10 +8,11 @@ use crate::raw::{RawMesh, RawObject};
 
 /// Maximum number of visual triangles of an object: twice what the catalogue's objects have.
 const MAX_VISUAL_TRIANGLES: usize = 12_000;
-/// Bisection steps for the cell size.
+/// Number of bisection steps for the cluster size.
 const SEARCH_STEPS: usize = 14;
 
-/// Reduces an object's visual meshes to 12,000 triangles in total, proportionally, and adds a note.
+/// Reduces the visual meshes of an object to at most about `MAX_VISUAL_TRIANGLES` triangles in total, each in
+/// proportion, and adds a note.
 pub fn simplify(raw: &mut RawObject) {
     let count: usize = raw.links.iter().flat_map(|link| &link.surfaces).map(|s| s.mesh.triangles.len()).sum();
     if count <= MAX_VISUAL_TRIANGLES {
@@ -25,7 +26,7 @@ pub fn simplify(raw: &mut RawObject) {
     raw.notes.push(format!("reduced from {count} to {left} visual triangles"));
 }
 
-/// A simplified mesh with at most about `most` triangles.
+/// Simplified mesh with at most about `most` triangles.
 pub fn reduced(mesh: &RawMesh, most: usize) -> RawMesh {
     if mesh.triangles.len() <= most {
         return mesh.clone();
@@ -47,7 +48,8 @@ pub fn reduced(mesh: &RawMesh, most: usize) -> RawMesh {
     best
 }
 
-/// Connected component of each vertex; textures have seams between components.
+/// Connected component of each vertex; vertices of different components are not merged, since textures have seams
+/// there.
 fn charts(mesh: &RawMesh) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..mesh.positions.len() as u32).collect();
     fn root(parent: &mut [u32], mut index: u32) -> u32 {
@@ -79,7 +81,7 @@ fn clustered(mesh: &RawMesh, charts: &[u32], low: DVec3, cell: f64) -> RawMesh {
         let sum = sums.entry(key(index)).or_default();
         *sum = (sum.0 + *position, sum.1 + 1.0);
     }
-    // The vertex nearest to the cluster's mean keeps its position and texture coordinates.
+    // The vertex nearest to the cluster's mean represents the cluster, with its position and texture coordinates.
     let mut nearest: HashMap<(i32, i32, i32, u32), (f64, u32)> = HashMap::new(); // only looked up
     for (index, position) in mesh.positions.iter().enumerate() {
         let (sum, count) = sums[&key(index)];

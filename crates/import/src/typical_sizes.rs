@@ -1,4 +1,4 @@
-//! Typical sizes and masses by category: medians over the catalogue's objects.
+//! Typical sizes, masses and materials by category: medians over the catalogue's objects.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -10,28 +10,28 @@ use genmanip_core::ObjectCard;
 /// Typical properties of a category.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prior {
-    /// Category.
+    /// Name of the category.
     pub category: String,
     /// Super-category.
     pub general_category: String,
-    /// Typical longest side, m.
+    /// Median longest side, m.
     pub longest_m: f64,
-    /// Typical height as a fraction of the longest side.
+    /// Median height as a fraction of the longest side.
     pub height_share: f64,
-    /// Typical mass, kg.
+    /// Median mass, kg.
     pub mass_kg: f64,
-    /// Typical mass over the volume of the bounding box, kg/m³.
+    /// Median mass over the volume of the bounding box, kg/m³.
     pub bounds_density: f64,
-    /// Typical materials.
+    /// Most common materials.
     pub materials: Vec<String>,
-    /// Affordances.
+    /// Most common affordances.
     pub affordances: Vec<String>,
     /// Synonyms of the category, most common first.
     synonyms: Vec<String>,
 }
 
-/// The category that matches a name best: by number of matching words, then match of the last word, then category name
-/// before synonyms in order, then alphabetically.
+/// Category that matches a name best: by number of matching words, then by a match of the last word, then the category
+/// name before synonyms in order, then alphabetically. `None` if no word matches.
 pub fn of_name(name: &str) -> Option<&'static Prior> {
     let words: Vec<String> = name.to_lowercase().split(|c: char| !c.is_alphanumeric()).map(singular).collect();
     let last = words.iter().rposition(|word| word.chars().any(char::is_alphabetic));

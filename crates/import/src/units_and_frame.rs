@@ -1,4 +1,5 @@
-//! Placement: converts a file's unit, up axis and origin to metres, +z up, origin at the centre of the base.
+//! Unit and frame: converts an object from the file's unit, up axis and origin to metres, +z up, origin at the centre
+//! of the base.
 
 use genmanip_core::{Aabb, Joint, JointKind, MassProperties, Piece, Pose, Shape};
 use glam::{DMat4, DQuat, DVec3};
@@ -9,29 +10,30 @@ use crate::typical_sizes::Prior;
 
 /// Plausible longest side of a tabletop object, m: from a chess piece to a tall cabinet.
 const TABLETOP_M: [f64; 2] = [0.03, 1.0];
-/// Plausible longest side in a format whose unit is metres, m.
+/// Plausible longest side in a format whose unit is metres, m. Chosen by hand.
 const METRIC_M: [f64; 2] = [0.004, 3.0];
-/// Maximum factor between an object's size and the typical size of its category.
+/// Maximum plausible factor between an object's size and the typical size of its category, in either direction. Chosen
+/// by hand.
 const UNUSUAL: f64 = 2.5;
-/// Longest side assigned to an object without a typical size, m.
+/// Longest side assigned to an object without a typical size, m. Chosen by hand.
 const FALLBACK_M: f64 = 0.12;
 /// Units written by modelling programs, in metres, most likely first.
 const UNITS: [(&str, f64); 4] = [("metres", 1.0), ("centimetres", 0.01), ("millimetres", 0.001), ("inches", 0.0254)];
 /// Longest side of an articulated object with normalised size, m: one that an arm on the same table can open.
 const NORMALISED_M: f64 = 0.35;
 
-/// Fractions that differ by less count as equal.
+/// Difference below which two footprint fractions count as equal. Chosen by hand.
 const EQUAL_MARGIN: f64 = 0.15;
 
-/// The user's choices for a file's frame.
+/// The user's choices for unit and up axis of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Given {
-    /// Metres per unit.
+    /// Metres per unit of the file; `None` to guess.
     pub scale: Option<f64>,
-    /// Up axis.
+    /// Up axis of the file; `None` to guess.
     pub up: Option<Up>,
-    /// Found by simulation instead of given: the direction that points up once the object has toppled and come to
-    /// rest, in the frame in which it stands without this.
+    /// Direction that points up when the object has toppled and come to rest, in the frame in which the object stands
+    /// otherwise. Found by simulation, not given by the user; `None` if the object does not topple.
     pub tipped_up: Option<DVec3>,
 }
 
@@ -71,7 +73,7 @@ fn unit(longest: f64, is_metric: bool, prior: Option<&Prior>) -> (f64, String, S
     (wanted / longest.max(1e-12), format!("{:.5} m", wanted / longest.max(1e-12)), why)
 }
 
-/// Rotates an object upright.
+/// Rotates an object so that its up axis is +z, and adds a guess if the axis was not given.
 pub fn upright(raw: &mut RawObject, given: Option<Up>, prior: Option<&Prior>, guesses: &mut Vec<Guess>) {
     let (up, because) = match (given, raw.up) {
         (Some(up), _) => (up, "given".to_owned()),
@@ -98,8 +100,8 @@ pub fn lying_from_standing(up: DVec3) -> DQuat {
     DQuat::from_rotation_arc(up.normalize_or(DVec3::Z), DVec3::Z)
 }
 
-/// Of +y and +z, the axis along which the object stands on the larger fraction of its footprint; if both are equal,
-/// the one that gives the category's typical height, otherwise +y, as modelling programs write OBJ.
+/// Of +y and +z, the axis along which the object stands on the larger fraction of its footprint. If both are equal, the
+/// axis that gives the category's typical height; otherwise +y, which modelling programs use in OBJ.
 fn more_stable_up(raw: &RawObject, prior: Option<&Prior>) -> (Up, String) {
     let points = raw.all_surfaces().positions;
     let standing = |up: usize| {
@@ -124,7 +126,7 @@ fn more_stable_up(raw: &RawObject, prior: Option<&Prior>) -> (Up, String) {
     if z > y + EQUAL_MARGIN { (Up::Z, shares) } else { (Up::Y, shares) }
 }
 
-/// Bounds of the visuals, or of the collision geometry without visuals, with joints at 0.
+/// Bounding box of the visual surfaces with joints at 0; of the collision geometry if there are none.
 pub fn bounds(raw: &RawObject) -> Aabb {
     let visible = Aabb::from_points(raw.all_surfaces().positions);
     if visible.size().is_finite() && visible.min.x <= visible.max.x {
@@ -207,7 +209,7 @@ fn scale_by(raw: &mut RawObject, scale: f64) {
                 RawCollision::Mesh(mesh) => *mesh = std::mem::take(mesh).transformed(&transform),
             }
         }
-        // A mass given for another size is meaningless.
+        // A mass stated for another size is invalid after scaling.
         link.mass = None;
     }
 }
@@ -244,7 +246,7 @@ mod tests {
         ] {
             assert_eq!(unit(longest, is_metric, prior).0, scale, "{longest} {is_metric}");
         }
-        // Normalised sizes become the usual one.
+        // A normalised size becomes the typical size of the category.
         let (scale, ..) = unit(1.9, false, mug);
         assert!((1.9 * scale - mug.unwrap().longest_m).abs() < 1e-9 || UNITS.iter().any(|(_, unit)| *unit == scale));
     }

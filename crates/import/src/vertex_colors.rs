@@ -1,4 +1,4 @@
-//! Colours of vertices as a texture: one pixel per colour, and the triangles refer to theirs.
+//! Conversion of vertex colours to a texture with one pixel per colour.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -7,12 +7,13 @@ use genmanip_core::{Material, Texture};
 
 use crate::raw::RawMesh;
 
-/// Most colours of a mesh, a square number; more are rounded to 16 shades per channel.
+/// Maximum number of colours of a mesh, a square number; if there are more, all are rounded to 16 shades per channel.
 const MAX_COLORS: usize = 4096;
-/// Largest difference of colours that count as one, of 255.
+/// Maximum difference per channel of colours that are merged, on a scale of 0 to 255.
 const ALIKE: u8 = 3;
 
-/// Paints a mesh in the mean colour of each triangle's vertices (sRGB, 0-1); vertices are divided where colours meet.
+/// Paints each triangle of a mesh in the mean colour of its vertices (sRGB, 0 to 1); vertices are split where colours
+/// meet.
 pub fn paint(mesh: RawMesh, colors: &[[f32; 3]], material: &mut Material) -> RawMesh {
     let byte = |value: f32| if value.is_finite() { (value.clamp(0.0, 1.0) * 255.0).round() as u8 } else { 128 };
     let mean = |triangle: &[u32; 3]| {
@@ -36,7 +37,7 @@ pub fn paint(mesh: RawMesh, colors: &[[f32; 3]], material: &mut Material) -> Raw
     palette.values_mut().enumerate().for_each(|(number, place)| *place = number);
     let side = (palette.len() as f64).sqrt().ceil() as usize;
     let mut rgb: Vec<u8> = palette.keys().flatten().copied().collect();
-    // Colours of the object, so that colour words are not misled.
+    // The rest of the texture is filled with colours of the object, so that they do not distort its colour words.
     let filled = rgb.len();
     rgb.extend((filled..3 * side * side).map(|at| own[at % own.len()][at % 3]).collect::<Vec<_>>());
     material.texture = Some(Arc::new(Texture { width: side as u32, height: side as u32, rgb }));

@@ -10,9 +10,9 @@ use crate::audit::{AuditError, posed, rest_states, scene_object};
 use crate::placed_object::placed_object;
 use crate::{LayoutSettings, distractors};
 
-/// Poses sampled per object.
+/// Number of poses sampled per object. Chosen by hand.
 const POSES_PER_OBJECT: usize = 200;
-/// Candidates per requested object: some roll, some do not fit.
+/// Number of candidates sampled per requested distractor: some roll away, some do not fit.
 const CANDIDATES_PER_OBJECT: usize = 6;
 /// Maximum displacement of the scenario's objects after settling (m), as for an undisturbed layout.
 const MAX_DISPLACEMENT_M: f64 = 0.001;
@@ -77,7 +77,7 @@ fn place(
     let bounds_of = |object: &PosedObject| object.model.world_bounds(&object.pose, &object.joint_positions);
     let taken: Vec<Aabb> = objects.iter().map(bounds_of).collect();
     (0..POSES_PER_OBJECT).find_map(|sample| {
-        // Prefer the larger gap.
+        // The first half of the samples keeps the distractors' usual gap, the second half only the minimum gap.
         let gap_m = if 2 * sample < POSES_PER_OBJECT { settings.distractor_gap_m } else { settings.min_gap_m };
         let between = |[low, high]: [f64; 2], share: f64| low + (high - low) * share;
         let position = DVec3::new(between(area.x, rng.random()), between(area.y, rng.random()), 0.0);

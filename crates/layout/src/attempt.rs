@@ -40,7 +40,7 @@ mod tests {
     fn a_shortage_is_no_verdict_about_the_task() {
         let unstable = SimError::Unstable { time_s: 0.1, what: "speed of the mug".into() };
         assert!(matches!(AttemptError::of_physics(unstable), AttemptError::Rejected(_)));
-        // Error of the engine when out of memory.
+        // `unknown error` is the engine's message when out of memory.
         for error in [SimError::Compile("unknown error".into()), SimError::Settings("no table".into())] {
             let AttemptError::Defect(error) = AttemptError::of_physics(error) else { panic!("taken for a verdict") };
             assert!(error.is_defect(), "{error}");

@@ -78,13 +78,13 @@ pub(crate) fn check_stability(
 /// An object that does not stay where it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drift {
-    /// Index in the scene.
+    /// Index of the object in the scene.
     pub object: usize,
     /// Displacement of its origin when it exceeded the limit, m.
     pub drift_m: f64,
 }
 
-/// The first object of a layout that starts to roll or topple when simulated without a robot.
+/// The first object of a layout that starts to roll or topple when simulated without a robot; `None` if none does.
 ///
 /// Ends early once nothing accelerates and the extrapolated drift is negligible.
 ///
@@ -124,7 +124,7 @@ pub struct Overlap {
     pub object: usize,
     /// Id of the other object, of a surface, or `floor`.
     pub other: String,
-    /// Deepest penetration, m.
+    /// Deepest penetration of any contact of the two bodies, m.
     pub depth_m: f64,
 }
 
@@ -158,7 +158,7 @@ pub fn overlaps(scene: &PosedScene, world: &World, settings: &LayoutSettings) ->
     Ok(found)
 }
 
-/// Initial penetration and displacement of each object's origin after some time without sleeping (m).
+/// Initial penetration, and displacement of each object's origin after some time of simulation without sleeping (m).
 pub(crate) fn simulate_drift(
     world: &World,
     objects: &[SceneObject],
@@ -193,17 +193,17 @@ pub(crate) fn scene_object(object: &PosedObject) -> SceneObject {
 /// Audit of a layout: independent of the code that created it, but with the same relation checks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayoutAudit {
-    /// Maximum initial penetration (m).
+    /// Maximum penetration in the initial poses (m).
     pub penetration_m: f64,
     /// Maximum displacement of any object (m).
     pub drift_m: f64,
     /// Number of edges and states of the initial graph that were evaluated.
     pub checked: usize,
-    /// Those that do not hold.
+    /// Edges and states of the initial graph that do not hold.
     pub failed: Vec<Atom>,
     /// True if some goal alternative already holds.
     pub goal_holds: bool,
-    /// Reason if some task object is not visible.
+    /// Reason if some task object is not visible; `None` if all are.
     pub hidden: Option<Rejection>,
 }
 
@@ -259,7 +259,7 @@ pub fn posed(
     ))
 }
 
-/// Error of an audit.
+/// Reason why a layout cannot be audited.
 #[derive(Debug, thiserror::Error)]
 pub enum AuditError {
     /// An object is unknown or its physics has changed.

@@ -11,18 +11,19 @@ use crate::sampled_layout::OrientedObject;
 /// would be at the references themselves.
 const MIDPOINT_SHARE: f64 = 0.3;
 
-/// Distance of the farther reference behind the object between, and its tolerance (m). Chosen: about twice the usual
-/// distance between neighbours.
+/// Distance of a reference beyond the object between, as seen from the other reference, and the tolerance of that
+/// distance (m). Chosen: about twice the usual distance between neighbours.
 const BEHIND_M: [f64; 2] = [0.22, 0.2];
 
-/// Minimum half-width of the interval of an object between two others (m). Chosen so that rounding never empties it.
+/// Minimum half-width of a window's free strip (m). Chosen so that rounding never empties it.
 const MIN_HALF_WIDTH_M: f64 = 0.005;
 
 /// Margin to the maximum angle of `between` (rad). Chosen: the object is rarely placed exactly at the midpoint.
 const ANGLE_MARGIN_RAD: f64 = 0.15;
 
-/// Opposite corners of where the middle of `object` may be so that the subject can stand between the two;
-/// `None` when nothing is known yet. Proposals only, to be judged.
+/// Window for the centre of `object` (the subject or a reference of a `between` relation) in which the subject can
+/// stand between the references, as opposite corners; `None` while too few of the other centres are known. Proposals
+/// only, to be judged.
 pub(crate) fn window(
     object: usize,
     [subject, one, other]: [usize; 3],
@@ -43,7 +44,8 @@ pub(crate) fn window(
 /// no free space, the region closest to it.
 pub(crate) fn free_window(one: &Aabb, other: &Aabb, size: DVec3) -> [DVec2; 2] {
     let apart = (one.min - other.max).max(other.min - one.max).truncate();
-    // Centre of the free strip along each axis on which the bounds are apart, otherwise of both bounds.
+    // Centre of the free strip along an axis on which the bounds are apart; otherwise the centre of both bounds is
+    // used.
     let strip = (one.max.min(other.max) + one.min.max(other.min)).truncate() * 0.5;
     let middle = (one.center() + other.center()).truncate() * 0.5;
     let spread = MIDPOINT_SHARE * one.center().truncate().distance(other.center().truncate());

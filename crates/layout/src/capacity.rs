@@ -14,13 +14,13 @@ use crate::context::Context;
 
 /// Objects that exceed the capacity of one surface or container.
 pub(crate) struct Overfull {
-    /// The largest object.
+    /// Index of the largest of the objects.
     pub object: usize,
-    /// Indices of their support edges.
+    /// Indices of the support edges of these objects.
     pub edges: Vec<usize>,
 }
 
-/// First surface or container whose capacity is exceeded; `scene` contains all objects.
+/// First surface or container whose capacity is exceeded, `None` if there is none; `scene` contains all objects.
 pub(crate) fn overfull(context: &Context, scene: &PosedScene) -> Option<Overfull> {
     let nodes = context.task.scene_graph.nodes.len();
     let grounds = (0..context.world.surfaces.len()).map(|ground| (None, ground));
@@ -50,7 +50,7 @@ pub(crate) fn overfull(context: &Context, scene: &PosedScene) -> Option<Overfull
     })
 }
 
-/// Available area on a surface [m²].
+/// Available area on a surface, dilated by half the gap [m²].
 fn surface_area(context: &Context, ground: usize, gap: f64) -> f64 {
     let settings = context.settings;
     let area = context.area(ground, context.world.workspace.within(settings.wide_x_m, settings.wide_y_m));
@@ -58,7 +58,8 @@ fn surface_area(context: &Context, ground: usize, gap: f64) -> f64 {
     rectangle(DVec2::new(x, y), gap)
 }
 
-/// Total area of an object's cavities [m²]; the bounding box of cavities that are not boxes.
+/// Total area of an object's cavities, each dilated by half the gap [m²]; cavities that are not boxes count with their
+/// bounding box.
 fn cavity_area(context: &Context, carrier: usize, gap: f64) -> f64 {
     let cavities = context.models[carrier].cavities(&context.joints[carrier]);
     let size = |piece| Aabb::from_pieces(&Pose::IDENTITY, [piece]).size().truncate();
@@ -69,7 +70,7 @@ fn rectangle(size: DVec2, gap: f64) -> f64 {
     dilated_area(&[DVec2::ZERO, DVec2::new(size.x, 0.0), size, DVec2::new(0.0, size.y)], gap)
 }
 
-/// Area of a convex outline dilated by half a gap (Steiner's formula).
+/// Area of a convex outline dilated by half a gap (Steiner's formula) [m²].
 fn dilated_area(outline: &[DVec2], gap: f64) -> f64 {
     let sides = || outline.iter().zip(outline.iter().cycle().skip(1));
     let area = 0.5 * sides().map(|(a, b)| a.perp_dot(*b)).sum::<f64>().abs();
@@ -88,7 +89,7 @@ mod tests {
         let dilated = 0.2 * 0.2 + 4.0 * 0.2 * 0.01 + PI * 0.01 * 0.01;
         assert!((dilated_area(&square, 0.02) - dilated).abs() < 1e-12);
         assert!((rectangle(DVec2::splat(0.2), 0.02) - dilated).abs() < 1e-12);
-        // Four squares with gaps in two rows fill a square exactly, except for its corners.
+        // Four squares with gaps, in two rows, need exactly the dilated large square except for its rounded corners.
         let needed = 4.0 * dilated_area(&square, 0.02);
         assert!(needed <= rectangle(DVec2::splat(0.42), 0.02) && needed > rectangle(DVec2::splat(0.41), 0.02));
     }

@@ -12,11 +12,12 @@ pub(crate) const ORIGIN: usize = 0;
 #[derive(Clone, Debug)]
 pub(crate) struct Network {
     count: usize,
-    /// `upper[a * count + b]`: upper bound of `b - a`.
+    /// `upper[a * count + b]`: upper bound of `b - a`; infinite without a bound.
     upper: Vec<f64>,
-    /// Edge that imposed a bound, if any.
+    /// Index of the edge that imposed a bound; `None` for bounds of the table, derived bounds and no bound. Layout as
+    /// `upper`.
     cause: Vec<Option<usize>>,
-    /// Intermediate coordinate of a derived bound.
+    /// Coordinate through which a derived bound was found; `None` for a given bound. Layout as `upper`.
     via: Vec<Option<usize>>,
 }
 

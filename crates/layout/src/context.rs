@@ -33,7 +33,7 @@ pub(crate) struct Context<'a> {
     pub goal_sides: Vec<(Vec<Atom>, Vec<usize>)>,
     /// Minimum gap between a distractor and other objects in the current attempt (m).
     pub distractor_gap_m: f64,
-    /// The robot, which may occlude objects.
+    /// Model of the robot, which may occlude objects.
     pub robot: &'a Arc<RobotModel>,
     pub settings: &'a LayoutSettings,
     pub world: &'a World,
@@ -77,7 +77,7 @@ impl Context<'_> {
         }
     }
 
-    /// Id of an object in the scene: node id, or uid of a distractor.
+    /// Id of an object in the scene: its node's id, or the uid of a distractor.
     pub fn id(&self, object: usize) -> String {
         let node = self.task.scene_graph.nodes.get(object);
         node.map_or_else(|| self.models[object].card.uid.clone(), |node| node.id.clone())
@@ -103,8 +103,8 @@ impl Context<'_> {
         object >= self.task.scene_graph.nodes.len()
     }
 
-    /// Area for the bounds of objects on a surface: `area` for the table, the bounds of the top within its margin for
-    /// others.
+    /// Area in which the bounds of objects on a surface must lie: `area` for the table; for others the bounds of the
+    /// top, inset by its edge margin.
     pub fn area(&self, ground: usize, area: Workspace) -> Workspace {
         self.world.surfaces.get(ground).filter(|_| ground > 0).map_or(area, |surface| surface.area(0.0))
     }
@@ -114,7 +114,8 @@ impl Context<'_> {
         self.world.surfaces.get(ground).map_or(0.0, |surface| surface.top_center_m.z)
     }
 
-    /// Region of an object's centre allowed by a relation to a surface other than the table.
+    /// Region of an object's centre allowed by a relation to a surface other than the table; `None` if the relation
+    /// gives no region.
     pub fn surface_window(&self, relation: Relation, surface: usize, size: DVec3) -> Option<Window> {
         let bounds = self.world.surfaces.get(surface)?.slab_bounds();
         placement_window(relation, &bounds, size, self.relations)

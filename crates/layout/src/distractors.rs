@@ -5,10 +5,10 @@ use std::sync::Arc;
 use genmanip_core::{AssetRef, Atom, ObjectCard, Seed, Task, TaskKind};
 use rand::RngExt;
 
-/// Maximum horizontal extent of a distractor (m). Chosen: visible in the image but not in the way.
+/// Maximum horizontal extent of a distractor (m). Chosen: visible in the images but not in the way.
 const MAX_EXTENT_M: f64 = 0.2;
 
-/// Samples up to `count` different assets.
+/// Samples up to `count` different assets as distractors, in random order.
 pub(crate) fn sample(task: &Task, cards: &[ObjectCard], count: usize, seed: Seed) -> Vec<AssetRef> {
     let rng = &mut seed.fork("distractors").rng();
     let mut left: Vec<&ObjectCard> = cards.iter().filter(|card| fits(card) && is_harmless(card, task)).collect();
@@ -38,7 +38,7 @@ pub fn is_harmless(card: &ObjectCard, task: &Task) -> bool {
     !known().any(is_alike) && !serves_the_need && !described
 }
 
-/// True for an object that is small and has no joints.
+/// True for an object that is small enough and has no joints.
 fn fits(card: &ObjectCard) -> bool {
     card.size_m.truncate().max_element() <= MAX_EXTENT_M && !card.is_articulated
 }

@@ -8,7 +8,7 @@ use genmanip_sim::SimError;
 
 use crate::Rejections;
 
-/// Error of a layout.
+/// Reason why no layout was made.
 #[derive(Debug, thiserror::Error)]
 pub enum LayoutError {
     /// An object is missing from the catalogue or cannot be built.
@@ -27,23 +27,23 @@ pub enum LayoutError {
     /// An edge refers to an object that is not a node of the graph.
     #[error("edge `{edge}` refers to {id}, which is not a node of the scene graph")]
     NotANode {
-        /// The edge.
+        /// The edge as text.
         edge: String,
-        /// The object.
+        /// Id of the object that is not a node.
         id: String,
     },
     /// The task refers to a surface that the world does not have.
     #[error("the task needs surface `{id}`, but the world has {}", if known.is_empty() { "only a table".into() } else { known.join(", ") })]
     UnknownSurface {
-        /// The surface.
+        /// Unknown id of the surface.
         id: String,
-        /// Surfaces of the world besides the table.
+        /// Ids of the world's surfaces besides the table.
         known: Vec<String>,
     },
     /// An object id equals the id of a surface of the world.
     #[error("object id `{id}` is also the id of a surface of the world")]
     ObjectLikeSurface {
-        /// The shared id.
+        /// Id of both the object and the surface.
         id: String,
     },
     /// The task's groups of interchangeable copies are invalid.
@@ -52,7 +52,7 @@ pub enum LayoutError {
     /// Objects support each other in a cycle.
     #[error("support cycle: {}", ids.join(" → "))]
     SupportCycle {
-        /// The objects that could not be ordered.
+        /// Ids of the objects that could not be ordered.
         ids: Vec<String>,
     },
     /// Grasps of an object were tested with different physics; a defect, independent of the task.
@@ -70,11 +70,11 @@ pub enum LayoutError {
     Infeasible {
         /// Id of the task.
         task: String,
-        /// Number of whole layouts tried.
+        /// Number of layouts begun from scratch; 0 if the task was rejected before.
         restarts: usize,
         /// Rejections by reason.
         rejections: Rejections,
-        /// The attempt that placed most objects.
+        /// The attempt that placed most objects; `None` if no attempt got stuck during placement.
         furthest: Option<Box<Unfinished>>,
     },
 }

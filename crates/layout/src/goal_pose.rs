@@ -12,21 +12,21 @@ use crate::moves::{Move, references};
 use crate::placement::lower_onto;
 use crate::settings::GoalPoseSettings;
 
-/// A goal pose and its support.
+/// A goal pose and the object below it.
 #[derive(Clone, Debug)]
 pub struct GoalPose {
     /// `world_from_object` at rest.
     pub world_from_object: Pose,
     /// Index of the supporting or containing object; `None` for the table and other surfaces.
     pub support: Option<usize>,
-    /// Bounds of the object at the goal.
+    /// Bounds of the object at the goal, world frame.
     pub bounds: Aabb,
 }
 
 /// Distance between an object and the edge of its support (m). Chosen larger than the arm's placement error.
 const EDGE_M: f64 = 0.01;
 
-/// Samples of the check that a later move has space; chosen: a fifth of the samples of a move itself.
+/// Number of samples when checking that a later move has space. Chosen: a fifth of the samples of a move itself.
 const LATER_SAMPLES: usize = 120;
 
 /// Minimum freedom on a carrier along each axis (m), and the usable share of a cavity. Chosen because cavities are
@@ -42,18 +42,18 @@ const RELEASE_GAP_M: f64 = 0.0005;
 /// Tolerance for the top of a lower object above this object's bottom (m). Chosen larger than contact penetration.
 const BELOW_TOLERANCE_M: f64 = 0.002;
 
-/// Search for goal poses.
+/// Search for goal poses of a move in one scene.
 #[derive(Clone, Copy, Debug)]
 pub struct GoalSearch<'a> {
     /// Scene at the current poses.
     pub scene: &'a PosedScene,
-    /// Upright orientation of each object; goal poses add a yaw.
+    /// Upright orientation of each object in the world; goal poses add a yaw.
     pub upright: &'a [DQuat],
-    /// Workspace on the table.
+    /// Usable part of the table, for goals on it.
     pub workspace: &'a Workspace,
-    /// Relation settings.
+    /// Thresholds of the relations.
     pub relations: &'a RelationSettings,
-    /// Search settings.
+    /// Limits and margins of the search.
     pub settings: &'a GoalPoseSettings,
     /// Order of the samples and of the goal poses found.
     pub order: GoalOrder,
@@ -64,15 +64,15 @@ pub struct GoalSearch<'a> {
 pub enum GoalOrder {
     /// Random samples; largest margins first.
     Margin,
-    /// From the middle of the goal region outwards and from the object's heading on, the same for equal regions; then
-    /// random samples. Nearest to the middle first.
+    /// Half of the samples spiral from the middle of the goal region outwards with the same offsets and headings for
+    /// every seed, starting with the current heading; the rest are random. Goal poses nearest to the middle come first.
     Middle,
 }
 
-/// Sample of a goal pose in its region.
+/// Position of a sample in the goal region.
 #[derive(Clone, Copy)]
 enum Place {
-    /// Random; on a carrier within this share of the distance from its centre.
+    /// Random; over the top of a carrier at most `spread.sqrt()` of the way from its centre to the rim.
     Random { spread: f64 },
     /// Offset from the middle, as a share of the half region along each axis.
     At(DVec2),
@@ -80,11 +80,11 @@ enum Place {
 
 /// Turns of a sample around the middle of the region (rad): the golden angle, for which samples cover it evenly.
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
-/// Headings that are tried beside the object's own when sampling from the middle outwards.
+/// Number of headings tried besides the object's own when sampling from the middle outwards.
 const HEADINGS: usize = 8;
 
 impl GoalSearch<'_> {
-    /// Samples up to `settings.count` goal poses for a move, in the order that is set.
+    /// Samples up to `settings.count` goal poses for a move, in the order `self.order`.
     ///
     /// Every atom of the move holds, directional ones with `settings.margin_m`. Only `usable` poses count, with
     /// `settings.clearance_m` to everything but the support. Objects of `later` moves on the same support still find
@@ -93,7 +93,8 @@ impl GoalSearch<'_> {
         let rng = &mut seed.rng();
         let mut after = self.scene.clone();
         let base = self.base_of(step);
-        // An object placed on a surface is beside the objects there, as on the table.
+        // An object placed on a surface is beside the objects there, as on the table, so the surface does not count as
+        // its support.
         let support = base.filter(|&base| self.scene.surface_at(base).is_none());
         let beside: Vec<&Move> = later.iter().filter(|other| base.is_some() && self.base_of(other) == base).collect();
         let (mut found, mut blocking): (Vec<(f64, GoalPose)>, Vec<_>) = (Vec::new(), Vec::new());
@@ -136,7 +137,7 @@ impl GoalSearch<'_> {
         found.into_iter().map(|(_, goal)| goal).collect()
     }
 
-    /// Place and heading (rad, relative to the object's own) of a sample.
+    /// Position and heading (rad, relative to the current one) of sample number `draw`.
     fn sample(&self, draw: usize, rng: &mut impl Rng) -> (Place, f64) {
         let (draws, is_turned) = (self.settings.draws, !draw.is_multiple_of(2));
         let half = draws / 2;
@@ -147,12 +148,12 @@ impl GoalSearch<'_> {
             let offset = radius * DVec2::from_angle(GOLDEN_ANGLE * index as f64);
             return (Place::At(offset), if is_turned { turn } else { 0.0 });
         }
-        // The current heading first: most objects need not be rotated.
+        // Every second sample keeps the current heading: most objects need not be rotated.
         let turn = if is_turned { rng.random_range(0.0..TAU) } else { 0.0 };
         (Place::Random { spread: draw as f64 / draws as f64 }, turn)
     }
 
-    /// True if all moves find goal poses in sequence.
+    /// True if each of several moves, in sequence, finds a goal pose.
     fn have_space(&self, scene: &PosedScene, steps: &[&Move], seed: Seed) -> bool {
         let settings = GoalPoseSettings { count: 1, draws: LATER_SAMPLES, ..self.settings.clone() };
         let mut scene = scene.clone();
@@ -166,7 +167,7 @@ impl GoalSearch<'_> {
         })
     }
 
-    /// Index of the support of a move; `None` for the table.
+    /// Index of the object or surface that supports a move's object at the goal; `None` for the table.
     fn base_of(&self, step: &Move) -> Option<usize> {
         step.atoms.iter().find_map(|atom| match atom {
             Atom::Relation { relation, reference, .. } if relation.is_support() => self.scene.index_of(reference),
@@ -235,8 +236,8 @@ impl GoalSearch<'_> {
         surface.is_none_or(|surface| surface.is_over_top(outline.iter().copied(), EDGE_M))
     }
 
-    /// True if nothing but its carrier, and the supports of that, is near the object in the plane, and no surface or
-    /// board is beside it.
+    /// True if no object but the carrier and the carrier's own supports is near the object in the plane, and no surface
+    /// or board is beside it.
     fn is_free(&self, after: &PosedScene, moved: usize, support: Option<usize>) -> bool {
         if after.hits_surface(moved, self.settings.clearance_m) {
             return false;
@@ -256,8 +257,8 @@ impl GoalSearch<'_> {
     }
 }
 
-/// Required normalised margin: directional relations, `near` and `between` need one; support and containment have their
-/// own measure.
+/// Required normalised margin of an atom: `settings.margin_m` for directional relations, `near` and `between`; 0 for
+/// support and containment, which have criteria of their own.
 fn margin(atom: &Atom, settings: &GoalPoseSettings) -> f64 {
     match atom {
         Atom::Relation { relation, .. } if !relation.is_support() => Unit::Metre.normalise(settings.margin_m),
@@ -265,7 +266,7 @@ fn margin(atom: &Atom, settings: &GoalPoseSettings) -> f64 {
     }
 }
 
-/// Samples a point above the carrier for the object's centre: in its cavity, or over its top.
+/// Samples the xy position of the object's centre above the carrier: over its cavity, or over its top.
 fn point_over(carrier: &PosedObject, object: &PosedObject, rotation: DQuat, place: Place, rng: &mut impl Rng) -> DVec2 {
     // Bounds are tightest in a frame aligned with the carrier.
     let ahead = carrier.pose.transform_vector(DVec3::X);
@@ -286,7 +287,7 @@ fn point_over(carrier: &PosedObject, object: &PosedObject, rotation: DQuat, plac
         (Place::Random { .. }, true) => {
             USABLE_CAVITY_SHARE * DVec2::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0))
         }
-        // Uniform over a disc, since round objects have no corners to stand on.
+        // Uniform over a disc, so that an object does not end up over the missing corners of a round top.
         (Place::Random { spread }, false) => {
             spread.sqrt() * DVec2::from_angle(rng.random_range(0.0..TAU)) * rng.random::<f64>().sqrt()
         }

@@ -71,17 +71,17 @@ const MAX_UNREACHABLE_STATES: usize = 15;
 /// Phase of a layout attempt, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Phase {
-    /// Building models and parsing the graph.
+    /// Builds models and reads the graph.
     Preparing,
-    /// Sampling candidate poses.
+    /// Samples poses of the objects.
     Placing,
-    /// Simulation.
+    /// Simulates the layout until it is at rest.
     Settling,
-    /// Evaluating edges, states and goal.
+    /// Evaluates edges, states and goal of the settled layout.
     Judging,
-    /// Checking grasps and free space at the goal.
+    /// Checks grasps and free space at the goal.
     Reaching,
-    /// Checking visibility.
+    /// Checks the visibility of the task's objects.
     Seeing,
 }
 
@@ -201,7 +201,7 @@ pub fn lay_out_observed(
     Err(LayoutError::Infeasible { task: task.id.clone(), restarts, rejections, furthest })
 }
 
-/// Error for a task whose objects cannot fit, reported like a failed search.
+/// Error for a task whose objects cannot fit, in the form of a failed search.
 fn overfull_error(
     context: &mut Context,
     overfull: &capacity::Overfull,
@@ -219,7 +219,7 @@ fn overfull_error(
     LayoutError::Infeasible { task: context.task.id.clone(), restarts: 0, rejections, furthest }
 }
 
-/// Settles a layout and validates it; returns the reason for a rejection.
+/// Settles a layout and validates it; the error is the reason for a rejection.
 fn accept(
     context: &Context,
     scene: &mut PosedScene,
@@ -258,7 +258,7 @@ fn accept(
     if let Some(reason) = first_hidden.map_err(|error| AttemptError::Defect(error.into()))? {
         return Err(reason.into());
     }
-    // Last, because it is slow and rarely rejects.
+    // The stability check comes last, because it is slow and rarely rejects.
     begin(Phase::Settling);
     audit::check_stability(scene, world, settings)
 }
@@ -308,7 +308,7 @@ fn grounds(edges: &[(Atom, Vec<usize>)], count: usize, world: &World) -> Vec<usi
     };
     let supports: Vec<_> = edges.iter().filter_map(of_edge).collect();
     let ground = |mut object: usize| {
-        // Cycles are reported elsewhere; this loop only has to end.
+        // Support cycles are reported elsewhere; here the limit only makes the loop end.
         for _ in 0..count {
             match supports.iter().find(|(subject, ..)| *subject == object) {
                 Some((_, Some(surface), _)) => return *surface,
@@ -321,7 +321,7 @@ fn grounds(edges: &[(Atom, Vec<usize>)], count: usize, world: &World) -> Vec<usi
     (0..count).map(ground).collect()
 }
 
-/// Edges of the graph with the node indices of their objects, subject first, without surfaces.
+/// Edges of the graph with the node indices of their objects, subject first; surfaces get no index.
 fn indexed_edges(task: &Task) -> Result<Vec<(Atom, Vec<usize>)>, LayoutError> {
     let graph = &task.scene_graph;
     let index_of = |id: &String, edge: &Atom| {
@@ -402,7 +402,7 @@ fn goal_sides(task: &Task, goal: &Goal) -> Vec<(Vec<Atom>, Vec<usize>)> {
         .collect()
 }
 
-/// Joint positions of the object's initial state.
+/// Joint positions of an object's initial state, which are all 0 without a state.
 fn initial_joints(task: &Task, object: usize, model: &ObjectModel) -> Vec<f64> {
     let state = task.scene_graph.nodes.get(object).and_then(|node| node.state.as_deref());
     state
@@ -418,7 +418,7 @@ fn keep_furthest(furthest: &mut Option<Partial>, partial: Option<Partial>) {
     }
 }
 
-/// Layout without the conflicting edges, for the error report.
+/// Layout of all objects without the conflicting edges, for the error report.
 fn without_conflicts(
     context: &mut Context,
     seed: Seed,
@@ -443,7 +443,7 @@ fn without_conflicts(
     unfinished(context, &Partial { scene, placed: (0..nodes).collect(), stuck: indices.first().copied() }, assets)
 }
 
-/// State of a failed attempt when it got stuck.
+/// Partial layout of a failed attempt with the object that could not be placed; `None` if no object is stuck.
 fn unfinished(context: &Context, partial: &Partial, assets: &dyn AssetSource) -> Option<Unfinished> {
     let stuck = partial.stuck?;
     let objects: Vec<&PosedObject> = partial.scene.objects().collect();

@@ -29,7 +29,8 @@ pub fn moves(goal: &Goal, scene: &PosedScene) -> Vec<Vec<Move>> {
     goal.alternatives.iter().filter_map(|atoms| moves_of(atoms, scene)).filter(|moves| !moves.is_empty()).collect()
 }
 
-/// Groups atoms by object and orders the moves so that references are placed first.
+/// Groups atoms by object and orders the moves so that references are placed first; `None` if an object is not in the
+/// scene.
 fn moves_of(atoms: &[Atom], scene: &PosedScene) -> Option<Vec<Move>> {
     let mut pending: Vec<Move> = Vec::new();
     for atom in atoms {
@@ -40,7 +41,7 @@ fn moves_of(atoms: &[Atom], scene: &PosedScene) -> Option<Vec<Move>> {
             None => pending.push(Move { object, atoms: vec![atom.clone()] }),
         }
     }
-    // A goal that fills a closed container implies opening it.
+    // A goal with an object inside a closed container implies opening the container.
     let is_inside = |atom: &Atom, object: usize| match atom {
         Atom::Relation { relation, reference, .. } => relation.is_inside() && scene.index_of(reference) == Some(object),
         Atom::State { .. } => false,
@@ -56,7 +57,7 @@ fn moves_of(atoms: &[Atom], scene: &PosedScene) -> Option<Vec<Move>> {
     let mut ordered: Vec<Move> = Vec::new();
     while !pending.is_empty() {
         let must_wait = |candidate: &Move| pending.iter().any(|other| comes_first(other, candidate, scene));
-        // In a cycle of references take the first move.
+        // In a cycle of references, no move can precede all others, so the first one is taken.
         let next = pending.iter().position(|candidate| !must_wait(candidate)).unwrap_or(0);
         ordered.push(pending.remove(next));
     }

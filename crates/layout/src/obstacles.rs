@@ -12,7 +12,7 @@ const MIN_SUCCESS_RATE: f64 = 0.8;
 pub fn around(scene: &PosedScene, without: Option<usize>) -> CollisionWorld {
     let mut world = CollisionWorld::new();
     for surface in scene.surfaces() {
-        // A checked world's boxes and finite poses are always accepted.
+        // Boxes of a validated world and finite poses cannot be rejected.
         let _ = world.add(&surface.id, &surface.pieces(), &surface.world_from_surface());
     }
     for (index, object) in scene.objects().enumerate() {
@@ -74,8 +74,8 @@ pub fn generated_grasps(
     with_target(planner, scene, object, |target| planner.grasps(target, seed.fork("grasps")))
 }
 
-/// Grasps (object frame) turned about the vertical as near to a tool orientation (world frame) as that gets, where the
-/// object is round, and that still fit; the others unchanged.
+/// Grasps (object frame) on a round object, turned about the vertical as near to a tool orientation (world frame) as
+/// possible if they then still fit; other grasps unchanged.
 ///
 /// # Errors
 /// Fails if a collision piece is not finite or has no volume.

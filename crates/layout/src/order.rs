@@ -13,14 +13,14 @@ pub(crate) struct Step {
     pub object: usize,
     /// Index of the supporting or containing object and the relation; `None` for the table and other surfaces.
     pub support: Option<(usize, Relation)>,
-    /// Index of the support edge, which may refer to a surface.
+    /// Index of the support edge in `edges`, which may refer to a surface; `None` for an object on the table.
     pub support_edge: Option<usize>,
 }
 
-/// Objects in topological order of support, each after related objects if possible; subjects of `between` come after
-/// their references.
+/// Placement steps in topological order of support, each after related objects if possible; subjects of `between` come
+/// after their references.
 ///
-/// `edges` are the graph's edges with the indices of their objects, subject first, without surfaces.
+/// `edges` are the graph's edges with the indices of their objects, subject first; surfaces have no index.
 ///
 /// # Errors
 /// [`LayoutError::SupportCycle`] with the ids of the objects that could not be ordered.

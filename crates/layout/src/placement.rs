@@ -44,17 +44,17 @@ const LAST_BLOCKER_PROBABILITY: f64 = 0.6;
 /// Position of objects not placed yet, along x (m); far from any table.
 const PARKED_M: f64 = -10.0;
 
-/// A partial layout.
+/// A layout in which only some objects are placed.
 #[derive(Clone, Debug)]
 pub(crate) struct Partial {
     pub scene: PosedScene,
     /// Indices of placed objects, in placement order.
     pub placed: Vec<usize>,
-    /// Index of the object without a valid pose.
+    /// Index of the object without a valid pose; `None` if all objects have one.
     pub stuck: Option<usize>,
 }
 
-/// Places all objects; returns the partial layout if some object has no valid pose.
+/// Places all objects; the error is the partial layout with the object that has no valid pose.
 pub(crate) fn place_all(
     context: &Context,
     seed: Seed,
@@ -117,7 +117,7 @@ struct Search<'a> {
     sampled: SampledLayout,
     scene: PosedScene,
     placed: Vec<usize>,
-    /// Indices of the objects that blocked the current object.
+    /// Indices of the placed objects that prevented a pose of the current object.
     blockers: Vec<usize>,
     /// Visibility check, created on first use.
     visibility: Option<VisibilityCheck<'a>>,
@@ -161,7 +161,7 @@ impl<'a> Search<'a> {
         false
     }
 
-    /// Feasible region of the object's centre, as opposite corners.
+    /// Feasible region of the object's centre, as opposite corners; `None` if it is empty.
     fn window(&self, object: usize) -> Option<[DVec2; 2]> {
         let centers = || self.placed.iter().map(|&other| (other, self.center(other)));
         let x = self.sampled.x.range(object, centers().map(|(other, center)| (other, center.x)));
@@ -177,12 +177,12 @@ impl<'a> Search<'a> {
                 }
             }
         }
-        // Rounding may make a single-point interval slightly negative.
+        // Rounding may make the ends of a single-point interval swap.
         let (near, far) = (low.min(high), low.max(high));
         ((near - low).abs().max_element() < 1e-9).then_some([near, far])
     }
 
-    /// Centre of a placed object's bounds.
+    /// Centre of a placed object's bounds in the table plane (m).
     fn center(&self, object: usize) -> DVec2 {
         self.scene.bounds(object).map_or(DVec2::ZERO, |bounds| bounds.center().truncate())
     }
@@ -202,7 +202,7 @@ impl<'a> Search<'a> {
                 let height = context.height(context.grounds[object]);
                 let bounds = moved_to(&oriented.bounds, center, height);
                 let pose = oriented.pose(center, height);
-                // The bounds alone reject most candidates.
+                // Bounds that certainly overlap reject most candidates cheaply.
                 if let Some(blocker) = self.neighbour(object, &bounds, None) {
                     return self.reject_for(object, blocker, rejections);
                 }
@@ -212,7 +212,8 @@ impl<'a> Search<'a> {
                 let Some(bottom) = self.bottom_on(carrier, &support_region) else { return false };
                 let pose = oriented.pose(center, bottom);
                 self.put(object, pose);
-                // Check neighbours on the same carrier first: lowering is expensive, and they reject most candidates.
+                // Neighbours on the same carrier are checked first: lowering is expensive, and they reject most
+                // candidates.
                 let beside = |&other: &usize| context.support_of(other) == Some(carrier);
                 let gap = |other| context.gap(object, other);
                 let blocker = self.placed.iter().copied().filter(|other| beside(other));
@@ -261,7 +262,7 @@ impl<'a> Search<'a> {
 
     fn reject_for(&mut self, object: usize, blocker: usize, rejections: &mut Rejections) -> bool {
         rejections.count(Rejection::TooClose);
-        // On a carrier, its support edges are responsible.
+        // Objects on a carrier are too close because of their support edges, which therefore count as conflicting.
         for step in self.context.steps.iter().filter(|step| step.object == object || step.object == blocker) {
             if let Some(edge) = step.support_edge {
                 rejections.blame(&self.context.edges[edge].0);
@@ -271,7 +272,8 @@ impl<'a> Search<'a> {
         false
     }
 
-    /// Initial height of an object above its carrier, or in a covered cavity.
+    /// Height of an object's underside before it is lowered onto its carrier, or in a covered cavity (m); `None` for an
+    /// unknown carrier.
     fn bottom_on(&self, carrier: usize, support_region: &SupportRegion) -> Option<f64> {
         let posed = self.scene.objects().nth(carrier)?;
         let bounds = self.scene.bounds(carrier)?;
@@ -282,8 +284,8 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// First placed object that is too close: by bounds alone (certain overlap), or exactly if a scene with the object
-    /// is given.
+    /// First placed object that is too close, by bounds alone (certain overlap), or exactly if a scene with the object
+    /// is given; `None` if all are far enough.
     fn neighbour(&self, object: usize, bounds: &Aabb, scene: Option<&PosedScene>) -> Option<usize> {
         let context = self.context;
         self.placed.iter().copied().find(|&other| {
@@ -319,7 +321,7 @@ impl<'a> Search<'a> {
             let Atom::Relation { relation, .. } = atom else { continue };
             let unknown = |index: &&usize| **index != object && !self.placed.contains(index);
             let holds = match (relation, indices.iter().find(unknown)) {
-                // Evaluated after settling.
+                // Support relations are judged after settling.
                 (relation, _) if relation.is_support() => true,
                 (_, None) => {
                     let verdict = judge_atom(&self.scene, atom, context.relations);
@@ -362,7 +364,8 @@ impl<'a> Search<'a> {
         true
     }
 
-    /// True if the objects moved by the sampled goal alternative have free space on the table.
+    /// True if some position on the table in the goal regions of the sampled goal alternative is free for each moved
+    /// object.
     fn goal_has_space(&mut self, rng: &mut impl Rng, rejections: &mut Rejections) -> bool {
         self.blockers.clear();
         let regions = self.sampled.alternative.and_then(|index| self.context.goal_regions.get(index));
@@ -423,7 +426,7 @@ impl<'a> Search<'a> {
         NamedObject { id: node.map_or(uid, |node| &node.id).clone(), name: name.clone() }
     }
 
-    /// Adds all placed objects related to this one to the blockers.
+    /// Adds all placed objects that share an edge or a bound with this one to the blockers.
     fn block_relatives(&mut self, object: usize) {
         let is_related = |&other: &usize| {
             self.sampled.x.are_related(object, other)
@@ -451,13 +454,14 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Translates bounds to a centre and a bottom height.
+/// Bounds translated to a centre in the plane and a height of the underside (m).
 fn moved_to(bounds: &Aabb, center: DVec2, height: f64) -> Aabb {
     let by = (center - bounds.center().truncate()).extend(height - bounds.min.z);
     Aabb { min: bounds.min + by, max: bounds.max + by }
 }
 
-/// Lowers an object onto the one below until `gap` metres remain; false if it is not above it.
+/// Lowers (or raises) an object until its vertical gap to the carrier is `gap` (m); false if it is not above the
+/// carrier.
 pub(crate) fn lower_onto(
     scene: &mut PosedScene,
     object: usize,

@@ -14,20 +14,20 @@ use crate::obstacles;
 use crate::rejection::{NamedObject, Rejection};
 use crate::settings::LayoutSettings;
 
-/// Joint positions of objects in requested states; `None` if the arm cannot reach the state.
+/// Joint positions of objects, by index, in requested states; `None` if the arm cannot bring the object into the state.
 type ReachableStates = BTreeMap<(usize, String), Option<Vec<f64>>>;
 
-/// The feasibility check of a goal and its inputs.
+/// Feasibility check of a goal.
 pub struct ReachCheck<'a> {
-    /// The settled layout.
+    /// Scene with all objects at rest.
     pub scene: &'a PosedScene,
     /// Workspace and relation settings.
     pub world: &'a World,
-    /// Planner of the robot.
+    /// Planner for the robot of the world.
     pub planner: &'a Planner,
-    /// Layout settings.
+    /// Settings for grasps, goal poses and joint motions.
     pub settings: &'a LayoutSettings,
-    /// Known grasps of each object.
+    /// Known grasps of each object, in the order of the scene.
     pub known_grasps: &'a [&'a [VerifiedGrasp]],
     /// Random stream of this attempt.
     pub seed: Seed,
@@ -46,12 +46,12 @@ impl ReachCheck<'_> {
         reason
     }
 
-    /// First obstacle to a sequence of moves; cheap checks first.
+    /// First reason why a sequence of moves is infeasible, `None` if it is feasible; cheap checks come first.
     fn obstacle(&self, steps: &[Move], reachable_state: &mut ReachableStates) -> Option<Rejection> {
         self.ungraspable(steps).or_else(|| self.infeasible_move(steps, reachable_state))
     }
 
-    /// First object to be carried that cannot be grasped.
+    /// Rejection for the first object to be carried that cannot be grasped; `None` if all can.
     pub fn ungraspable(&self, steps: &[Move]) -> Option<Rejection> {
         let occupied = obstacles::around(self.scene, None);
         steps.iter().filter(|step| step.state().is_none()).find_map(|step| {
@@ -67,7 +67,7 @@ impl ReachCheck<'_> {
         })
     }
 
-    /// First object of a sequence of moves whose state is unreachable or that has no goal pose.
+    /// Rejection for the first object whose state is unreachable or that has no goal pose; `None` if there is none.
     pub fn infeasible(&self, steps: &[Move]) -> Option<Rejection> {
         self.infeasible_move(steps, &mut ReachableStates::new())
     }

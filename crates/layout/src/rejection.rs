@@ -6,7 +6,7 @@ use std::fmt;
 use genmanip_core::Atom;
 use genmanip_relations::PosedObject;
 
-/// Maximum number of reasons in a message.
+/// Maximum number of different reasons in a message.
 const MAX_LISTED: usize = 4;
 
 /// Reason for rejecting a layout attempt.
@@ -32,7 +32,7 @@ pub enum Rejection {
     GoalHolds,
     /// The simulation became unstable; the text is its error message.
     Physics(String),
-    /// Objects do not come to rest within the settling time.
+    /// Objects do not come to rest within the time limit.
     NoRest,
     /// An object moves too far while settling.
     Slides(NamedObject),
@@ -48,18 +48,18 @@ pub enum Rejection {
     Drifts(NamedObject),
     /// The arm cannot bring an object into a goal state.
     UnreachableState {
-        /// The object.
+        /// Object whose state the goal changes.
         object: NamedObject,
-        /// The state.
+        /// Goal state that the arm cannot set.
         state: String,
     },
     /// No grasp of an object is reachable.
     NoGrasp(NamedObject),
     /// Grasp sampling fails on the object's geometry; the text is its error message.
     NoGraspGeometry {
-        /// The object.
+        /// Object without grasps.
         object: NamedObject,
-        /// Error message.
+        /// Error message of the grasp sampler.
         reason: String,
     },
     /// No prompt camera sees enough of an object.
@@ -69,13 +69,13 @@ pub enum Rejection {
 /// Id and name of an object in a rejection.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct NamedObject {
-    /// Id in the scene.
+    /// Id of the object in the scene.
     pub id: String,
-    /// Display name.
+    /// Display name, e.g. `Red Mug`.
     pub name: String,
 }
 
-/// Rejection counts and conflicting edges.
+/// Number of rejections by reason, and of conflicts by edge.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Rejections {
     reasons: BTreeMap<Rejection, usize>,
@@ -83,7 +83,7 @@ pub struct Rejections {
 }
 
 impl Rejections {
-    /// Counts a rejection.
+    /// Adds a rejection to the number of its reason.
     pub fn count(&mut self, reason: Rejection) {
         *self.reasons.entry(reason).or_default() += 1;
     }

@@ -10,8 +10,8 @@ use rand::{Rng, RngExt};
 use crate::constraint_network::{Network, ORIGIN};
 use crate::context::Context;
 
-/// Headings tried until an object fits into its container. Chosen: a box that fits at a quarter of all headings is
-/// missed once in a thousand samples.
+/// Maximum number of headings tried until an object fits into its container. Chosen: a box that fits at a quarter of
+/// all headings is missed once in a thousand samples.
 const MAX_HEADINGS: usize = 24;
 
 /// Maximum yaw of an articulated object from facing the robot (rad). Chosen so that its doors stay in reach.
@@ -35,27 +35,27 @@ pub(crate) struct SampledLayout {
     pub objects: Vec<OrientedObject>,
     pub x: Network,
     pub y: Network,
-    /// Goal alternative for which space is kept.
+    /// Index of the goal alternative for whose objects space is kept; `None` for none.
     pub alternative: Option<usize>,
 }
 
-/// An object with its sampled heading.
+/// An object with its sampled heading; all boxes have the object's origin at the world's origin.
 #[derive(Clone, Debug)]
 pub(crate) struct OrientedObject {
     pub yaw: f64,
-    /// Bounds with the object's origin at the world's.
+    /// Bounds of the object.
     pub bounds: Aabb,
-    /// Cavities with the object's origin at the world's.
+    /// Bounds of the cavities.
     cavities: Vec<Aabb>,
-    /// Supporting body, with the object's origin at the world's; without moving links.
+    /// Bounds of the root link, which can support other objects; moving links cannot.
     body: Aabb,
-    /// True if its cavities may be covered.
+    /// True for an articulated object, whose cavities may be covered from above.
     is_articulated: bool,
-    /// Support region on its carrier.
+    /// Region of the carrier over which this object is placed; `None` on the table or another surface.
     pub support_region: Option<SupportRegion>,
 }
 
-/// Support region on or in a carrier, with the carrier's origin at the world's.
+/// Region on or in a carrier for the bounds of an object, with the carrier's origin at the world's.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SupportRegion {
     pub area: Aabb,
@@ -63,7 +63,7 @@ pub(crate) struct SupportRegion {
     pub covered: bool,
 }
 
-/// Indices of contradicting edges.
+/// Contradiction between relations: the indices of their edges.
 pub(crate) struct Contradiction(pub Vec<usize>);
 
 impl SampledLayout {
@@ -125,7 +125,7 @@ impl SampledLayout {
                 both(ORIGIN, step.object + 1, [0.0, most], [-most, most], None);
             }
         }
-        // Goal regions must have space on the table and in reach.
+        // Goal regions must have space on the table and within the robot's reach.
         let regions = self.alternative.map_or(&[][..], |index| &context.goal_regions[index]);
         for (number, region) in regions.iter().enumerate() {
             let at = context.models.len() + number + 1;
@@ -180,7 +180,7 @@ impl SampledLayout {
 }
 
 impl OrientedObject {
-    /// Samples a heading; `None` if the object fits into its container at none of those tried.
+    /// Samples a heading; `None` if the object does not fit into its container at any heading tried.
     fn sample(
         context: &Context,
         object: usize,
@@ -222,13 +222,14 @@ impl OrientedObject {
         None
     }
 
-    /// Pose with the centre of the bounds at a point.
+    /// World pose with the bounds' centre at `center` and their underside at height `bottom` (m).
     pub fn pose(&self, center: DVec2, bottom: f64) -> Pose {
         let offset = self.bounds.center().truncate();
         Pose::from_position_yaw((center - offset).extend(bottom - self.bounds.min.z), self.yaw)
     }
 
-    /// Samples a support region on or in this carrier for an object with these bounds.
+    /// Samples a support region on or in this carrier for an object with these bounds; `None` if no cavity is large
+    /// enough.
     fn support_region_for(&self, relation: Relation, bounds: &Aabb, rng: &mut impl Rng) -> Option<SupportRegion> {
         let size = bounds.size();
         let fits = |cavity: &&Aabb| (cavity.size() - size).truncate().min_element() > CAVITY_CLEARANCE_M[0];
@@ -251,7 +252,8 @@ impl OrientedObject {
 }
 
 impl SupportRegion {
-    /// Maximum offset of an object's centre from the region's centre (m).
+    /// Maximum offset of an object's centre from the region's centre (m); `half` is half the size of the object's
+    /// bounds.
     fn max_offset(&self, half: DVec2) -> DVec2 {
         (self.area.size().truncate() * 0.5 - half - DVec2::splat(EDGE_M)).max(DVec2::ZERO) * USABLE_SHARE
     }

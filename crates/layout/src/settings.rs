@@ -11,15 +11,15 @@ use crate::articulation::JointSettings;
 pub struct LayoutSettings {
     /// Maximum number of attempts at a layout, complete or not, before the task is rejected.
     pub max_restarts: usize,
-    /// Maximum layouts that fail validation before the task is rejected.
+    /// Maximum number of complete layouts that fail validation before the task is rejected.
     pub max_unaccepted: usize,
-    /// Candidate poses per object and layout.
+    /// Number of candidate poses per object and layout.
     pub candidates_per_object: usize,
-    /// Maximum backtracking steps per layout.
+    /// Maximum number of backtracking steps per layout.
     pub max_retreats: usize,
     /// Minimum gap between footprints on the table (m); space for a finger.
     pub min_gap_m: f64,
-    /// The same on or in a carrier (m).
+    /// Minimum gap between footprints on or in a carrier (m).
     pub min_gap_on_carrier_m: f64,
     /// Number of distractors on the table.
     pub distractors: usize,
@@ -30,19 +30,19 @@ pub struct LayoutSettings {
     pub relation_margin_m: f64,
     /// Object area within the workspace: minimum and maximum x from the robot's base (m).
     pub x_m: [f64; 2],
-    /// Object area: minimum and maximum y (m).
+    /// Object area within the workspace: minimum and maximum y (m).
     pub y_m: [f64; 2],
-    /// The larger area used if a layout needs more space: x (m).
+    /// Larger object area, used if a layout needs more space: minimum and maximum x (m).
     pub wide_x_m: [f64; 2],
-    /// The larger area: y (m).
+    /// Larger object area: minimum and maximum y (m).
     pub wide_y_m: [f64; 2],
     /// Graspability criteria of objects to be moved.
     pub grasp: FeasibilitySettings,
-    /// Search for goal poses.
+    /// Search for goal poses when checking that the goal is feasible.
     pub goal_pose: GoalPoseSettings,
     /// Criteria for joints to be movable by the arm.
     pub joint: JointSettings,
-    /// Gap between an object and what is below it when settling starts (m).
+    /// Gap between an object and its support when settling starts (m).
     pub drop_m: f64,
     /// Maximum settling time [s, simulated].
     pub settle_s: f64,
@@ -56,7 +56,7 @@ pub struct LayoutSettings {
     pub max_drift_m: f64,
     /// Maximum penetration after settling (m).
     pub max_penetration_m: f64,
-    /// Minimum pixels of each task object in at least one camera.
+    /// Minimum number of pixels of each task object in at least one camera.
     pub min_pixels: usize,
     /// Minimum visible share of each task object in that camera.
     pub min_visible_share: f64,
@@ -112,13 +112,13 @@ impl Default for LayoutSettings {
     }
 }
 
-/// Search settings of goal poses.
+/// Settings of the search for goal poses.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct GoalPoseSettings {
-    /// Maximum number of goal poses.
+    /// Maximum number of goal poses found.
     pub count: usize,
-    /// Maximum number of samples.
+    /// Maximum number of sampled poses.
     pub draws: usize,
     /// Margin of directional relations (m); for `between` the equivalent angle, see [`genmanip_core::Unit::normalise`].
     pub margin_m: f64,

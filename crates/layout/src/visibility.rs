@@ -12,7 +12,7 @@ use genmanip_render::{
 use crate::LayoutSettings;
 use crate::rejection::{NamedObject, Rejection};
 
-/// z position of objects excluded from rendering (m), far below every image.
+/// z position to which objects are moved to exclude them from a rendering (m), far below the view of every camera.
 const AWAY_M: f64 = -50.0;
 
 /// Renders the prompt cameras of a scene to count visible pixels.
@@ -91,11 +91,11 @@ pub(crate) fn first_hidden(
 /// An object that no prompt camera sees sufficiently.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hidden {
-    /// Index in the scene.
+    /// Index of the object in the scene.
     pub object: usize,
-    /// Its visible pixels in the camera that shows the largest share of it.
+    /// Number of visible pixels of the object in the camera that shows the largest share of it.
     pub pixels: usize,
-    /// Visible share of its pixels in that camera.
+    /// Visible pixels in that camera as a share of the object's pixels without occlusion.
     pub share: f64,
 }
 

@@ -20,14 +20,14 @@ use crate::request::{ChatRequest, RecordedRequest};
 use crate::secret::ApiKey;
 use crate::settings::ServerSettings;
 
-/// Maximum number of cassettes compared with an unrecorded request.
+/// Maximum number of cassettes compared with an unrecorded request, to name the most similar one in the error.
 const MAX_COMPARED: usize = 2_000;
 
-/// Recording and replay settings.
+/// Settings of recording and replay.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CassetteSettings {
-    /// Use the server, record it, or replay.
+    /// Use of server and cassettes.
     pub mode: CassetteMode,
     /// Folder of cassettes, one JSON file per exchange.
     pub folder: PathBuf,
@@ -41,7 +41,7 @@ impl Default for CassetteSettings {
     }
 }
 
-/// Treatment of requests.
+/// Use of server and cassettes for requests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CassetteMode {
@@ -55,7 +55,7 @@ pub enum CassetteMode {
     Replay,
 }
 
-/// One recorded exchange.
+/// Recorded exchange: one request with its reply.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cassette {
@@ -64,9 +64,9 @@ pub struct Cassette {
     /// Comment: who answered and why it was recorded.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub note: String,
-    /// The request.
+    /// Request, with hashes instead of images.
     pub request: RecordedRequest,
-    /// The reply.
+    /// Reply of the server.
     pub reply: ChatReply,
 }
 
@@ -114,7 +114,8 @@ impl<M: ChatModel> CassetteChat<M> {
         Ok(Self::new(model, cassettes, key))
     }
 
-    /// Uses `model` in the modes live and record. `key` must never be stored in a file.
+    /// A model with cassettes; `model` is asked in the modes live and record only. Exchanges that contain `key` are
+    /// never recorded.
     pub fn new(model: M, settings: CassetteSettings, key: Option<ApiKey>) -> Self {
         Self { model: Some(model), settings, key }
     }
@@ -188,7 +189,7 @@ pub(crate) fn read_text(path: &Path) -> Result<String, ChatError> {
     files::read_text(path, limits::CASSETTE).map_err(|message| cassette_error(&message, path))
 }
 
-/// Requests of all readable cassettes of a folder by file name, up to [`MAX_COMPARED`].
+/// Requests of all readable cassettes of a folder with their file names, at most [`MAX_COMPARED`].
 fn all_in(folder: &Path) -> Vec<(String, RecordedRequest)> {
     let mut paths: Vec<PathBuf> = fs::read_dir(folder)
         .map(|entries| entries.filter_map(|entry| Some(entry.ok()?.path())).collect())

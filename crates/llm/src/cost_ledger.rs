@@ -11,11 +11,11 @@ use crate::reply::ChatReply;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Price {
-    /// Per million tokens of the conversation.
+    /// Price per million input tokens (conversation).
     pub input_per_million: f64,
-    /// Per million tokens of the answer.
+    /// Price per million output tokens (reply).
     pub output_per_million: f64,
-    /// Currency of both.
+    /// Currency of both prices.
     #[serde(default = "default_currency")]
     pub currency: String,
 }
@@ -38,39 +38,39 @@ fn default_currency() -> String {
     "USD".into()
 }
 
-/// Totals over exchanges, by requested model name.
+/// Totals of exchanges by requested model name.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Ledger {
-    /// Totals per model.
+    /// Totals by requested model name.
     pub models: BTreeMap<String, ModelUsage>,
 }
 
-/// Totals of one model.
+/// Totals of the exchanges with one model.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModelUsage {
-    /// Replies from a server.
+    /// Number of replies from a server.
     pub answers: u64,
     /// HTTP requests sent, retries included.
     pub requests: u64,
     /// Replies from cassettes, free of charge.
     pub replayed: u64,
-    /// Replies without token usage.
+    /// Number of replies without token usage, whose cost is unknown.
     pub uncounted: u64,
-    /// Prompt tokens.
+    /// Sum of prompt tokens, over the replies that report them.
     pub prompt_tokens: u64,
-    /// Completion tokens.
+    /// Sum of completion tokens, over the replies that report them.
     pub completion_tokens: u64,
 }
 
-/// Cost of one model.
+/// Cost of the exchanges with one model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cost {
-    /// Known amount.
+    /// All prices and token counts are known.
     Known {
         /// Amount in units of the currency.
         amount: f64,
-        /// Currency.
+        /// Currency of the amount.
         currency: String,
     },
     /// Unknown, because a price or token usage is missing.
@@ -78,7 +78,7 @@ pub enum Cost {
 }
 
 impl Ledger {
-    /// Adds a reply.
+    /// Adds a reply to the totals of the requested model.
     pub fn add(&mut self, model: &str, reply: &ChatReply) {
         let totals = self.models.entry(model.to_owned()).or_default();
         if reply.attempts == 0 {
@@ -96,7 +96,7 @@ impl Ledger {
         }
     }
 
-    /// Cost per model, without failed requests, whose cost servers do not report.
+    /// Cost per model. Failed requests are not included, since servers do not report their cost.
     pub fn costs(&self, prices: &BTreeMap<String, Price>) -> BTreeMap<String, Cost> {
         let cost = |model: &str, totals: &ModelUsage| match prices.get(model) {
             _ if totals.answers == 0 => Cost::Known {

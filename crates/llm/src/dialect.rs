@@ -17,11 +17,11 @@ mod openai;
 dialects! {
     /// OpenAI chat completions, supported by most servers and gateways.
     OpenAi = openai::OpenAi,
-    /// Anthropic messages.
+    /// Anthropic messages API.
     Anthropic = anthropic::Anthropic,
 }
 
-/// Interface of a dialect.
+/// Encoding and decoding of a dialect.
 pub(crate) trait Wire: Sync {
     /// Path after the base URL, e.g. `/chat/completions`.
     fn path(&self) -> &'static str;
@@ -35,7 +35,7 @@ pub(crate) trait Wire: Sync {
     /// Body fields that are set from the request and must not be parameters.
     fn reserved(&self) -> &'static [&'static str];
 
-    /// Encodes the request body.
+    /// Request body as JSON.
     fn request_body(&self, request: &ChatRequest, structure: Structure) -> Value;
 
     /// Decodes the body of a successful response; leaves `attempts` at 0.
@@ -75,7 +75,7 @@ macro_rules! dialects {
 use dialects;
 
 /// Extracts a server's error message in the common forms: `{"error": {"message"}}`, `{"error": "…"}`, `{"message"}`,
-/// `{"detail"}`. Gateways mix them regardless of dialect.
+/// `{"detail"}`. Gateways mix them regardless of dialect. `None` if there is none.
 pub(crate) fn error_message(body: &Value) -> Option<String> {
     let error = body.get("error").filter(|error| !error.is_null());
     let nested = error.and_then(|error| error.get("message"));
@@ -90,8 +90,8 @@ pub(crate) fn error_message(body: &Value) -> Option<String> {
 
 /// True if an error is probably about the requested structured output, so that a retry without it is worthwhile.
 ///
-/// Servers use different statuses and texts; an unrelated error costs at most two unnecessary requests. A message about
-/// the length of the conversation is none, unless it also names the structure.
+/// Servers use different statuses and texts; a false positive costs at most two unnecessary requests. A message about
+/// the length of the conversation does not count, unless it also names the structure.
 pub(crate) fn refuses_structure(error: &ChatError) -> bool {
     let names_structure = |message: &str| {
         let message = message.to_lowercase();
@@ -108,11 +108,11 @@ pub(crate) fn refuses_structure(error: &ChatError) -> bool {
     }
 }
 
-/// Ends of the thoughts of reasoning models; the opening tag is often part of the prompt, hence not of the reply.
+/// Closing tags of the reasoning of models; the opening tag is often part of the prompt, hence missing in the reply.
 const ENDS_OF_THOUGHTS: [&str; 6] =
     ["</think>", "</thinking>", "</reasoning>", "[/THINK]", "◁/think▷", "<|channel|>final<|message|>"];
 
-/// Removes the thoughts of reasoning models: everything up to the last closing tag that text follows.
+/// Text without the reasoning: everything up to the last closing tag is removed if text follows it.
 fn without_reasoning(text: &str) -> &str {
     let end = |tag: &str| text.rfind(tag).map(|at| at + tag.len());
     let answers = ENDS_OF_THOUGHTS.iter().filter_map(|tag| end(tag)).max().map(|at| text[at..].trim_start());
@@ -129,7 +129,7 @@ fn check_error(body: &Value, url: &str) -> Result<(), ChatError> {
     }
 }
 
-/// String field of an object, truncated to one line of 100 characters.
+/// String field of an object, truncated to one line of 100 characters. `None` if it is missing or no text.
 fn short_text(object: &Value, field: &str) -> Option<String> {
     object.get(field).and_then(Value::as_str).map(|text| shortened(text, 100))
 }

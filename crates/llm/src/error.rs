@@ -13,17 +13,17 @@ pub enum ChatError {
     Unreachable {
         /// Address without secrets.
         url: String,
-        /// System message.
+        /// Message of the operating system.
         message: String,
     },
-    /// Timeout.
+    /// The server did not respond in time.
     #[error("no complete response from {url} within {limit_s} s ({phase})")]
     Timeout {
         /// Address without secrets.
         url: String,
-        /// The exceeded limit (s).
+        /// Timeout that was exceeded (s).
         limit_s: f64,
-        /// Phase of the request.
+        /// Phase of the request in which it was exceeded, e.g. connecting.
         phase: String,
     },
     /// The connection closed before the response was complete.
@@ -39,7 +39,7 @@ pub enum ChatError {
     Status {
         /// HTTP status.
         status: u16,
-        /// Server message, truncated.
+        /// Error message of the server, truncated.
         message: String,
         /// Address without secrets.
         url: String,
@@ -49,7 +49,7 @@ pub enum ChatError {
     TooLarge {
         /// Address without secrets.
         url: String,
-        /// The limit.
+        /// Maximum response size (bytes).
         limit_bytes: u64,
     },
     /// The response is not JSON, for example a web page.
@@ -57,9 +57,9 @@ pub enum ChatError {
     NotJson {
         /// Address without secrets.
         url: String,
-        /// Content type.
+        /// Content type of the response.
         content_type: String,
-        /// First characters.
+        /// First characters of the response.
         beginning: String,
     },
     /// The JSON is not a chat completion.
@@ -67,9 +67,9 @@ pub enum ChatError {
     NotACompletion {
         /// Address without secrets.
         url: String,
-        /// JSON path.
+        /// JSON path of the unexpected value.
         path: String,
-        /// Expected value.
+        /// Expected value at the path.
         expected: String,
     },
     /// The completion has no text.
@@ -89,17 +89,17 @@ pub enum ChatError {
     ImageTooLarge {
         /// Index of the message, from 0.
         message: usize,
-        /// Size of the file.
+        /// Size of the image file (bytes).
         size_bytes: u64,
-        /// The limit.
+        /// Maximum image size (bytes).
         limit_bytes: u64,
     },
     /// A request above the size limit; nothing was sent.
     #[error("the request has {size_bytes} bytes, images included, more than the limit of {limit_bytes}")]
     RequestTooLarge {
-        /// Size of the body.
+        /// Size of the request body.
         size_bytes: u64,
-        /// The limit.
+        /// Maximum size of the request body.
         limit_bytes: u64,
     },
     /// The model refused to answer.
@@ -108,12 +108,12 @@ pub enum ChatError {
         /// Text of the refusal, truncated.
         message: String,
     },
-    /// All retries failed.
+    /// A request that failed in all attempts.
     #[error("gave up after {attempts} requests; the last failure: {last}")]
     GaveUp {
-        /// Requests sent.
+        /// Number of requests sent.
         attempts: u32,
-        /// Last error.
+        /// Error of the last request.
         last: Box<ChatError>,
     },
     /// The server requests a longer wait than allowed.
@@ -121,27 +121,27 @@ pub enum ChatError {
     WaitTooLong {
         /// Requested wait (s).
         asked_s: f64,
-        /// The limit.
+        /// Maximum wait (s).
         limit_s: f64,
         /// Error response with the request to wait.
         last: Box<ChatError>,
     },
-    /// An unrecorded request.
+    /// A request without a cassette, in replay mode.
     #[error("no cassette {key} in {folder}{}", nearest.as_ref().map_or_else(String::new, |near| format!("; nearest is {near}")))]
     CassetteMiss {
         /// Content hash of the request.
         key: String,
-        /// Most similar cassette and its first difference.
+        /// Most similar cassette and its first difference. `None` if the folder has no cassette.
         nearest: Option<NearestCassette>,
-        /// Folder of cassettes.
+        /// Folder that was searched for the cassette.
         folder: String,
     },
     /// A cassette cannot be read or written.
     #[error("{message}: {path}")]
     Cassette {
-        /// Description of the problem.
+        /// Description of what is wrong with the cassette.
         message: String,
-        /// The file.
+        /// Path of the cassette file.
         path: String,
     },
     /// A question in a folder was not answered in time.
@@ -149,37 +149,37 @@ pub enum ChatError {
     Unanswered {
         /// Path of the expected answer.
         path: String,
-        /// The exceeded limit (s).
+        /// Time waited for the answer (s).
         limit_s: f64,
     },
     /// A question cannot be written, or an answer cannot be read.
     #[error("{message}: {path}")]
     Folder {
-        /// Description of the problem.
+        /// Description of what failed.
         message: String,
-        /// The folder or file.
+        /// Path of the folder or file.
         path: String,
     },
     /// The cost limit is reached; nothing was sent.
     #[error("the cost of {amount:.2} {currency} has reached the limit of {limit:.2}")]
     Spent {
-        /// Cost so far.
+        /// Cost of all requests so far.
         amount: f64,
-        /// Cost limit.
+        /// Cost limit from the user's settings.
         limit: f64,
-        /// Currency of both.
+        /// Currency of cost and limit.
         currency: String,
     },
     /// The cost limit cannot be enforced because the server does not report token usage; nothing was sent.
     #[error("the server reports no token usage, so the cost limit of {limit:.2} cannot be enforced")]
     Uncounted {
-        /// Cost limit.
+        /// Cost limit from the user's settings.
         limit: f64,
     },
     /// The script of a fake model has ended.
     #[error("the script ended after {answers} answers")]
     ScriptEnded {
-        /// Number of answers given.
+        /// Number of answers in the script.
         answers: usize,
     },
 }
@@ -187,7 +187,7 @@ pub enum ChatError {
 /// The most similar cassette to an unrecorded request.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NearestCassette {
-    /// File name.
+    /// File name of the cassette.
     pub file: String,
     /// First difference from the request.
     pub difference: String,
@@ -256,13 +256,13 @@ impl ChatError {
 }
 
 impl ChatError {
-    /// True if the model was stopped at its limit of tokens before it said anything.
+    /// True if the model was stopped at its token limit before it produced any text.
     pub fn is_cut_off(&self) -> bool {
         matches!(self, Self::NoText { finish_reason } if is_token_limit(finish_reason))
     }
 }
 
-/// Finish reason of a reply without text.
+/// Finish reason of a reply without text, for [`ChatError::NoText`].
 fn reason_of(finish_reason: &str) -> String {
     match is_token_limit(finish_reason) {
         true => format!("stopped at its limit of tokens, `max_tokens`; finish reason: {finish_reason}"),
@@ -270,13 +270,13 @@ fn reason_of(finish_reason: &str) -> String {
     }
 }
 
-/// True if a server's message is about the length of the conversation or of the answer, in tokens.
+/// True if a server's message concerns the length, in tokens, of the conversation or of the answer.
 pub(crate) fn is_about_length(message: &str) -> bool {
     let message = message.to_lowercase();
     ["context", "token", "too long", "too large"].iter().any(|word| message.contains(word))
 }
 
-/// Error in the settings.
+/// Error in settings that a user wrote.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SettingsError {
     /// The text is not valid TOML for these settings. The line is not shown, since it could contain a key.
@@ -287,18 +287,18 @@ pub enum SettingsError {
         /// Description of the problem.
         message: String,
     },
-    /// An invalid value.
+    /// A field with an invalid value.
     #[error("`{field}`: expected {expected}")]
     Invalid {
         /// Field name in the file.
         field: &'static str,
-        /// Expected value.
+        /// Description of valid values.
         expected: String,
     },
     /// The environment variable of the key is not set.
     #[error("the environment variable {variable} (from `server.api_key_env`) is not set")]
     MissingKey {
-        /// Name of the variable.
+        /// Name of the environment variable.
         variable: String,
     },
     /// The environment variable contains no valid key.
@@ -312,7 +312,7 @@ pub enum SettingsError {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected a PNG or JPEG file, got {size_bytes} bytes beginning {beginning:?} in hexadecimal")]
 pub struct ImageError {
-    /// Size (bytes).
+    /// Number of bytes.
     pub size_bytes: u64,
     /// First eight bytes in hexadecimal.
     pub beginning: String,

@@ -15,7 +15,7 @@ use crate::settings::ServerSettings;
 use crate::transport::{Failure, Limits, Transport};
 use genmanip_core::Seed;
 
-/// A chat model behind an HTTP server.
+/// Client of a chat model behind an HTTP server.
 ///
 /// Redirects are refused, so that a key is never sent elsewhere. System proxies (`HTTPS_PROXY`, `NO_PROXY`) are used,
 /// except for a server on this machine.

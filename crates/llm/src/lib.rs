@@ -4,8 +4,9 @@
 //! - [`HttpChat`]: a server in its [`Dialect`], with limits on time, size and retries, and structured output with
 //!   fallback.
 //! - [`CassetteChat`]: records exchanges and replays them, looked up by request content.
-//! - [`FolderChat`]: writes questions to a folder and waits for answers there.
-//! - [`Service`]: the same for JSON services: over HTTP, recorded, replayed.
+//! - [`FolderChat`]: writes questions to a folder and waits for answers there; [`FolderAnswers`] is the side of those
+//!   who answer.
+//! - [`Service`]: interface of JSON services, over HTTP, recorded or replayed.
 //! - [`Ledger`]: counts replies, requests, tokens and cost.
 //! - [`fake`]: a scripted model and a configurable misbehaving loopback server, for tests.
 //!
@@ -44,7 +45,10 @@ pub use cassette::{Cassette, CassetteChat, CassetteMode, CassetteSettings, read 
 pub use cost_ledger::{Cost, Ledger, ModelUsage, Price};
 pub use dialect::Dialect;
 pub use error::{ChatError, ImageError, NearestCassette, SettingsError};
-pub use folder::{FolderChat, FolderMessage, FolderPart, FolderQuestion, FolderSettings};
+pub use folder::{
+    Answered, AnsweringError, FolderAnswers, FolderChat, FolderMessage, FolderPart, FolderQuestion, FolderSettings,
+    QuestionRow,
+};
 pub use http::HttpChat;
 pub use message::{Image, MediaType, Message, Part, Role};
 pub use model::ChatModel;

@@ -18,7 +18,7 @@ pub(crate) fn serialize<S: Serializer>(text: &str, serializer: S) -> Result<S::O
     }
 }
 
-/// Deserialises either form.
+/// Deserialises a text from either form.
 pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
     Ok(match Text::deserialize(deserializer)? {
         Text::One(text) => text,

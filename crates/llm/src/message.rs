@@ -12,28 +12,28 @@ use crate::error::ImageError;
 /// One message of a conversation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// Sender.
+    /// Role of the sender.
     pub role: Role,
-    /// Parts, in order.
+    /// Texts and images, in order.
     pub parts: Vec<Part>,
 }
 
 /// A part of a message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// A text.
+    /// A text part.
     Text(String),
     /// An image; only allowed in user messages, since servers reject others.
     Image(Image),
 }
 
 impl Message {
-    /// System instructions.
+    /// Message with system instructions.
     pub fn system(text: impl Into<String>) -> Self {
         Self { role: Role::System, parts: vec![Part::Text(text.into())] }
     }
 
-    /// A user message.
+    /// Message of the user with a text.
     pub fn user(text: impl Into<String>) -> Self {
         Self { role: Role::User, parts: vec![Part::Text(text.into())] }
     }
@@ -51,7 +51,7 @@ impl Message {
         Self { role: Role::User, parts: parts.into_iter().collect() }
     }
 
-    /// A model message.
+    /// Message of the model with a text.
     pub fn assistant(text: impl Into<String>) -> Self {
         Self { role: Role::Assistant, parts: vec![Part::Text(text.into())] }
     }
@@ -66,15 +66,15 @@ impl Message {
     }
 }
 
-/// Sender.
+/// Role of a message's sender.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
-    /// System instructions.
+    /// Instructions for the model that precede the conversation.
     System,
-    /// The user.
+    /// The user, who asks.
     User,
-    /// The model.
+    /// The model, which replies.
     Assistant,
 }
 
@@ -88,7 +88,7 @@ pub struct Image {
 /// Supported image formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum MediaType {
-    /// Portable Network Graphics.
+    /// PNG (Portable Network Graphics).
     #[serde(rename = "image/png")]
     Png,
     /// JPEG.
@@ -111,12 +111,12 @@ impl Image {
         Ok(Self { media_type, bytes })
     }
 
-    /// The format.
+    /// Format detected by signature.
     pub fn media_type(&self) -> MediaType {
         self.media_type
     }
 
-    /// File bytes.
+    /// Bytes of the image file.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
@@ -127,7 +127,7 @@ impl Image {
     }
 }
 
-/// Omits the bytes.
+/// Debug output without the bytes.
 impl fmt::Debug for Image {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Image({}, {} bytes)", self.media_type.name(), self.bytes.len())
@@ -135,7 +135,7 @@ impl fmt::Debug for Image {
 }
 
 impl MediaType {
-    /// All formats.
+    /// All supported formats.
     pub const ALL: [Self; 2] = [Self::Png, Self::Jpeg];
 
     /// MIME type, e.g. `image/png`.
@@ -146,7 +146,7 @@ impl MediaType {
         }
     }
 
-    /// File signature (PNG specification 5.2; JPEG: start of image, next marker).
+    /// Leading bytes of a file of this format (PNG specification 5.2; JPEG: start of image, then the next marker).
     fn signature(self) -> &'static [u8] {
         match self {
             Self::Png => b"\x89PNG\r\n\x1a\n",

@@ -14,7 +14,7 @@ pub trait ChatModel: Send + Sync {
     /// Reports why there is no reply, after all retries.
     fn chat(&self, request: &ChatRequest) -> Result<ChatReply, ChatError>;
 
-    /// Requests independent conversations; replies are in the same order.
+    /// Requests replies to independent conversations, in the same order; an implementation may send them concurrently.
     fn chat_each(&self, requests: &[ChatRequest]) -> Vec<Result<ChatReply, ChatError>> {
         requests.iter().map(|request| self.chat(request)).collect()
     }

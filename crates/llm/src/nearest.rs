@@ -1,4 +1,4 @@
-//! Nearest recorded request to one that was never recorded, and the first difference.
+//! Nearest recorded request to one without a recording, and their first difference.
 
 use std::collections::BTreeMap;
 

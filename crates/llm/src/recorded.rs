@@ -1,4 +1,4 @@
-//! Messages in files: texts as lines, images as hashes.
+//! File representation of messages: texts as lists of lines, images as hashes.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,12 +8,12 @@ use crate::message::{Image, MediaType, Message, Part, Role};
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecordedMessage {
-    /// Sender.
+    /// Role of the sender.
     pub role: Role,
-    /// Text, as a readable list of lines.
+    /// Text as a list of lines; `None` if `parts` is used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub text: Option<RecordedText>,
-    /// Parts.
+    /// Parts of a message that is not a single text; otherwise empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<RecordedPart>,
 }
@@ -27,9 +27,9 @@ pub struct RecordedText(#[serde(with = "crate::lines")] pub String);
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RecordedPart {
-    /// A text.
+    /// A text part.
     Text(RecordedText),
-    /// An image.
+    /// An image part, as its hash.
     Image(RecordedImage),
 }
 
@@ -37,11 +37,11 @@ pub enum RecordedPart {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecordedImage {
-    /// Format.
+    /// Image format.
     pub media_type: MediaType,
-    /// Size (bytes).
+    /// Size of the image file (bytes).
     pub size_bytes: u64,
-    /// SHA-256, 64 hexadecimal digits.
+    /// SHA-256 of the image file, 64 hexadecimal digits.
     pub sha256: String,
 }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Reply of a model.
+/// Reply of a model to a request.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ChatReply {
@@ -11,13 +11,13 @@ pub struct ChatReply {
     pub text: String,
     /// Model name reported by the server; often more specific than the requested one.
     pub model: String,
-    /// Finish reason reported by the server; `length` or `max_tokens` means truncated.
+    /// Finish reason reported by the server; `length` or `max_tokens` means truncated. `None` if it reports none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub finish_reason: Option<String>,
-    /// Token usage, if the server reports it.
+    /// Token usage, if the server reports it; `None` otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub usage: Option<Usage>,
-    /// Enforcement of the schema by the server.
+    /// Mode in which the server enforced the schema.
     pub structure: Structure,
     /// HTTP requests sent, rejected ones included; 0 for a cassette or a script. Not stored, because it differs between
     /// a recording and its replay.
@@ -26,13 +26,13 @@ pub struct ChatReply {
 }
 
 impl ChatReply {
-    /// True if the model was stopped at its limit of tokens: its answer may lack the end, and asking again would too.
+    /// True if the model was stopped at its token limit: its answer may lack the end, and asking again would not help.
     pub fn is_cut_off(&self) -> bool {
         self.finish_reason.as_deref().is_some_and(is_token_limit)
     }
 }
 
-/// True for the finish reasons by which servers say that the limit of tokens was reached.
+/// True for the finish reasons by which servers report that the token limit was reached.
 pub(crate) fn is_token_limit(finish_reason: &str) -> bool {
     ["length", "max_tokens", "model_length", "max_output_tokens"].contains(&finish_reason.to_lowercase().as_str())
 }
@@ -40,9 +40,9 @@ pub(crate) fn is_token_limit(finish_reason: &str) -> bool {
 /// Token usage of one exchange.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Usage {
-    /// Tokens of the conversation.
+    /// Number of tokens of the conversation.
     pub prompt_tokens: u64,
-    /// Tokens of the reply, including hidden reasoning.
+    /// Number of tokens of the reply, including hidden reasoning.
     pub completion_tokens: u64,
 }
 

@@ -17,6 +17,7 @@ pub struct ChatRequest {
     /// The conversation so far, oldest first.
     pub messages: Vec<Message>,
     /// Requested structure of the reply; see [`ChatReply::structure`](crate::ChatReply::structure) for its enforcement.
+    /// `None` for free text.
     pub reply_schema: Option<ReplySchema>,
     /// Additional fields of the request body, e.g. `temperature`.
     pub parameters: Map<String, Value>,
@@ -31,16 +32,17 @@ pub struct ChatRequest {
 pub struct ReplySchema {
     /// Name of letters, digits and underscores.
     pub name: String,
-    /// The schema.
+    /// JSON Schema of the reply.
     pub schema: Value,
-    /// Tighter schema for servers that turn it into a grammar, also with `anyOf`, `minItems` and `maxItems`; `schema` is
-    /// for those that refuse it. No part of recordings and keys, so that those made without it stay valid.
+    /// Stricter schema for servers that convert it to a grammar; may also use `anyOf`, `minItems` and `maxItems`.
+    /// Servers that refuse it get `schema`. Not part of recordings and keys, so that recordings made without it stay
+    /// valid.
     #[serde(skip)]
     pub grammar: Option<Value>,
 }
 
 impl ReplySchema {
-    /// Creates a schema without a tighter one.
+    /// Creates a schema without a stricter grammar.
     pub fn new(name: impl Into<String>, schema: Value) -> Self {
         Self { name: name.into(), schema, grammar: None }
     }

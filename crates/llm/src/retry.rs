@@ -23,7 +23,8 @@ pub(crate) fn retry_after_s(retry_after: Option<&str>, date: Option<&str>) -> Op
     Some(seconds.max(0) as f64)
 }
 
-/// Seconds since 1970 of a date such as `Sun, 06 Nov 1994 08:49:37 GMT` (IMF-fixdate of RFC 9110, 5.6.7).
+/// Seconds since 1970 of a date such as `Sun, 06 Nov 1994 08:49:37 GMT` (IMF-fixdate of RFC 9110, 5.6.7). `None` for
+/// other formats.
 fn http_date_s(text: &str) -> Option<i64> {
     let fields: Vec<&str> = text.split([' ', ':']).collect();
     let [_weekday, day, month, year, hour, minute, second, "GMT"] = fields[..] else {

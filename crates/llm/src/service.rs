@@ -35,7 +35,7 @@ impl<S: Service + ?Sized> Service for Box<S> {
 pub struct ServiceSettings {
     /// URL for requests, e.g. `http://127.0.0.1:8091/segment`; no user, password or query.
     pub url: String,
-    /// Connection timeout (s).
+    /// Timeout of connecting to the service (s).
     pub connect_timeout_s: f64,
     /// Timeout of one whole request (s).
     pub total_timeout_s: f64,
@@ -64,7 +64,7 @@ impl Default for ServiceSettings {
 }
 
 impl ServiceSettings {
-    /// Default settings with a URL.
+    /// Default settings for the service at a URL.
     pub fn at(url: &str) -> Self {
         Self { url: url.into(), ..Self::default() }
     }
@@ -147,7 +147,7 @@ impl Service for HttpService {
     }
 }
 
-/// A recorded response of a service; of the request, which may contain megabytes of pixels, only the hash.
+/// A recorded response of a service. Of the request, which may contain megabytes of pixels, only the hash is stored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ServiceCassette {
@@ -156,7 +156,7 @@ pub struct ServiceCassette {
     /// Comment: who answered and why it was recorded.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub note: String,
-    /// The response.
+    /// Response of the service, as JSON.
     pub answer: Value,
 }
 
@@ -172,14 +172,14 @@ pub struct RecordedService<S> {
 }
 
 impl<S: Service> RecordedService<S> {
-    /// Uses `service` in the modes live and record.
+    /// Records responses of `service`, which is asked in the modes live and record only.
     pub fn new(service: S, settings: CassetteSettings) -> Self {
         Self { service: Some(service), settings }
     }
 }
 
 impl RecordedService<HttpService> {
-    /// Replays recorded responses only.
+    /// Replays recorded responses of a folder; nothing is ever sent.
     pub fn replay(folder: &Path) -> Self {
         let settings =
             CassetteSettings { mode: CassetteMode::Replay, folder: folder.to_owned(), ..CassetteSettings::default() };

@@ -12,7 +12,7 @@ use crate::reply::Structure;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ServerSettings {
-    /// API dialect.
+    /// API dialect that the server speaks.
     pub dialect: Dialect,
     /// Base URL up to the dialect's path (`/chat/completions`); user, password and query are rejected, because URLs
     /// appear in errors.
@@ -23,7 +23,7 @@ pub struct ServerSettings {
     pub api_key_env: Option<String>,
     /// Allow sending the key unencrypted to another machine. (To this machine it is always allowed.)
     pub allow_key_over_http: bool,
-    /// Connection timeout (s).
+    /// Timeout of connecting to the server (s).
     pub connect_timeout_s: f64,
     /// Timeout of one whole request, including connecting (s).
     pub total_timeout_s: f64,
@@ -37,7 +37,7 @@ pub struct ServerSettings {
     pub max_retries: u32,
     /// Wait before the first retry (s); doubles each time, and is shortened by up to half at random.
     pub first_backoff_s: f64,
-    /// Maximum such wait (s).
+    /// Maximum of this wait (s).
     pub max_backoff_s: f64,
     /// Maximum wait that a server may request (`Retry-After`) (s); the client gives up beyond it.
     pub max_retry_after_s: f64,

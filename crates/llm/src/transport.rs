@@ -10,7 +10,7 @@ use crate::error::{ChatError, shortened};
 use crate::retry::retry_after_s;
 use crate::secret::ApiKey;
 
-/// Limits of one request.
+/// Limits on time and size of one request.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
     pub connect_timeout_s: f64,
@@ -18,12 +18,12 @@ pub(crate) struct Limits {
     pub max_body_bytes: u64,
 }
 
-/// Sends and receives JSON.
+/// HTTP client that posts and receives JSON within limits.
 #[derive(Debug)]
 pub(crate) struct Transport {
     agent: ureq::Agent,
     limits: Limits,
-    /// Redacted from all messages.
+    /// API key, redacted from all messages; `None` for servers without authentication.
     key: Option<ApiKey>,
 }
 
@@ -114,7 +114,7 @@ impl Transport {
             ureq::Error::Io(io) if is_unreachable(io.kind()) => {
                 Failure::permanent(ChatError::Unreachable { url, message })
             }
-            // Name servers fail for moments: worth a retry.
+            // Name servers often fail only briefly: worth a retry.
             ureq::Error::Io(io) if is_unresolved(&io) => Failure::transient(ChatError::Unreachable { url, message }),
             ureq::Error::Io(_) | ureq::Error::Protocol(_) | ureq::Error::BodyStalled => {
                 Failure::transient(ChatError::CutOff { url, message })
@@ -162,7 +162,8 @@ fn is_unreachable(kind: std::io::ErrorKind) -> bool {
     )
 }
 
-/// True if the host has no known address: the standard library gives this error no kind that can be named, only a text.
+/// True if the host name cannot be resolved. The standard library has no stable error kind for this, so the text is
+/// compared.
 fn is_unresolved(error: &std::io::Error) -> bool {
     error.to_string().starts_with("failed to lookup address information")
 }

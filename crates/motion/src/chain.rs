@@ -5,37 +5,37 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::rigid::Rigid;
 
-/// Error in a robot model.
+/// Robot model that cannot be compiled into a [`Chain`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ModelError {
     /// A parent link comes after its child or does not exist.
     #[error("link {link} of robot {robot}: parent index {got} is not before the link itself (index {index})")]
     ParentOrder {
-        /// Robot.
+        /// Name of the robot.
         robot: String,
-        /// Link.
+        /// Name of the link.
         link: String,
-        /// Index of the link.
+        /// Index of the link in [`RobotModel::links`].
         index: usize,
-        /// Index of its parent.
+        /// Index of its parent, at least `index`.
         got: usize,
     },
-    /// The home configuration has the wrong length.
+    /// The home configuration does not have one value per arm joint.
     #[error("robot {robot}: home holds {got} positions, expected one for each of its {expected} arm joints")]
     HomeLength {
-        /// Robot.
+        /// Name of the robot.
         robot: String,
         /// Number of arm joints.
         expected: usize,
-        /// Length of `home`.
+        /// Length of [`RobotModel::home`].
         got: usize,
     },
     /// A limit, axis or frame is not finite, empty, or has zero length.
     #[error("robot {robot}, joint {joint}: {what}")]
     BadJoint {
-        /// Robot.
+        /// Name of the robot.
         robot: String,
-        /// Joint.
+        /// Name of the joint.
         joint: String,
         /// Description of the problem.
         what: String,
@@ -43,13 +43,13 @@ pub enum ModelError {
     /// The index of the hand or a finger is out of range.
     #[error("robot {robot}: {what} is link {got}, but there are {expected} links")]
     NoSuchLink {
-        /// Robot.
+        /// Name of the robot.
         robot: String,
-        /// `hand` or `finger`.
+        /// Link that the index should name: `hand` or `finger`.
         what: &'static str,
         /// Number of links.
         expected: usize,
-        /// The index.
+        /// The index out of range.
         got: usize,
     },
 }
@@ -62,7 +62,7 @@ pub enum ModelError {
 pub struct Chain {
     /// Every moving frame, parents first.
     moving: Vec<ChainJoint>,
-    /// The degrees of freedom.
+    /// The degrees of freedom (joints that are not coupled to another one), in the order of a configuration.
     joints: Vec<ChainJoint>,
     tcp_frame: usize,
     frame_from_tcp: Rigid,
@@ -78,11 +78,11 @@ pub(crate) struct ChainJoint {
     pub(crate) is_prismatic: bool,
     pub(crate) lower: f64,
     pub(crate) upper: f64,
-    /// Positions a full turn apart are the same.
+    /// True without position limits: positions a full turn apart are the same posture.
     pub(crate) continuous: bool,
-    /// Degree of freedom that sets the position.
+    /// Index of the degree of freedom that sets the position, see [`ChainJoint::position`].
     pub(crate) driver: usize,
-    /// Multiplier and offset of a coupled joint.
+    /// Multiplier and offset of a coupled joint; `None` if the joint is a degree of freedom itself.
     pub(crate) coupling: Option<[f64; 2]>,
 }
 
@@ -98,18 +98,20 @@ impl ChainJoint {
         self.coupling.map_or(1.0, |[multiplier, _]| multiplier.abs())
     }
 
-    /// Range of positions that shows every posture once.
+    /// Range to sample positions from: the limits, or one turn of a continuous joint.
     pub(crate) fn sampled(&self) -> std::ops::RangeInclusive<f64> {
         if self.continuous { -std::f64::consts::PI..=std::f64::consts::PI } else { self.lower..=self.upper }
     }
 
-    /// Margin kept from the limits: at most a twentieth of the range, so that short slides keep most of theirs.
+    /// Margin to the joint limits: `largest`, but at most a twentieth of the range, so that short prismatic joints keep
+    /// most of theirs.
     pub(crate) fn margin(&self, largest: f64) -> f64 {
         largest.min(0.05 * (self.upper - self.lower))
     }
 }
 
-/// Mount of a link: its moving frame, its pose in that frame with a closed gripper, and its motion per opening width.
+/// Mount of a link: its moving frame, its pose in that frame with a closed gripper, and its displacement per opening
+/// width (0 except for fingers).
 #[derive(Clone, Debug)]
 struct LinkMount {
     frame: usize,
@@ -180,7 +182,7 @@ impl Chain {
         Ok(Self { tool_dof: movers.len(), moving, joints, tcp_frame, frame_from_tcp, links })
     }
 
-    /// Number of arm joints.
+    /// Number of arm joints that are degrees of freedom: the length of a configuration.
     pub fn dof(&self) -> usize {
         self.joints.len()
     }
@@ -200,7 +202,7 @@ impl Chain {
         self.joints.iter().map(|joint| joint.upper)
     }
 
-    /// Minimum distance of a configuration to a joint limit; negative outside.
+    /// Minimum distance of a configuration to a joint limit [rad or m]; negative outside.
     pub fn limit_margin(&self, config: &[f64]) -> f64 {
         let margins = self.joints.iter().zip(config).map(|(joint, q)| (q - joint.lower).min(joint.upper - q));
         margins.fold(f64::INFINITY, f64::min)

@@ -41,7 +41,7 @@ impl Path {
         Self { blends: vec![0.0; distinct.len()], waypoints: distinct }
     }
 
-    /// The same path from goal to start.
+    /// The same path with start and goal exchanged.
     #[must_use]
     pub fn reversed(mut self) -> Self {
         self.waypoints.reverse();
@@ -101,7 +101,7 @@ impl Path {
         }
     }
 
-    /// Segments in order.
+    /// All segments, from start to goal: lines, blends and stops.
     pub(crate) fn segments(&self) -> Vec<Segment> {
         let mut segments = Vec::new();
         for index in 1..self.waypoints.len() {
@@ -172,7 +172,7 @@ impl Segment {
     }
 }
 
-/// Weight of one edge of a blend and its first two derivatives in t:
+/// Weight of one edge of a blend, and its first two derivatives in t.
 fn weights(t: f64) -> [f64; 3] {
     // Expanded: 2t³ - 4t⁴ + 2t⁵ + 3t⁴ - 3t⁵ + t⁵ = 2t³ - t⁴.
     [2.0 * t.powi(3) - t.powi(4), 6.0 * t * t - 4.0 * t.powi(3), 12.0 * t - 12.0 * t * t]

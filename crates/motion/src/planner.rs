@@ -23,15 +23,15 @@ use crate::timing::{self, MotionLimits, TimingSettings, Trajectory};
 pub struct PlannerSettings {
     /// Point clouds from depth images.
     pub depth: DepthSettings,
-    /// Inverse kinematics.
+    /// Search and ranking of IK solutions.
     pub ik: IkSettings,
-    /// Joint-space planning.
+    /// Search for collision-free joint-space paths, and their smoothing.
     pub plan: PlanSettings,
     /// Straight TCP motions.
     pub straight: StraightSettings,
-    /// Time parametrisation.
+    /// Time parametrisation of paths.
     pub timing: TimingSettings,
-    /// Grasp candidates.
+    /// Grasp candidates from object models.
     pub grasp: GraspSettings,
     /// Grasp candidates from point clouds.
     pub cloud: CloudSettings,
@@ -40,11 +40,11 @@ pub struct PlannerSettings {
 /// Context of a motion: obstacles, attached object, allowed contacts and gripper opening.
 #[derive(Clone, Copy, Debug)]
 pub struct PlanningScene<'a> {
-    /// Obstacles.
+    /// Obstacles by name.
     pub world: &'a CollisionWorld,
-    /// The object held by the gripper.
+    /// The object held by the gripper; `None` if it is empty.
     pub attached: Option<&'a Attached>,
-    /// Pairs allowed to touch.
+    /// Pairs of body and obstacle that may touch.
     pub allowed: &'a AllowedCollisions,
     /// Gripper opening (m).
     pub gripper_width: f64,
@@ -97,12 +97,12 @@ impl Planner {
         other
     }
 
-    /// The robot.
+    /// Robot model for which the planner was compiled.
     pub fn robot(&self) -> &Arc<RobotModel> {
         &self.robot
     }
 
-    /// The settings.
+    /// Settings of all algorithms.
     pub fn settings(&self) -> &PlannerSettings {
         &self.settings
     }
@@ -123,7 +123,7 @@ impl Planner {
         self.shape.chain().tool_dof()
     }
 
-    /// Joint positions of which every IK solution is one: the limits less a margin, and one turn of a continuous joint.
+    /// Range per joint that contains all IK solutions: the limits less a margin, or one turn of a continuous joint.
     pub fn ranges(&self) -> Vec<std::ops::RangeInclusive<f64>> {
         self.ik.solved_ranges()
     }
@@ -166,12 +166,12 @@ impl Planner {
             .collect()
     }
 
-    /// Collision checker with `padding` (m) (0: contact only).
+    /// Collision checker with a clearance of `padding` (m); 0 reports contacts only.
     pub fn checker<'a>(&'a self, around: &PlanningScene<'a>, padding: f64) -> Checker<'a> {
         Checker::new(&self.shape, around.world, around.attached, around.allowed, around.gripper_width, padding)
     }
 
-    /// Worst contact or penetration at a configuration, if any.
+    /// Collision pair with the smallest distance at a configuration, without padding; `None` if nothing touches.
     pub fn check(&self, around: &PlanningScene, config: &[f64]) -> Option<CollisionReport> {
         self.checker(around, 0.0).check(config)
     }
@@ -268,8 +268,8 @@ impl Planner {
         grasp::fitting(target, &self.gripper, &self.settings.grasp, known)
     }
 
-    /// Grasps (object frame) turned about the vertical as near to a tool orientation (world frame) as that gets, where
-    /// the object is round; the others unchanged.
+    /// Grasps (object frame) on a round object turned about the vertical as near to a tool orientation (world frame) as
+    /// possible; other grasps unchanged.
     ///
     /// # Errors
     /// Fails if a collision piece has no volume.

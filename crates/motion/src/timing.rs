@@ -22,9 +22,9 @@ pub struct TimingSettings {
     pub acceleration_fraction: f64,
     /// Length of the smoothing window (s); bounds the jerk.
     pub window: f64,
-    /// Grid cells per straight edge (at least) and per rounded corner.
+    /// Number of grid cells per straight edge (at least) and per rounded corner.
     pub cells: usize,
-    /// Maximum grid cell (rad).
+    /// Maximum length of a grid cell (rad).
     pub longest_cell: f64,
 }
 
@@ -60,9 +60,9 @@ impl Trajectory {
 /// Velocity and acceleration limits of each joint, rad/s and rad/s² (m/s, m/s²).
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionLimits {
-    /// Maximum velocity per joint.
+    /// Maximum velocity of each joint.
     pub velocity: Vec<f64>,
-    /// Maximum acceleration per joint.
+    /// Maximum acceleration of each joint.
     pub acceleration: Vec<f64>,
 }
 
@@ -75,7 +75,7 @@ pub fn parametrize(path: &Path, limits: &MotionLimits, settings: &TimingSettings
     if time_scale > 1.0 { profile.sample(path, settings, time_scale * (1.0 + 1e-9)) } else { trajectory }
 }
 
-/// Time scale required for finite differences to satisfy the limits; at most 1 if they do.
+/// Factor on the duration at which finite differences satisfy the limits; at most 1 if they do already.
 fn time_scale(trajectory: &Trajectory, limits: &MotionLimits) -> f64 {
     let dt = trajectory.dt;
     let speed = trajectory.configs.windows(2).flat_map(|pair| {
@@ -120,7 +120,7 @@ impl Profile {
         let count = nodes.len();
         let rests =
             |index: usize| index == 0 || index + 1 == count || matches!(segments[nodes[index].segment], Segment::Stop);
-        // Backward pass: largest squared speed from which the rest of the path remains feasible.
+        // Backward pass: largest squared speed from which the rest of the path stays feasible.
         let mut squared = vec![0.0; count];
         for index in (0..count.saturating_sub(1)).rev() {
             if !rests(index) {

@@ -1,4 +1,4 @@
-//! Random changes of training samples: pure functions of the seed and of the sample's number, counted over all steps.
+//! Data augmentation: pure functions of the seed and of the sample's number, counted over all steps.
 
 use genmanip_core::Seed;
 use rand::{Rng, RngExt};
@@ -6,7 +6,7 @@ use rand::{Rng, RngExt};
 use crate::description::PATCH;
 use crate::{Augmentation, ImageInput};
 
-/// Random change of one image.
+/// Augmentation of one image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ImageChange {
     /// Shift of the content to the right and down, pixels.
@@ -15,24 +15,24 @@ pub(crate) struct ImageChange {
 }
 
 impl ImageChange {
-    /// No change, for inference.
+    /// Identity, for inference.
     #[cfg(feature = "learn")]
     pub const NONE: Self = Self { shift_px: [0; 2], gain: [1.0; 3] };
 
-    /// The shift of a point of the image, in the units of [`normalised_pixel`].
+    /// Shift of the image content in the units of [`normalised_pixel`].
     pub fn shift(&self, size: &ImageInput) -> [f32; 2] {
         [self.shift_px[0] as f32 * 2.0 / size.width as f32, self.shift_px[1] as f32 * 2.0 / size.height as f32]
     }
 
-    /// Adds the changed image to `patches`: patches row by row, in each its pixels row by row, in each three colours of
-    /// about −2 to 2. Pixels beyond whole patches are left out.
+    /// Appends the augmented image to `patches`: patches in row-major order, pixels of each patch in row-major order,
+    /// RGB values of about −2 to 2. Pixels beyond whole patches are omitted.
     pub fn push(&self, rgb: &[u8], size: &ImageInput, patches: &mut Vec<f32>) {
         let inside = |at: usize, shift: i64, length: usize| (at as i64 - shift).clamp(0, length as i64 - 1) as usize;
         let [rows, columns] = size.patches();
         let starts: Vec<usize> =
             (0..columns * PATCH).map(|column| 3 * inside(column, self.shift_px[0], size.width)).collect();
-        // Values are normalised with mean 128 and scale 64, roughly the mean and standard deviation of evenly used
-        // 8-bit values. The gain scales them before: it changes the brightness.
+        // Values are normalised with mean 128 and scale 64, roughly the mean and standard deviation of uniformly
+        // distributed 8-bit values. The gain applies before normalisation: it changes the brightness.
         let factors = self.gain.map(|gain| gain / 64.0);
         for patch_row in 0..rows {
             for columns in starts.chunks_exact(PATCH) {
@@ -48,21 +48,21 @@ impl ImageChange {
     }
 }
 
-/// Random changes of one sample.
+/// Generator of the random augmentations of one sample.
 pub(crate) struct Changes<R> {
     rng: R,
     settings: Augmentation,
 }
 
 impl Augmentation {
-    /// Changes of the sample at `position`, counted over all steps: step × batch size + place in the batch.
+    /// Augmentations of the sample at `position`, counted over all steps: step × batch size + index in the batch.
     pub(crate) fn of_sample(&self, seed: Seed, position: u64) -> Changes<impl Rng + use<>> {
         Changes { rng: seed.fork("augmentation").fork_index(position).rng(), settings: self.clone() }
     }
 }
 
 impl<R: Rng> Changes<R> {
-    /// Change of the next image.
+    /// Random augmentation of the next image of the sample.
     pub fn image(&mut self) -> ImageChange {
         let most = i64::from(self.settings.shift_px);
         let shift_px = [(); 2].map(|()| self.rng.random_range(-most..=most));
@@ -70,7 +70,7 @@ impl<R: Rng> Changes<R> {
         ImageChange { shift_px, gain }
     }
 
-    /// Adds noise to normalised entries.
+    /// Adds uniform noise of amplitude `state_noise` to normalised entries.
     pub fn noise(&mut self, entries: &mut [f32]) {
         let most = self.settings.state_noise;
         if most > 0.0 {

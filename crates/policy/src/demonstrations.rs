@@ -1,4 +1,4 @@
-//! Demonstrations as arrays, and batches of windows of them.
+//! Demonstrations as arrays, and sampling of normalised batches from them.
 
 use std::io;
 
@@ -8,21 +8,21 @@ use rand::RngExt;
 use crate::augmentation::ImageChange;
 use crate::{Augmentation, Inputs, Normalisation, Scale, TrainingSettings};
 
-/// One demonstration.
+/// One demonstration as arrays over its rows (control steps).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Demonstration {
     /// Inputs at each row, and once more at the end: [`Inputs::width`] numbers each.
     pub inputs: Vec<f32>,
-    /// Action of each row.
+    /// Actions of all rows: [`Demonstrations::action`] numbers each.
     pub actions: Vec<f32>,
-    /// Words of the instruction: [`Inputs::words`] numbers.
+    /// Hashed words of the instruction: [`Inputs::words`] numbers.
     pub words: Vec<f32>,
     /// Labels of each row, and once more at the end: [`Demonstrations::labels_width`] numbers each; empty without
     /// labels.
     pub labels: Vec<f32>,
 }
 
-/// Images of demonstrations.
+/// Source of the images of demonstrations.
 pub trait RowImages: Send + Sync {
     /// Images of a row, in the order of [`Inputs::images`], one after the other: row-major, three bytes per pixel.
     ///
@@ -31,7 +31,7 @@ pub trait RowImages: Send + Sync {
     fn read(&self, episode: usize, row: usize) -> io::Result<Vec<u8>>;
 }
 
-/// No images.
+/// Source for inputs without images.
 impl RowImages for () {
     fn read(&self, _episode: usize, _row: usize) -> io::Result<Vec<u8>> {
         Ok(Vec::new())
@@ -43,32 +43,32 @@ impl RowImages for () {
 pub struct Demonstrations {
     /// Layout of a row's inputs.
     pub inputs: Inputs,
-    /// Entries of an action; the last is the gripper's.
+    /// Number of entries of an action; the last one is the gripper's.
     pub action: usize,
-    /// Number of labelled points per row; 0 without labels.
+    /// Number of labelled keypoints per row; 0 without labels.
     pub points: usize,
     /// The demonstrations, in a fixed order.
     pub episodes: Vec<Demonstration>,
 }
 
 impl Demonstrations {
-    /// Rows of a demonstration.
+    /// Number of rows of a demonstration.
     fn rows(&self, episode: &Demonstration) -> usize {
         episode.actions.len() / self.action.max(1)
     }
 
-    /// Rows of all demonstrations.
+    /// Number of rows of all demonstrations.
     pub fn total_rows(&self) -> usize {
         self.episodes.iter().map(|episode| self.rows(episode)).sum()
     }
 
-    /// Labels of a row: per point its position (m, world), then per image and point its normalised pixel
-    /// ([`crate::normalised_pixel`]) and 1 if that lies in the image, else 0.
+    /// Numbers of a row's labels: per point its position (m, world frame), then per image and point its normalised
+    /// pixel ([`crate::normalised_pixel`]) and 1 if that lies in the image, else 0.
     pub fn labels_width(inputs: &Inputs, points: usize) -> usize {
         3 * points * (1 + inputs.images.len())
     }
 
-    /// Means and deviations of inputs and actions.
+    /// Means and standard deviations of inputs and actions.
     pub fn normalisation(&self) -> Normalisation {
         let Inputs { robot, object, .. } = &self.inputs;
         let rows = self.episodes.iter().flat_map(|episode| episode.inputs.chunks_exact(self.inputs.width()));
@@ -81,7 +81,7 @@ impl Demonstrations {
         }
     }
 
-    /// Adds a row's normalised numbers to those of a batch.
+    /// Appends a row's inputs, normalised, to a batch.
     pub(crate) fn push_inputs(inputs: &Inputs, normalisation: &Normalisation, row: &[f32], batch: &mut Batch) {
         let (robot, objects) = row.split_at(inputs.robot.len());
         batch.robot.extend(normalisation.robot.normalise(robot));
@@ -94,10 +94,10 @@ impl Demonstrations {
         batch.size += 1;
     }
 
-    /// Adds the images of a row, changed, to those of a batch.
+    /// Appends the images of a row, augmented by `change`, to a batch.
     ///
     /// # Errors
-    /// If there are more or fewer bytes than the inputs have.
+    /// If the number of bytes is not that of the input images.
     pub(crate) fn push_images(
         inputs: &Inputs,
         rgb: &[u8],
@@ -124,22 +124,22 @@ impl Demonstrations {
 /// Images of one camera for a batch.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImageBatch {
-    /// Patches of the images: size × rows × columns × the colours of a patch's pixels, about −2 to 2.
+    /// Patches of the images: size × rows × columns × RGB values of a patch's pixels, normalised to about −2 to 2.
     pub patches: Vec<f32>,
-    /// Shift of the content by augmentation, in normalised pixels: size × 2.
+    /// Shift of the image content by augmentation, in normalised pixels: size × 2.
     pub shift: Vec<f32>,
 }
 
-/// Windows of demonstrations, normalised.
+/// Batch of normalised samples; each is a window of a demonstration that starts at a row.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Batch {
-    /// Number of samples.
+    /// Number of samples in the batch.
     pub size: usize,
     /// Robot tokens: size × robot.
     pub robot: Vec<f32>,
     /// Object tokens: size × slots × object.
     pub objects: Vec<f32>,
-    /// Words of the instructions: size × words.
+    /// Hashed words of the instructions: size × words.
     pub words: Vec<f32>,
     /// Images of each camera.
     pub images: Vec<ImageBatch>,
@@ -151,25 +151,25 @@ pub struct Batch {
     pub mask: Vec<f32>,
 }
 
-/// Order of the samples: a function of seed and step.
+/// Sampler of batches; the order of samples is a function of seed and step.
 #[derive(Clone, Debug)]
 pub struct Sampler {
     seed: Seed,
-    /// Episode and row of each sample of an epoch, before they are shuffled.
+    /// Episode and row of each sample of an epoch, before shuffling.
     samples: Vec<(u32, u32)>,
-    /// Number of the epoch whose order is known, and the order.
+    /// Number and shuffled order of the epoch that was used last. `None` before the first batch.
     epoch: Option<(u64, Vec<u32>)>,
     chunk: usize,
     augmentation: Augmentation,
 }
 
-/// Change of the gripper's value that counts as a transition, in deviations; chosen.
+/// Minimum change of the gripper's action that counts as a transition, in standard deviations. Chosen by hand.
 const TRANSITION: f32 = 0.25;
 
 impl Sampler {
-    /// Samples of all rows and of the end of each demonstration; rows within a chunk before a change of the gripper
-    /// have [`TrainingSettings::transition_copies`] of them, those of the first chunk [`TrainingSettings::start_copies`] times
-    /// as many.
+    /// Sampler over all rows and the end of each demonstration. Oversamples rows whose chunk contains a change of the
+    /// gripper by [`TrainingSettings::transition_copies`], and rows of the first chunk additionally by
+    /// [`TrainingSettings::start_copies`].
     pub fn new(
         demonstrations: &Demonstrations,
         gripper_deviation: f32,
@@ -199,7 +199,7 @@ impl Sampler {
         self.samples.len()
     }
 
-    /// The batch of a step.
+    /// Batch of a step, counted from 0.
     ///
     /// # Errors
     /// If an image cannot be read.
@@ -240,7 +240,7 @@ impl Sampler {
         self.samples[place]
     }
 
-    /// Adds the window that begins at a row.
+    /// Appends the window that starts at a row, to a batch.
     fn push(
         &self,
         demonstrations: &Demonstrations,
@@ -302,7 +302,7 @@ mod tests {
             let row = batch.robot[sample] as usize;
             let mask = &batch.mask[sample * 4..(sample + 1) * 4];
             let first: Vec<f32> = batch.actions[sample * 8..(sample + 1) * 8].iter().step_by(2).copied().collect();
-            // The naive implementation: which episode, by the first target, or neither at an end.
+            // Recovers episode and row from the first target; an end has no target.
             let (episode, rows) = match (mask[0] > 0.0, first[0] >= 100.0) {
                 (true, false) => (0, 3),
                 (true, true) => (1, 5),

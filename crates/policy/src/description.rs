@@ -9,19 +9,19 @@ use crate::Scale;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PolicyDescription {
-    /// Preset that it was trained with.
+    /// Preset from which the training settings started.
     pub preset: Preset,
-    /// True if it reads simulator ground truth; its results are then marked `oracle`.
+    /// True if the policy reads simulator ground truth; its results are then marked `oracle`.
     pub privileged: bool,
-    /// Sizes of the network.
+    /// Architecture of the network.
     pub model: ModelSettings,
     /// Layout of the network's input tokens and images.
     pub inputs: Inputs,
     /// Contract of the predicted actions, that of the demonstrations.
     pub contract: ActionContract,
-    /// Actions executed of a chunk before the next observation.
+    /// Actions of a chunk that are executed before the next observation.
     pub execute: usize,
-    /// Means and deviations of inputs and actions over the demonstrations.
+    /// Means and standard deviations of inputs and actions over the demonstrations.
     pub normalisation: Normalisation,
     /// Provenance of the weights: data, seed, settings.
     pub training: TrainingFacts,
@@ -66,13 +66,13 @@ named_enum! {
     }
 }
 
-/// Sizes of the transformer.
+/// Architecture of the transformer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelSettings {
-    /// Width of tokens.
+    /// Embedding dimension of tokens.
     pub width: usize,
-    /// Attention heads.
+    /// Number of attention heads.
     pub heads: usize,
     /// Width of the feed-forward layers.
     pub feed_forward: usize,
@@ -80,12 +80,12 @@ pub struct ModelSettings {
     pub encoder_layers: usize,
     /// Number of transformer decoder layers, which predict the chunk.
     pub decoder_layers: usize,
-    /// Actions predicted at once.
+    /// Number of actions predicted at once (chunk size).
     pub chunk: usize,
     /// Channels of the convolutions of each camera; 0 without cameras.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub channels: usize,
-    /// Keypoints per camera, which become a quarter as many tokens; 0 without cameras.
+    /// Keypoints of each camera's spatial softmax, grouped into a quarter as many tokens; 0 without cameras.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub keypoints: usize,
     /// Keypoints supervised by an auxiliary loss with positions from the simulator, at most
@@ -106,7 +106,7 @@ fn is_zero(count: &usize) -> bool {
     *count == 0
 }
 
-/// Largest width, chunk and number of layers; several times those of published policies.
+/// Maximum embedding dimension, chunk size and number of layers; several times those of published policies.
 const MAX_WIDTH: usize = 4096;
 const MAX_CHUNK: usize = 512;
 const MAX_LAYERS: usize = 64;
@@ -134,18 +134,18 @@ impl ModelSettings {
     }
 }
 
-/// Inputs of a network: one token of the robot, one per object slot, one of the instruction, and images.
+/// Inputs of a network: one token of the robot, one per object slot, one of the instruction, and tokens of images.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Inputs {
     /// Names of the numbers of the robot's token, in order.
     pub robot: Vec<String>,
-    /// Names of the numbers of an object's token, in order; the first is 1 where the slot holds an object, and all of
-    /// an empty slot are 0.
+    /// Names of the numbers of an object's token, in order. The first number is 1 where the slot holds an object; all
+    /// numbers of an empty slot are 0.
     pub object: Vec<String>,
-    /// Number of object slots.
+    /// Number of object slots; further objects are omitted.
     pub slots: usize,
-    /// Images, in order.
+    /// Input images, in the order in which the network receives them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub images: Vec<ImageInput>,
     /// Buckets of the hashed words of the instruction, see [`crate::instruction_words`]; 0 without language.
@@ -157,7 +157,7 @@ pub struct Inputs {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ImageInput {
-    /// Name of the camera.
+    /// Name of the camera that provides the image.
     pub camera: String,
     /// Width, pixels.
     pub width: usize,
@@ -165,23 +165,23 @@ pub struct ImageInput {
     pub height: usize,
 }
 
-/// Side of the patches that images are divided into, pixels.
+/// Side of the patches that images are divided into, pixels. Chosen by hand.
 pub(crate) const PATCH: usize = 4;
 
 impl ImageInput {
-    /// Number of bytes, three per pixel.
+    /// Number of bytes of an image, three per pixel.
     pub fn bytes(&self) -> usize {
         3 * self.width * self.height
     }
 
-    /// Rows and columns of whole patches.
+    /// Number of rows and columns of whole patches.
     pub(crate) fn patches(&self) -> [usize; 2] {
         [self.height / PATCH, self.width / PATCH]
     }
 }
 
 impl Inputs {
-    /// Numbers of one row: the robot's, then those of each slot.
+    /// Number of inputs of one row: the robot's, then those of each object slot.
     pub fn width(&self) -> usize {
         self.robot.len() + self.slots * self.object.len()
     }
@@ -191,11 +191,11 @@ impl Inputs {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Normalisation {
-    /// Of the robot's token.
+    /// Scale of the robot's token.
     pub robot: Scale,
-    /// Of the objects' tokens; over filled slots.
+    /// Scale of the objects' tokens, over filled slots.
     pub object: Scale,
-    /// Of actions, per entry of the action contract.
+    /// Scale of actions, per entry of the action contract.
     pub action: Scale,
 }
 
@@ -203,41 +203,41 @@ pub struct Normalisation {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingSettings {
-    /// Samples per step.
+    /// Batch size, samples per step.
     pub batch: usize,
     /// Peak learning rate of AdamW.
     pub learning_rate: f64,
-    /// Steps of linear warm-up; cosine decay to 0 follows.
+    /// Number of steps of linear warm-up; cosine decay to 0 follows.
     pub warm_up: u64,
-    /// Decoupled weight decay of matrices.
+    /// Decoupled weight decay of weight matrices; biases and gains have none.
     pub weight_decay: f64,
     /// Gradient clipping: largest global L2 norm.
     pub max_gradient_norm: f64,
-    /// Decay of the exponential moving average of the weights, which is what is evaluated.
+    /// Decay of the exponential moving average (EMA) of the weights; the averaged weights become the policy.
     pub average_decay: f64,
     /// Weight of the loss of the predicted end of the episode, relative to the L1 loss of actions.
     pub end_weight: f64,
     /// Oversampling: samples per row when the gripper opens or closes within the row's chunk; 1 for other rows.
     pub transition_copies: usize,
-    /// Copies of the rows of the first chunk, where only images and instruction tell what is to be done: later, the
+    /// Oversampling of the rows of the first chunk, where only images and instruction determine the task: later, the
     /// motion under way does.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub start_copies: usize,
-    /// Weight of the loss of labelled points.
+    /// Weight of the auxiliary loss of labelled keypoints, relative to the L1 loss of actions.
     pub label_weight: f64,
-    /// Data augmentation of samples.
+    /// Data augmentation of the training samples.
     pub augmentation: Augmentation,
 }
 
-/// Sizes of random changes; 0 for none.
+/// Amplitudes of random augmentations, uniformly distributed; 0 for none.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Augmentation {
-    /// Largest shift of an image along each axis, pixels; pixels of its border are repeated.
+    /// Largest shift of an image along each axis, pixels; border pixels are repeated.
     pub shift_px: u32,
     /// Largest relative change of the brightness of each colour channel.
     pub gain: f32,
-    /// Largest change of each entry of the robot's token, in deviations.
+    /// Largest noise added to each entry of the robot's token, in standard deviations.
     pub state_noise: f32,
 }
 
@@ -259,11 +259,11 @@ impl Default for TrainingSettings {
     }
 }
 
-/// Facts of a training: the same facts give the same weights, bit for bit.
+/// Provenance of a training run: the same facts give the same weights, bit for bit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingFacts {
-    /// Hash of the run of the demonstrations.
+    /// Hash of the collection run that made the demonstrations.
     pub run: String,
     /// Number of demonstrations trained on.
     pub demonstrations: usize,
@@ -273,12 +273,12 @@ pub struct TrainingFacts {
     pub seed: Seed,
     /// Number of optimiser steps.
     pub steps: u64,
-    /// Hyperparameters that were used.
+    /// Hyperparameters of the run.
     pub settings: TrainingSettings,
-    /// L1 error of normalised actions in the last hundredth of the steps.
+    /// Mean L1 error of normalised actions over the last hundredth of the steps.
     pub final_l1: f64,
     /// Number of trainable scalars of the network.
     pub parameters: usize,
-    /// Version of the program.
+    /// Version of this program that trained the policy.
     pub genmanip_version: String,
 }

@@ -1,4 +1,4 @@
-//! Networks and their training.
+//! Neural networks of policies and their training.
 
 mod adam;
 mod layers;

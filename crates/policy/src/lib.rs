@@ -1,8 +1,8 @@
 //! Learned policies: networks that predict chunks of actions, and their training from demonstrations.
 //!
 //! The crate sees arrays only: `pipeline` turns recorded episodes and observations into [`Demonstrations`] and inputs.
-//! Without the feature `learn` it holds the description of a policy and the arithmetic around a network, and none of
-//! Burn, which does not leave this crate.
+//! Without the feature `learn`, the crate holds the description of a policy, normalisation and augmentation, and does
+//! not depend on Burn. Types of Burn are not exported.
 
 mod augmentation;
 mod demonstrations;

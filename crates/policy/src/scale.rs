@@ -1,23 +1,23 @@
-//! Normalisation of vectors by mean and deviation.
+//! Normalisation of vectors by mean and standard deviation.
 
 use serde::{Deserialize, Serialize};
 
-/// Mean and deviation per entry of a vector.
+/// Mean and standard deviation per entry of a vector.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scale {
-    /// Means.
+    /// Mean of each entry.
     pub mean: Vec<f32>,
-    /// Deviations, positive.
+    /// Standard deviations of the entries, positive.
     pub deviation: Vec<f32>,
 }
 
 impl Scale {
-    /// Smallest deviation, in metres and in entries of rotation matrices; an entry that hardly varies would otherwise
-    /// count as much as one that the task is about. Chosen.
+    /// Minimum standard deviation, in metres and in entries of rotation matrices. An entry that hardly varies would
+    /// otherwise count as much as one that matters for the task. Chosen by hand.
     pub const MIN_DEVIATION: f32 = 0.02;
 
-    /// Mean and deviation of vectors of `width` entries, at least [`Scale::MIN_DEVIATION`].
+    /// Mean and standard deviation of vectors of `width` entries, at least [`Scale::MIN_DEVIATION`].
     pub fn of<'a>(width: usize, vectors: impl Iterator<Item = &'a [f32]> + Clone) -> Self {
         let count = vectors.clone().count().max(1) as f64;
         let mut mean = vec![0.0_f64; width];
@@ -33,14 +33,15 @@ impl Scale {
         Self { mean: mean.into_iter().map(|mean| mean as f32).collect(), deviation }
     }
 
-    /// Number of entries; `None` if the two differ in length, or a value is not usable.
+    /// Number of entries; `None` if the two arrays differ in length, or a value is not finite or a deviation not
+    /// positive.
     pub fn width(&self) -> Option<usize> {
         let is_usable = self.mean.iter().all(|mean| mean.is_finite())
             && self.deviation.iter().all(|deviation| deviation.is_finite() && *deviation > 0.0);
         (is_usable && self.mean.len() == self.deviation.len()).then_some(self.mean.len())
     }
 
-    /// Normalised vector.
+    /// Vector with the mean subtracted, divided by the standard deviation.
     pub fn normalise<'a>(&'a self, vector: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
         vector
             .iter()
@@ -48,7 +49,7 @@ impl Scale {
             .map(|(value, (mean, deviation))| (value - mean) / deviation)
     }
 
-    /// Vector of a normalised one.
+    /// Vector restored from a normalised one; inverse of [`Scale::normalise`].
     pub fn restore<'a>(&'a self, vector: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
         vector
             .iter()

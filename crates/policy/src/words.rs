@@ -1,7 +1,7 @@
 //! Instructions as bags of hashed words.
 
-/// Counts of the hashed words and pairs of neighbouring words of an instruction, at most 1 each: a vector of `buckets`
-/// entries. Letters are lowered; everything but letters and digits separates words.
+/// Multi-hot vector of the hashed words and pairs of neighbouring words of an instruction: `buckets` entries of 0 or 1.
+/// Letters are converted to lower case; everything but letters and digits separates words.
 ///
 /// ```
 /// use genmanip_policy::instruction_words;

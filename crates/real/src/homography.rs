@@ -4,7 +4,7 @@ use genmanip_core::glam::{DMat3, DVec2};
 
 use crate::linear::Square;
 
-/// Map of the first points to the second ones; `None` for fewer than four pairs, or points on a line.
+/// Homography from the first points to the second ones; `None` for fewer than four pairs, or collinear points.
 pub fn homography(pairs: impl Iterator<Item = (DVec2, DVec2)> + Clone) -> Option<DMat3> {
     let (from, to) =
         (Normalised::of(pairs.clone().map(|pair| pair.0))?, Normalised::of(pairs.clone().map(|pair| pair.1))?);
@@ -22,14 +22,14 @@ pub fn homography(pairs: impl Iterator<Item = (DVec2, DVec2)> + Clone) -> Option
     map.is_finite().then_some(map)
 }
 
-/// Image of a point; `None` beyond the horizon.
+/// Point mapped by a homography; `None` on or beyond its horizon line.
 pub fn mapped(map: &DMat3, point: DVec2) -> Option<DVec2> {
     let image = *map * point.extend(1.0);
     let image = image.truncate() / image.z;
     image.is_finite().then_some(image)
 }
 
-/// Centre of points, and their largest distance from it.
+/// Centroid of points, and their maximum distance from it (Hartley normalisation).
 struct Normalised {
     center: DVec2,
     radius: f64,

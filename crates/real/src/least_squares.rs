@@ -5,26 +5,26 @@ use genmanip_core::glam::{DQuat, DVec3};
 
 use crate::linear::Square;
 
-/// Iterations, at most; from the closed-form starts five to ten are enough.
+/// Maximum number of iterations; from the closed-form starts five to ten suffice.
 const ITERATIONS: usize = 60;
 
-/// Sum of squares at a point: its value, half its gradient, and the Gauss–Newton approximation of half its Hessian.
+/// Normal equations at a point: cost, half its gradient, and the Gauss–Newton approximation of half its Hessian.
 pub struct Normal {
     /// Sum of squared, weighted residuals.
     pub cost: f64,
-    /// Jᵀ r.
+    /// Half the gradient: Jᵀ r.
     pub gradient: Vec<f64>,
-    /// Jᵀ J.
+    /// Gauss–Newton approximation of half the Hessian: Jᵀ J.
     pub hessian: Square,
 }
 
 impl Normal {
-    /// Empty sum over `size` unknowns.
+    /// Normal equations of `size` unknowns without residuals.
     pub fn new(size: usize) -> Self {
         Self { cost: 0.0, gradient: vec![0.0; size], hessian: Square::zero(size) }
     }
 
-    /// Adds a residual with the non-zero entries of its row of the Jacobian.
+    /// Adds a residual, given with the non-zero entries (column, value) of its row of the Jacobian.
     pub fn add(&mut self, residual: f64, row: &[(usize, f64)], weight: f64) {
         self.cost += weight * residual * residual;
         for &(i, a) in row {
@@ -36,7 +36,8 @@ impl Normal {
     }
 }
 
-/// Minimum of a sum of squares from a start, with the sum there; `evaluate` is `None` outside the domain.
+/// Minimum of a sum of squares from a start, with the normal equations there; `evaluate` returns `None` outside the
+/// domain. `None` if the start lies outside.
 pub fn minimise<S>(
     start: S,
     evaluate: impl Fn(&S) -> Option<Normal>,
@@ -74,7 +75,7 @@ pub fn minimise<S>(
     Some((state, normal))
 }
 
-/// A pose moved in its own inner frame: rotation vector (rad), then translation (m).
+/// Pose changed in its own frame by a rotation vector (rad), then a translation (m).
 pub fn moved(pose: &Pose, change: &[f64]) -> Pose {
     let part = |at: usize| DVec3::new(change[at], change[at + 1], change[at + 2]);
     *pose * Pose::new(part(3), DQuat::from_scaled_axis(part(0)))
@@ -87,7 +88,7 @@ pub fn tangent(pose: &Pose) -> [f64; 6] {
     [r[0], r[1], r[2], p[0], p[1], p[2]]
 }
 
-/// Rotation vector of at most half a turn, rad.
+/// Rotation vector with an angle of at most half a turn, rad.
 pub fn rotation_vector(rotation: DQuat) -> DVec3 {
     let rotation = if rotation.w < 0.0 { -rotation } else { rotation };
     rotation.to_scaled_axis()

@@ -1,10 +1,10 @@
-//! Tools between the program and a real arm: calibration of cameras, and the safe core of a bridge.
+//! Tools between the program and a real arm: calibration of cameras, and the safety core of a bridge.
 //!
 //! - [`boards`]: printed boards of tags, and their corners found in images.
-//! - [`bridge`]: guard and interpolator in front of an arm, without connection and clock.
-//! - [`calibrate`](mod@calibrate): pose of a camera on the hand or beside the robot, with its uncertainty; check of its
-//!   intrinsics; choice of poses that make the result well-conditioned.
-//! - [`synthetic`]: views of a board with known truth, for rehearsals and measurements.
+//! - [`bridge`]: guard and interpolator for an arm, without connection and clock.
+//! - [`calibrate`](mod@calibrate): pose of a camera on the hand or beside the robot, with its uncertainty; check of the
+//!   intrinsics; choice of hand poses that make the result well-conditioned.
+//! - [`synthetic`]: simulated views of a board with known truth, for rehearsals and measurements.
 //!
 //! Nothing here moves an arm or opens a connection.
 

@@ -13,17 +13,17 @@ impl Square {
         Self { size, values: vec![0.0; size * size] }
     }
 
-    /// Number of rows.
+    /// Number of rows, which is also that of columns.
     pub fn size(&self) -> usize {
         self.size
     }
 
-    /// Entry.
+    /// Entry in a row and a column.
     pub fn get(&self, row: usize, column: usize) -> f64 {
         self.values[row * self.size + column]
     }
 
-    /// Adds to an entry.
+    /// Adds `value` to an entry.
     pub fn add(&mut self, row: usize, column: usize, value: f64) {
         self.values[row * self.size + column] += value;
     }
@@ -62,7 +62,8 @@ impl Square {
 
     /// Eigenvalues in ascending order with their unit eigenvectors, by Jacobi rotations; the matrix is symmetric.
     pub fn eigen(&self) -> Vec<(f64, Vec<f64>)> {
-        /// Sweeps over all pairs of rows; convergence is quadratic after three or four.
+        /// Maximum number of sweeps over all pairs of rows; usually fewer than ten suffice, since convergence is
+        /// quadratic.
         const SWEEPS: usize = 60;
         let n = self.size;
         let mut matrix = self.clone();
@@ -87,7 +88,7 @@ impl Square {
         pairs
     }
 
-    /// Jacobi rotation that makes the entry (p, q) zero; the columns of `vectors` turn with it.
+    /// Jacobi rotation that zeroes the entry (p, q); also applied to the columns of `vectors`.
     fn rotate(&mut self, p: usize, q: usize, vectors: &mut Self) {
         let n = self.size;
         let entry = self.get(p, q);

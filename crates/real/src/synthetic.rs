@@ -1,4 +1,4 @@
-//! Synthetic views of a board with known truth: rehearsals of a calibration, and its measurement.
+//! Synthetic views of a board with known truth, for rehearsals of a calibration and for measuring its accuracy.
 
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
 use genmanip_core::{Intrinsics, Pose, Seed};
@@ -7,45 +7,45 @@ use serde::Serialize;
 
 use crate::calibrate::{Board, CameraModel, Mounting, Noise, PlanSettings, View, candidates};
 
-/// A setup with its truth.
+/// Synthetic calibration setup with its ground truth.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// Camera.
+    /// Projection of the camera.
     pub camera: CameraModel,
-    /// Place of the camera.
+    /// Mounting of the camera.
     pub mounting: Mounting,
-    /// The board.
+    /// Board as described to the calibration.
     pub board: Board,
     /// True pose of the camera in the frame that it is fixed to.
     pub mount_from_camera: Pose,
     /// True pose of the board in the frame that it is fixed to.
     pub mount_from_board: Pose,
-    /// True poses of the hand, one per view.
+    /// True poses `base_from_hand`, one per view.
     pub hands: Vec<Pose>,
 }
 
-/// Ways in which views leave the camera undetermined or contradict the description.
+/// Defects of views that leave the camera's pose undetermined or contradict the description.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Degeneracy {
-    /// Two orientations of the hand.
+    /// Only two orientations of the hand.
     TwoRotations,
-    /// All turns about one axis.
+    /// All relative rotations about one axis.
     ParallelAxes,
-    /// Turns below 10 degrees.
+    /// All relative rotations below 10 degrees.
     SmallTurns,
-    /// A tiny board far away, whose tilt is ambiguous.
+    /// Tiny board far away, whose pose is ambiguous.
     PlanarFlip,
-    /// A board that is larger than stated.
+    /// Board that is larger than its description says.
     WrongScale,
-    /// A camera mounted the other way.
+    /// Camera with the other mounting than stated.
     OtherMounting,
-    /// Robot poses under the ids of other images.
+    /// Robot poses assigned to the ids of other images.
     ShuffledIds,
 }
 
 impl Degeneracy {
-    /// All of them.
+    /// All defects.
     pub const ALL: [Self; 7] = [
         Self::TwoRotations,
         Self::ParallelAxes,
@@ -58,12 +58,12 @@ impl Degeneracy {
 }
 
 impl Scene {
-    /// A random setup with `count` views in which the whole board, of 7 x 5 corners, is seen.
+    /// Random setup with `count` views in which the whole board, of 7 × 5 corners, is visible.
     pub fn random(mounting: Mounting, count: usize, seed: Seed) -> Self {
         Self::of_board(mounting, count, seed, |spacing_m| Board::Grid { columns: 7, rows: 5, spacing_m })
     }
 
-    /// A random setup with a board, which is made from a random spacing of 20 to 30 mm.
+    /// Random setup with the board that `board` makes from a random spacing between 20 and 30 mm.
     pub fn of_board(mounting: Mounting, count: usize, seed: Seed, board: impl Fn(f64) -> Board) -> Self {
         let mut rng = seed.rng();
         let [width, height, focal_px] = [[1280.0, 720.0, 910.0], [640.0, 480.0, 605.0]][rng.random_range(0..2)];
@@ -79,7 +79,7 @@ impl Scene {
         let board = board(rng.random_range(0.02..0.03));
         let down = DQuat::from_rotation_x(std::f64::consts::PI);
         let (mount_from_camera, mount_from_board) = match mounting {
-            // The hand's z points ahead, as does the camera's.
+            // The hand's z axis points ahead, as does the camera's.
             Mounting::EyeInHand => (
                 Pose::new(vector(&mut rng, 0.03) + DVec3::new(0.05, 0.0, 0.03), turn(&mut rng, 0.3)),
                 Pose::new(vector(&mut rng, 0.1) * DVec3::new(1.0, 1.0, 0.05) + DVec3::X * 0.5, turn(&mut rng, 0.05)),
@@ -94,7 +94,7 @@ impl Scene {
         let hands = (0..count)
             .map(|_| {
                 let hand = all[rng.random_range(0..all.len())].base_from_hand;
-                // Nobody meets a pose exactly; the board stays in the image.
+                // Small random offset: nobody reaches a planned pose exactly. The board stays in the image.
                 hand * Pose::new(vector(&mut rng, 0.005), turn(&mut rng, 0.02))
             })
             .collect();
@@ -124,7 +124,7 @@ impl Scene {
         self.hands.iter().enumerate().map(view).collect()
     }
 
-    /// The setup and its views, degenerate in one way; the description in the scene is the one that is stated.
+    /// The setup and its views with one defect; the scene holds the stated description.
     pub fn degenerate(&self, how: Degeneracy, noise: &Noise, seed: Seed) -> (Self, Vec<View>) {
         let mut scene = self.clone();
         let mut rng = seed.fork("degenerate").rng();
@@ -139,7 +139,8 @@ impl Scene {
                     let rotation = if index % 2 == 0 { first.rotation } else { self.hands[1].rotation };
                     *hand = Pose::new(hand.position, rotation);
                 }
-                // Whatever the positions are: the board stays in the image only near the first ones.
+                // Positions near those of the first two hands: elsewhere these orientations would turn the board out of
+                // the image.
                 scene.hands.iter_mut().enumerate().for_each(|(index, hand)| {
                     let base = self.hands[index % 2];
                     *hand = Pose::new(base.position + vector(&mut rng, 0.02), hand.rotation);
@@ -149,7 +150,7 @@ impl Scene {
                 let count = scene.hands.len() as f64;
                 for index in 0..scene.hands.len() {
                     let angle = 1.2 * (index as f64 / count - 0.5);
-                    // About the optical axis, through the middle of the image.
+                    // Rotation about the optical axis, which passes through the middle of the image.
                     scene.hands[index] = match scene.mounting {
                         Mounting::EyeInHand => {
                             let spin = Pose::new(vector(&mut rng, 0.01), DQuat::from_rotation_z(angle));
@@ -205,7 +206,8 @@ impl Scene {
         (scene, views)
     }
 
-    /// Errors of points on the table, seen by the true camera and placed by the found one, m.
+    /// Position errors (m) of points on the table that are projected by the true camera and located with the calibrated
+    /// one.
     pub fn table_errors_m(&self, mount_from_camera: &Pose) -> Vec<f64> {
         let table: Vec<DVec3> = (0..25)
             .map(|index| DVec3::new(0.3 + 0.1 * f64::from(index % 5), -0.2 + 0.1 * f64::from(index / 5), 0.0))
@@ -233,7 +235,7 @@ impl Scene {
         errors
     }
 
-    /// Pose of the board in the camera's frame when the hand is at a pose.
+    /// Pose of the board in the camera's frame for a pose of the hand.
     pub fn camera_from_board(&self, hand: &Pose) -> Pose {
         let carrier = match self.mounting {
             Mounting::EyeInHand => *hand,
@@ -243,13 +245,13 @@ impl Scene {
     }
 }
 
-/// Vector with coordinates up to `most`.
+/// Random vector with coordinates of magnitude up to `most`.
 fn vector(rng: &mut impl Rng, most: f64) -> DVec3 {
     let mut coordinate = || rng.random_range(-most..most);
     DVec3::new(coordinate(), coordinate(), coordinate())
 }
 
-/// Rotation by up to about `most` radians about each axis.
+/// Random rotation by up to about `most` radians about each axis.
 fn turn(rng: &mut impl Rng, most: f64) -> DQuat {
     DQuat::from_scaled_axis(vector(rng, most))
 }

@@ -41,7 +41,7 @@ const HULL_DIRECTIONS: usize = 230;
 /// Smallest and largest width of the columns in which heights are compared, metres.
 const COLUMN_M: [f64; 2] = [0.004, 0.02];
 
-/// Objects as point clouds, ready for relation queries.
+/// Point clouds of objects, ready for relation queries.
 #[derive(Debug, Default)]
 pub struct CloudScene {
     bodies: Vec<CloudBody>,
@@ -71,7 +71,7 @@ impl CloudScene {
         Self { bodies: clouds.into_iter().map(body).collect() }
     }
 
-    /// Index of an object.
+    /// Index of an object; `None` for an unknown id.
     pub fn index_of(&self, id: &str) -> Option<usize> {
         self.bodies.iter().position(|body| body.id == id)
     }
@@ -183,14 +183,14 @@ impl CloudBody {
         })
     }
 
-    /// Approximate distance between neighbouring points.
+    /// Approximate distance between neighbouring points in the plane, limited to [`COLUMN_M`] (m).
     fn column_width(&self) -> f64 {
         let size = self.cloud.max - self.cloud.min;
         (size.x * size.y / self.cloud.points().len() as f64).sqrt().clamp(COLUMN_M[0], COLUMN_M[1])
     }
 }
 
-/// An even selection of at most `most` points.
+/// Every n-th point, so that at most `most` are selected.
 fn thinned(points: &[DVec3], most: usize) -> Vec<DVec3> {
     points.iter().step_by(points.len().div_ceil(most).max(1)).copied().collect()
 }
@@ -207,7 +207,7 @@ fn is_walled_in(point: DVec3, walls: &[DVec3]) -> bool {
     false
 }
 
-/// The nearest of 16 compass directions. Consistent under mirroring and quarter turns.
+/// Index of the nearest of 16 compass directions. Consistent under mirroring and quarter turns.
 fn compass(way: DVec2) -> u32 {
     let size = way.abs();
     let slope = size.min_element() / size.max_element();
@@ -222,7 +222,7 @@ fn compass(way: DVec2) -> u32 {
     }
 }
 
-/// One height per column of points within the bounds, chosen from the lowest and the highest.
+/// Per column of points within the bounds, the height that `choose` takes from the lowest and the highest (m).
 fn columns(cloud: &Cloud, within: &Aabb, width: f64, choose: impl Fn([f64; 2]) -> f64) -> BTreeMap<[i64; 2], f64> {
     let (min, max) = (within.min.truncate() - width, within.max.truncate() + width);
     let mut spans: BTreeMap<[i64; 2], [f64; 2]> = BTreeMap::new();

@@ -10,10 +10,10 @@ use serde::{Deserialize, Serialize};
 
 use super::RelationSettings;
 
-/// The place at which a falling object would first touch another one.
+/// First contact of an object that falls straight down onto another.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Contact {
-    /// Vertical gap there, metres; negative if the upper object is below the surface.
+    /// Vertical gap at the contact, metres; negative if the upper object is below the surface there.
     pub gap_m: f64,
     /// Height of the upper object's centre above the centre of the link that it would touch, metres.
     pub rise_m: f64,
@@ -32,7 +32,7 @@ const ACCURACY: f64 = 1e-6;
 /// Offset of the line from the origin, so that no corner of a symmetric body lies exactly on it.
 const OFFSET: DVec2 = DVec2::new(1.3e-7, 0.7e-7);
 
-/// Limit on both searches, which normally end after about ten steps.
+/// Maximum number of steps of each of the two searches, which normally end after about ten.
 const MAX_STEPS: usize = 64;
 
 /// Vertical gap at which A would first touch B; negative if A has to rise to clear B; `None` if the projections do not
@@ -48,7 +48,7 @@ pub(super) fn vertical_gap(support: impl Fn(DVec3) -> DVec3, give_up_below: f64)
         if normal.z == 0.0 {
             return None;
         }
-        // Scaled to a fall of one, so that progress along it is progress along the line.
+        // Scaled to a vertical component of -1, so that progress along it is progress along the line.
         let down = normal / -normal.z;
         let height = -down.dot(a);
         if height < give_up_below {
@@ -75,7 +75,7 @@ fn surround_line(support: &impl Fn(DVec3) -> DVec3) -> Option<[DVec3; 3]> {
         return None;
     }
     for _ in 0..MAX_STEPS {
-        // The side of the edge on which the line is.
+        // Normal of the edge towards the side on which the line passes.
         let edge = b.truncate() - a.truncate();
         let mut toward = edge.perp();
         if toward.dot(-a.truncate()) < 0.0 {
@@ -92,7 +92,7 @@ fn surround_line(support: &impl Fn(DVec3) -> DVec3) -> Option<[DVec3; 3]> {
         if inside(&triangle) >= 0.0 {
             return Some(triangle);
         }
-        // Keep the edge through the new point that has the line beyond it.
+        // Of the two edges through the new point, the one with the line beyond it is kept.
         let beyond = |p: DVec3, q: DVec3, other: DVec3| {
             let normal = (q - p).truncate().perp();
             (normal.dot(-p.truncate()) > 0.0) != (normal.dot((other - p).truncate()) > 0.0)
@@ -106,7 +106,7 @@ fn surround_line(support: &impl Fn(DVec3) -> DVec3) -> Option<[DVec3; 3]> {
     None
 }
 
-/// Smallest barycentric coordinate of the line in a triangle in the top view; negative outside.
+/// Smallest barycentric coordinate of the line's foot in a triangle in the top view; negative outside.
 fn inside([a, b, c]: &[DVec3; 3]) -> f64 {
     let [a, b, c] = [a.truncate(), b.truncate(), c.truncate()];
     let area = (b - a).perp_dot(c - a);

@@ -10,15 +10,16 @@ use crate::planar::Polygon;
 
 /// The space that an object occupies in the world, metres.
 pub(super) trait Extent {
-    /// Bounds.
+    /// Axis-aligned bounds.
     fn bounds(&self) -> Aabb;
-    /// Mean of the surface.
+    /// Centroid of the surface.
     fn center(&self) -> DVec3;
     /// Shortest distance between the projections onto the table.
     fn planar_gap(&self, other: &Self) -> f64;
     /// Share of this object's surface that is inside a container.
     fn share_inside(&self, container: &Self) -> f64;
-    /// The place at which this would first touch the lower object if it fell; `None` if the projections do not overlap.
+    /// The contact at which this object would first touch the lower one if it fell straight down; `None` if the
+    /// projections do not overlap.
     fn contact_above(&self, lower: &Self, settings: &RelationSettings) -> Option<Contact>;
     /// True if `upper` passes the overlap-area test with this object as its support.
     fn supports(&self, upper: &Self, settings: &RelationSettings) -> bool;
@@ -26,18 +27,18 @@ pub(super) trait Extent {
     fn state(&self, state: &str, settings: &RelationSettings) -> Vec<Requirement>;
 }
 
-/// Objects by id.
+/// A scene whose objects have ids and indices.
 pub(super) trait Extents {
-    /// Representation of an object.
+    /// Representation of an object: exact geometry or a point cloud.
     type Extent: Extent;
 
-    /// Index of an object by its instance id.
+    /// Index of an object by its instance id; `None` for an unknown id.
     fn find(&self, id: &str) -> Option<usize>;
-    /// The object with an index.
+    /// The object with an index; `None` if the index is out of range.
     fn extent(&self, index: usize) -> Option<&Self::Extent>;
 }
 
-/// True if most of the upper footprint is over the lower one and it is not much larger.
+/// True if most of the upper footprint is over the lower one and is not much larger than it.
 pub(super) fn supported(upper: &Polygon, lower: &Polygon, settings: &RelationSettings) -> bool {
     let (lower_area, upper_area) = (lower.area(), upper.area());
     upper.intersection(lower).area() > settings.support_overlap * upper_area

@@ -3,13 +3,13 @@
 use genmanip_core::{Annotations, AssetRef, MassProperties, ObjectCard, ObjectLink, ObjectModel, SupportSurface};
 use glam::{DMat3, DVec3};
 
-/// A support surface as an object model in the surface's frame: only its slab, without the boards beside and above it.
+/// A support surface as an object model in the surface's frame, with the slab only, not the boards beside and above it.
 /// *On* then means on its top, and *near* is measured from its edges.
 pub(super) fn model(surface: &SupportSurface) -> ObjectModel {
     let slab: Vec<_> = surface.pieces().into_iter().take(1).collect();
     let asset = AssetRef::builtin(&surface.id, 1);
     let card = ObjectCard {
-        // A surface has no asset: its id stands for the uid.
+        // A surface has no asset, so its id is used as the uid.
         uid: surface.id.clone(),
         asset: asset.clone(),
         name: surface.name.clone(),

@@ -12,7 +12,7 @@ pub(crate) struct Hull {
 }
 
 impl Hull {
-    /// Convex hull of points.
+    /// Convex hull of points; empty if they are coplanar.
     pub fn of(points: &[DVec3]) -> Self {
         let points: Vec<Vector> = points.iter().map(|point| Vector::from_array(point.to_array())).collect();
         if points.len() < 4 {
@@ -31,7 +31,7 @@ impl Hull {
         self.triangles.iter().map(|triangle| triangle.map(|index| self.corners[index as usize]))
     }
 
-    /// Outward unit normals and distances from the origin, enlarged by a tolerance.
+    /// Planes of the faces: outward unit normals, and distances from the origin (m) plus a tolerance.
     pub fn planes(&self, tolerance: f64) -> Vec<(DVec3, f64)> {
         let center = self.corners.iter().sum::<DVec3>() / self.corners.len().max(1) as f64;
         self.faces()

@@ -12,7 +12,7 @@ use super::{PosedScene, RelationSettings};
 /// State of motion of the objects. An object that is held by the gripper or not at rest meets no condition.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Rest {
-    /// Index of the object in the gripper.
+    /// Index of the object in the gripper; `None` if the gripper holds none.
     pub held: Option<usize>,
     /// For each object, true if it moves; objects beyond the end of the list are at rest.
     pub moving: Vec<bool>,
@@ -106,7 +106,7 @@ fn relation_requirements(relation: Relation, pair: &PairGeometry, settings: &Rel
     let overlap_x = || Requirement::above("overlap along x", pair.overlap_x_m, 0.0);
     let overlap_y = || Requirement::above("overlap along y", pair.overlap_y_m, 0.0);
     let apart = |toward: f64, overlap: f64| {
-        // On the wrong side, the distance to the right side leads across the other object.
+        // On the wrong side, the object would have to cross the other one to reach the right side.
         let clear = if toward > 0.0 { -overlap } else { -overlap.abs() - 2.0 * toward.abs() };
         Requirement::at_least("clearance towards that side", clear, 0.0)
     };
@@ -147,7 +147,7 @@ fn inside(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> 
     requirements
 }
 
-/// Requirements for A resting on B without being in it.
+/// Requirements for A resting on B, but not in it.
 fn on(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> {
     let mut requirements = touching(pair, settings);
     for (quantity, share) in
@@ -181,7 +181,8 @@ fn touching(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement
     }
 }
 
-/// Requirement for the middle one of three centres, on the way from the first to the last, to be between the others.
+/// Requirement that the second of three centres lies between the first and the last: the polyline through them bends by
+/// less than the limit at the second one.
 fn between(centers: [DVec3; 3], reading: BetweenReading, settings: &RelationSettings) -> Requirement {
     let Some(bend_rad) = between_bend_rad(centers, reading) else {
         return Requirement::fact("three different places", false);
@@ -193,7 +194,8 @@ fn between(centers: [DVec3; 3], reading: BetweenReading, settings: &RelationSett
     Requirement::above(quantity, settings.between_angle_rad - bend_rad, 0.0).in_unit(Unit::Radian)
 }
 
-/// Angle by which the way turns at the middle one of three centres, rad; `None` where it has no direction.
+/// Angle by which the polyline through three points bends at the middle one, rad, seen from above or in space; `None`
+/// if two successive points coincide there.
 pub fn between_bend_rad([from, at, to]: [DVec3; 3], reading: BetweenReading) -> Option<f64> {
     let (mut there, mut onward) = (at - from, to - at);
     match reading {

@@ -1,8 +1,8 @@
 //! Point clouds of objects, fused from depth images with instance ids of several cameras.
 //!
 //! Cameras see only the near sides. Hidden sides are filled in from the convex hull of the observed points: a point of
-//! the hull's surface is kept if every camera sees something in front of it, and dropped if a camera saw through it. A
-//! box thus gets its back and underside, and a bowl stays open.
+//! the hull's surface is dropped if any camera sees through it (or has no depth there), and kept otherwise, also where
+//! no camera looks. A box thus gets its back and underside, and a bowl stays open.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ use crate::hull::Hull;
 /// Approximate spacing of the points of one object, metres.
 const SPACING_M: f64 = 0.003;
 
-/// A point is in free space if a camera sees something at least this far behind it, metres.
+/// Minimum distance (m) by which a camera must see past a point for the point to lie in free space.
 const FREE_SPACE_M: f64 = 0.006;
 
 /// Minimum number of observed points of an object; with fewer it gets no cloud.
@@ -24,7 +24,7 @@ const MIN_POINTS: usize = 12;
 /// The cloud of each instance in the world frame, with hidden sides filled in; `None` for an instance that is hardly
 /// visible.
 ///
-/// If a view's two images differ in size, the pixels beyond the smaller one are ignored.
+/// If the id and depth images of a view differ in size, the pixels beyond the smaller one are ignored.
 pub fn clouds_of_views(views: &[RgbdImage], instances: &[u16]) -> Vec<Option<Cloud>> {
     let cameras: Vec<Pose> = views.iter().map(|view| view.world_from_camera.inverse()).collect();
     let free = |point: DVec3| views.iter().zip(&cameras).any(|(view, camera)| looks_through(view, camera, point));
@@ -51,13 +51,13 @@ pub fn clouds_of_views(views: &[RgbdImage], instances: &[u16]) -> Vec<Option<Clo
     instances.iter().map(cloud).collect()
 }
 
-/// Observed points of an instance in the world frame.
+/// Observed points of an instance in the world frame, one per pixel with depth.
 fn points_of(view: &RgbdImage, instance: u16) -> impl Iterator<Item = DVec3> + '_ {
     let seen = view.ids.iter().enumerate().filter(move |(_, id)| **id == instance);
     seen.filter_map(|(index, _)| view.point(index))
 }
 
-/// True if a camera sees through a point to something behind it.
+/// True if a camera measures a depth at least `FREE_SPACE_M` behind a point, or none at all; false outside its image.
 fn looks_through(view: &RgbdImage, camera_from_world: &Pose, point: DVec3) -> bool {
     let local = camera_from_world.transform_point(point);
     let Some(pixel) = view.intrinsics.project(local).map(DVec2::round) else { return false };

@@ -8,32 +8,32 @@ use super::contact::Contact;
 use super::extent::{Extent, Extents};
 use super::{PosedScene, RelationSettings};
 
-/// Position of one object relative to another.
+/// Position of object A relative to object B.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Label {
-    /// Most of its surface is in the other's cavity.
+    /// Most of A's surface is in B's cavity.
     In,
-    /// The other is in it.
+    /// B is in A.
     OutOf,
-    /// It rests on the other.
+    /// A rests on B.
     On,
-    /// The other rests on it.
+    /// B rests on A.
     Beneath,
-    /// It is to the robot's left of the other (+y).
+    /// A is to the robot's left of B (+y).
     Left,
-    /// It is to the robot's right of the other (-y).
+    /// A is to the robot's right of B (-y).
     Right,
-    /// It is farther from the robot than the other (+x).
+    /// A is farther from the robot than B (+x).
     Front,
-    /// It is nearer to the robot than the other (-x).
+    /// A is nearer to the robot than B (-x).
     Back,
-    /// It is close in the plane, and none of the above.
+    /// A is close to B in the plane, and none of the above.
     Near,
 }
 
 impl Label {
-    /// The label with the roles exchanged.
+    /// Label of B relative to A.
     #[must_use]
     pub fn inverse(self) -> Self {
         match self {
@@ -55,12 +55,12 @@ impl Label {
 pub struct PairVerdict {
     /// Label of A relative to B; `None` if they are not close in the plane.
     pub a_to_b: Option<Label>,
-    /// Label of B relative to A.
+    /// Label of B relative to A; `None` if they are not close in the plane.
     pub b_to_a: Option<Label>,
     /// True if the upper object is also *supported by* the lower one: most of its footprint is over the other's, and it
     /// is not much larger.
     pub supporting: bool,
-    /// Measured quantities.
+    /// Measured quantities on which the labels are based.
     pub geometry: PairGeometry,
 }
 
@@ -73,15 +73,15 @@ pub struct PairGeometry {
     pub overlap_x_m: f64,
     /// Overlap of the bounds along y; if negative, their distance.
     pub overlap_y_m: f64,
-    /// Share of A's surface points in B.
+    /// Share of A's surface points that are in B, 0-1.
     pub a_in_b: f64,
-    /// Share of B's surface points in A.
+    /// Share of B's surface points that are in A, 0-1.
     pub b_in_a: f64,
-    /// Contact of A falling onto B, if their projections overlap.
+    /// Contact of A falling onto B; `None` if their projections do not overlap.
     pub a_over_b: Option<Contact>,
-    /// Contact of B falling onto A, if their projections overlap.
+    /// Contact of B falling onto A; `None` if their projections do not overlap.
     pub b_over_a: Option<Contact>,
-    /// Centre of A minus centre of B, where the centre is the mean of the surface.
+    /// Centre of A minus centre of B, where the centre is the centroid of the surface.
     #[schemars(with = "[f64; 3]")]
     pub offset: DVec3,
 }
@@ -96,7 +96,7 @@ pub fn measure_pair(scene: &PosedScene, a: usize, b: usize, settings: &RelationS
     Some(measure(scene.extent(a)?, scene.extent(b)?, settings))
 }
 
-/// Measures and labels two objects, for any representation.
+/// Measures and labels two objects, for any representation; `None` if an index is out of range.
 pub(super) fn label_extents(
     scene: &impl Extents,
     a: usize,
@@ -143,7 +143,7 @@ fn overlap<E: Extent>(a: &E, b: &E) -> DVec3 {
     a.max.min(b.max) - a.min.max(b.min)
 }
 
-/// The first label that applies to A relative to B, in the order of precedence.
+/// The first label that applies to A relative to B, in the order of precedence; `None` if none applies.
 fn label(pair: &PairGeometry, settings: &RelationSettings) -> Option<Label> {
     if pair.gap_m > settings.close_m {
         return None;
@@ -177,7 +177,7 @@ impl PairGeometry {
         }
     }
 
-    /// The same pair with the roles exchanged.
+    /// The same pair with A and B exchanged.
     #[must_use]
     pub fn swapped(&self) -> Self {
         Self {

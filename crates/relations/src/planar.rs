@@ -41,12 +41,12 @@ impl Polygon {
         Self { corners, min, max }
     }
 
-    /// Enclosed area.
+    /// Enclosed area (m²).
     pub fn area(&self) -> f64 {
         self.edges().map(|(a, b)| a.perp_dot(b)).sum::<f64>() * 0.5
     }
 
-    /// Shortest distance to another polygon, 0 if they overlap.
+    /// Shortest distance to another polygon (m), 0 if they overlap.
     pub fn distance(&self, other: &Self) -> f64 {
         if self.overlaps(other) {
             return 0.0;
@@ -60,8 +60,8 @@ impl Polygon {
         one_way(self, other).min(one_way(other, self)).sqrt()
     }
 
-    /// True if a line along one of the edges separates the two by at least a distance. The test is conservative:
-    /// corners that face each other can be slightly farther apart than it detects.
+    /// True if a line along one of the edges separates the polygons by at least a distance (m). The test is
+    /// conservative: corners that face each other can be slightly farther apart than it detects.
     pub fn is_apart(&self, other: &Self, distance: f64) -> bool {
         let keeps_apart = |from: &Self, to: &Self| {
             from.edges().any(|(a, b)| {
@@ -79,7 +79,7 @@ impl Polygon {
         self.max += by;
     }
 
-    /// Lower bound of the distance, from the bounding boxes.
+    /// Lower bound of the distance to another polygon (m), from the bounding boxes.
     pub fn bounds_distance(&self, other: &Self) -> f64 {
         (self.min - other.max).max(other.min - self.max).max(DVec2::ZERO).length()
     }
@@ -110,7 +110,7 @@ impl Polygon {
         (0..count).map(move |index| (self.corners[index], self.corners[(index + 1) % count]))
     }
 
-    /// True if no line separates the two.
+    /// True if no line along an edge separates the polygons; false if both are degenerate.
     fn overlaps(&self, other: &Self) -> bool {
         let separates = |from: &Self, to: &Self| {
             from.edges().any(|(a, b)| a != b && to.corners.iter().all(|&corner| (b - a).perp_dot(corner - a) < 0.0))

@@ -53,7 +53,7 @@ impl Extent for Body {
     }
 }
 
-/// Shortest distance between the unions of the projected pieces.
+/// Shortest distance between the unions of the projected pieces (m); 0 if they overlap.
 fn planar_gap(a: &Body, b: &Body) -> f64 {
     let (a, b) = (a.footprint(), b.footprint());
     let mut best = f64::INFINITY;
@@ -73,7 +73,7 @@ fn planar_gap(a: &Body, b: &Body) -> f64 {
     best
 }
 
-/// Points further than this outside of the bounds of a cavity are certainly outside of it, metres.
+/// Tolerance (m) beyond the bounds of a cavity: points farther outside are certainly not in the cavity.
 const ROUNDING_M: f64 = 1e-9;
 
 /// Cavities of one link: their bounds in the world, for a quick test, and the solids that they consist of.
@@ -120,8 +120,8 @@ fn share_inside(a: &Body, b: &Body) -> f64 {
     if count == 0 { 0.0 } else { inside as f64 / count as f64 }
 }
 
-/// The contact of A falling onto B: the smallest gap of pieces that are above each other, or the least negative one if
-/// there are none.
+/// The contact of A falling onto B: the smallest gap of pieces that are above each other; without such pieces, the
+/// least negative gap. `None` if the projections do not overlap.
 fn contact(a: &Body, b: &Body, settings: &RelationSettings) -> Option<Contact> {
     let mut best: Option<Contact> = None;
     let (a_outlines, b_outlines) = (a.footprint(), b.footprint());
@@ -148,7 +148,8 @@ fn contact(a: &Body, b: &Body, settings: &RelationSettings) -> Option<Contact> {
     best
 }
 
-/// Gaps between pieces above each other take precedence, the smallest first; among the others the largest does.
+/// True if `gap` takes precedence over `known`: gaps between pieces above each other do, the smallest first; among the
+/// others the largest does.
 fn better(gap: f64, known: f64, sinking: f64) -> bool {
     match (gap >= -sinking, known >= -sinking) {
         (true, true) => gap < known,

@@ -16,9 +16,9 @@ const SURFACE_TOLERANCE_M: f64 = 0.002;
 /// An object at its pose.
 #[derive(Clone, Debug)]
 pub struct PosedObject {
-    /// Its id in the scene.
+    /// Id of the object in the scene.
     pub id: String,
-    /// Its model.
+    /// Object model, shared by instances of the same asset.
     pub model: Arc<ObjectModel>,
     /// `world_from_object`.
     pub pose: Pose,
@@ -47,9 +47,9 @@ pub(super) struct Body {
     pub object_from_link: Vec<Pose>,
     pub pieces: Vec<WorldPiece>,
     pub bounds: Aabb,
-    /// Mean of the surface.
+    /// Centroid of the surface, world frame.
     pub center: DVec3,
-    /// Previous state of the object, for hysteresis.
+    /// State given by [`PosedScene::set_previous_states`], for hysteresis; `None` if unknown.
     pub previous_state: Option<String>,
     footprint: OnceLock<Footprint>,
 }
@@ -63,12 +63,12 @@ pub(super) struct WorldPiece {
     pub bounds: Aabb,
 }
 
-/// Projections onto the table.
+/// Projections of a body onto the table.
 #[derive(Clone, Debug)]
 pub(super) struct Footprint {
-    /// One polygon per piece.
+    /// One convex polygon per piece.
     pub pieces: Vec<Polygon>,
-    /// Hull of all pieces.
+    /// Convex hull of all pieces.
     pub hull: Polygon,
 }
 
@@ -99,7 +99,7 @@ impl PosedScene {
         &self.surfaces
     }
 
-    /// The objects.
+    /// The objects, in the order of their indices.
     pub fn objects(&self) -> impl ExactSizeIterator<Item = &PosedObject> {
         self.bodies[..self.count].iter().map(|body| &body.object)
     }
@@ -126,7 +126,7 @@ impl PosedScene {
         })
     }
 
-    /// Index of an object, or of a support surface other than the table.
+    /// Index of an object, or of a support surface other than the table; `None` for an unknown id.
     pub fn index_of(&self, id: &str) -> Option<usize> {
         self.bodies.iter().position(|body| body.object.id == id)
     }
@@ -151,12 +151,12 @@ impl PosedScene {
         }
     }
 
-    /// Exact bounds of an object in the world.
+    /// Exact bounds of an object in the world; `None` if the index is out of range.
     pub fn bounds(&self, index: usize) -> Option<Aabb> {
         self.bodies.get(index).map(|body| body.bounds)
     }
 
-    /// Mean of an object's surface in the world.
+    /// Centroid of an object's surface in the world; `None` if the index is out of range.
     pub fn center(&self, index: usize) -> Option<DVec3> {
         self.bodies.get(index).map(|body| body.center)
     }
@@ -172,7 +172,7 @@ impl PosedScene {
         pieces.into_iter().flatten().map(|polygon| polygon.corners.as_slice()).collect()
     }
 
-    /// Corners of the convex outline of an object on the table, counter-clockwise.
+    /// Corners of the convex outline of an object on the table, counter-clockwise; `None` if the index is out of range.
     pub fn outline(&self, index: usize) -> Option<&[DVec2]> {
         self.bodies.get(index).map(|body| body.footprint().hull.corners.as_slice())
     }
@@ -226,7 +226,7 @@ impl Body {
         }
     }
 
-    /// Mean of a link's surface in the world.
+    /// Centroid of a link's surface in the world.
     pub fn link_center(&self, link: usize) -> DVec3 {
         (self.object.pose * self.object_from_link[link]).transform_point(self.shape.links[link].centroid)
     }
@@ -246,7 +246,7 @@ impl Body {
         })
     }
 
-    /// Projections onto the table.
+    /// Projections onto the table, computed on first use.
     pub fn footprint(&self) -> &Footprint {
         self.footprint.get_or_init(|| {
             let pieces: Vec<Polygon> = self.pieces.iter().map(|piece| self.outline_of(piece)).collect();
@@ -255,7 +255,7 @@ impl Body {
         })
     }
 
-    /// True if the projections were computed.
+    /// True if the footprint is computed already.
     #[cfg(test)]
     pub fn is_outlined(&self) -> bool {
         self.footprint.get().is_some()
@@ -279,7 +279,7 @@ impl Body {
 }
 
 impl WorldPiece {
-    /// The farthest point along a direction, both in the world.
+    /// Support point: the farthest point of a piece along a direction, both in the world frame.
     pub fn support(&self, shape: &Shape, direction: DVec3) -> DVec3 {
         let local = self.world_from_piece.rotation.inverse() * direction;
         self.world_from_piece.transform_point(shape.support(local))

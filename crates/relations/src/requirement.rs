@@ -1,10 +1,10 @@
-//! Combines requirements into verdicts: the values, their distances from the thresholds, and an explanation.
+//! Combines requirements into verdicts with values, distances from the thresholds and an explanation.
 
 use std::cmp::Ordering;
 
 use genmanip_core::{Atom, AtomVerdict, Measurement, Unit};
 
-/// Name of the quantity for the penetration of a contact.
+/// Name of the quantity that measures the penetration of a contact.
 pub(super) const SINKING: &str = "sinking";
 
 /// One necessary part of a condition.
@@ -20,30 +20,30 @@ pub(super) struct Requirement {
 }
 
 impl Requirement {
-    /// A length that must not exceed a threshold.
+    /// Requirement that a length (m) does not exceed a threshold.
     pub fn at_most(quantity: &'static str, value: f64, threshold: f64) -> Self {
         let margin = threshold - value;
         Self { quantity, value, threshold, unit: Unit::Metre, comparison: "≤", met: margin >= 0.0, margin }
     }
 
-    /// A length that must reach a threshold.
+    /// Requirement that a length (m) reaches a threshold.
     pub fn at_least(quantity: &'static str, value: f64, threshold: f64) -> Self {
         let margin = value - threshold;
         Self { quantity, value, threshold, unit: Unit::Metre, comparison: "≥", met: margin >= 0.0, margin }
     }
 
-    /// A length that must exceed a threshold.
+    /// Requirement that a length (m) exceeds a threshold.
     pub fn above(quantity: &'static str, value: f64, threshold: f64) -> Self {
         let margin = value - threshold;
         Self { quantity, value, threshold, unit: Unit::Metre, comparison: ">", met: margin > 0.0, margin }
     }
 
-    /// The same quantity in another unit.
+    /// The same requirement with the quantity in another unit.
     pub fn in_unit(self, unit: Unit) -> Self {
         Self { unit, ..self }
     }
 
-    /// A requirement without a measured quantity: 1 of 1 if met.
+    /// Requirement without a measured quantity: value 1 if met, otherwise 0, with threshold 1.
     pub fn fact(quantity: &'static str, met: bool) -> Self {
         let (value, margin) = if met { (1.0, 1.0) } else { (0.0, -1.0) };
         Self { quantity, value, threshold: 1.0, unit: Unit::Fact, comparison: "=", met, margin }
@@ -64,7 +64,7 @@ impl Requirement {
         }
     }
 
-    /// The quantity without its comparison.
+    /// Measurement with value, threshold and margin, without the comparison sign.
     pub fn measurement(self) -> Measurement {
         let Self { quantity, value, threshold, unit, comparison: _, met, margin } = self;
         Measurement { quantity: quantity.into(), value, threshold, unit, met, margin }
@@ -149,7 +149,7 @@ mod tests {
         Requirement::at_least("length", margin, 0.0)
     }
 
-    /// The deciding requirement does not depend on units or order.
+    /// Checks that the deciding requirement is the one nearest to its threshold, whatever the units and order.
     #[test]
     fn the_deciding_requirement_is_the_one_nearest_to_its_threshold() {
         let atom = Atom::State { object: "057".into(), state: "open".into() };

@@ -10,30 +10,30 @@ use rand::RngExt;
 use super::solid::Solid;
 use crate::hull::Hull;
 
-/// Number of corners of a curved outline.
+/// Number of corners of the polygon that represents a curved outline.
 const SIDES: usize = 64;
 
 /// An object model with its surface sampled and its cavities prepared.
 #[derive(Debug)]
 pub struct ObjectShape {
-    /// The model.
+    /// Model whose geometry is prepared.
     pub model: Arc<ObjectModel>,
     /// One entry per link of the model.
     pub(super) links: Vec<LinkShape>,
-    /// Hull of a rigid object in its own frame, computed on first use.
+    /// Convex hull of a rigid object in its own frame, computed on first use.
     rigid_hull: OnceLock<Solid>,
 }
 
 /// The surface and the cavities of one link, in the link's frame.
 #[derive(Debug)]
 pub(super) struct LinkShape {
-    /// Area-uniform points.
+    /// Surface points, uniform by area.
     pub samples: Vec<DVec3>,
-    /// Area of the surface.
+    /// Area of the surface (m²).
     pub area: f64,
-    /// Mean of the surface.
+    /// Centroid of the surface.
     pub centroid: DVec3,
-    /// Regions whose content is *in* the object.
+    /// Solids in which another object's points count as *in* the object.
     pub cavity: Vec<Solid>,
 }
 
@@ -62,7 +62,7 @@ impl ShapeCache {
         ObjectShape::new(model, self.samples)
     }
 
-    /// The shape of a model.
+    /// Prepared shape of a model, from the cache if it is there.
     pub fn get(&mut self, model: &Arc<ObjectModel>) -> Arc<ObjectShape> {
         let samples = self.samples;
         Arc::clone(self.shapes.entry(model.asset.clone()).or_insert_with(|| Arc::new(ObjectShape::new(model, samples))))
@@ -185,7 +185,7 @@ fn centroid(faces: &[[DVec3; 3]], total: f64) -> DVec3 {
     faces.iter().map(|face| (face[0] + face[1] + face[2]) / 3.0 * area(face)).sum::<DVec3>() / total
 }
 
-/// Points at even steps of area, so that each face gets its share, at random positions in the faces.
+/// Points at even steps of cumulative area, so that each face gets its share, at random positions in the faces.
 fn sample(faces: &[[DVec3; 3]], total: f64, count: usize, seed: Seed) -> Vec<DVec3> {
     let mut rng = seed.rng();
     let mut points = Vec::with_capacity(count);

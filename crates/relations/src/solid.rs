@@ -15,12 +15,12 @@ pub(super) struct Solid {
 #[derive(Clone, Debug)]
 enum Body {
     Exact(Shape),
-    /// Outward normals and distances from the origin.
+    /// Half-spaces of which the body is the intersection: outward normals and distances from the origin (m).
     Planes(Vec<(DVec3, f64)>),
 }
 
 impl Solid {
-    /// The body of a piece.
+    /// Convex body of a collision piece, in its link's frame.
     pub fn of_piece(piece: &Piece) -> Self {
         let body = match &piece.shape {
             Shape::Hull { points } => Body::Planes(Hull::of(points).planes(1e-12)),
@@ -29,7 +29,7 @@ impl Solid {
         Self { piece_from_link: piece.link_from_piece.inverse(), body }
     }
 
-    /// The body of a hull.
+    /// Convex body of the points of a hull.
     pub fn of_hull(hull: &Hull) -> Self {
         Self { piece_from_link: Pose::IDENTITY, body: Body::Planes(hull.planes(1e-12)) }
     }

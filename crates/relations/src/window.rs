@@ -10,14 +10,14 @@ use super::RelationSettings;
 /// A rectangle on the table, metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Window {
-    /// Smallest and largest x.
+    /// Smallest and largest x, metres.
     pub x: [f64; 2],
-    /// Smallest and largest y.
+    /// Smallest and largest y, metres.
     pub y: [f64; 2],
 }
 
 impl Window {
-    /// The common part of two windows; `None` if there is none.
+    /// Common part of two windows; `None` if they do not overlap.
     pub fn intersection(&self, other: &Self) -> Option<Self> {
         let clip = |a: [f64; 2], b: [f64; 2]| [a[0].max(b[0]), a[1].min(b[1])];
         let window = Self { x: clip(self.x, other.x), y: clip(self.y, other.y) };
@@ -29,7 +29,7 @@ impl Window {
         (self.x[0]..=self.x[1]).contains(&point.x) && (self.y[0]..=self.y[1]).contains(&point.y)
     }
 
-    /// The point at a share of each side, for sampling with two numbers from 0 to 1.
+    /// Point at a share of each side (`u` along x, `v` along y, 0 to 1), for sampling.
     pub fn at(&self, u: f64, v: f64) -> DVec2 {
         DVec2::new(self.x[0] + (self.x[1] - self.x[0]) * u, self.y[0] + (self.y[1] - self.y[0]) * v)
     }
@@ -58,7 +58,7 @@ pub fn placement_window(
         true => [high + half + margin, high + half + settings.close_m - margin],
         false => [low - half - settings.close_m + margin, low - half - margin],
     };
-    // Sideways at least a third of the narrower object overlaps, so that the relation is obvious.
+    // At least a third of the narrower object must overlap the other one sideways, so that the relation is obvious.
     let beside = |low: f64, high: f64, half: f64| {
         let common = ((high - low).min(2.0 * half) / 3.0).max(margin);
         [low - half + common, high + half - common]

@@ -11,23 +11,23 @@ use tungstenite::http::header::AUTHORIZATION;
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, HandshakeError, Message, WebSocket};
 
-/// Maximum response size: an action chunk has a few kilobytes, a traceback somewhat more.
+/// Maximum response size, bytes: an action chunk has a few kilobytes, a traceback somewhat more.
 const MAX_ANSWER_BYTES: usize = 4 << 20;
-/// Maximum nesting of a response.
+/// Maximum nesting depth of a response. Bounds the recursion for invalid responses.
 const MAX_DEPTH: usize = 32;
 /// Maximum reported length of a server's traceback (characters); its end contains the error.
 const MAX_TRACEBACK_CHARS: usize = 400;
 
-/// Timeouts and reconnects.
+/// Timeouts and reconnects of a connection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timeouts {
-    /// Connection timeout.
+    /// Timeout of connecting.
     pub connect: Duration,
-    /// Response timeout; the first response may wait until the model is compiled.
+    /// Timeout of a response; long enough for a server that compiles its model on the first request.
     pub answer: Duration,
-    /// Reconnects after a connection lost before the response.
+    /// Maximum number of reconnects after a connection is lost before the response.
     pub reconnects: u32,
-    /// Pause before reconnecting.
+    /// Pause before each reconnect.
     pub pause: Duration,
 }
 
@@ -45,20 +45,20 @@ impl Default for Timeouts {
 /// Error of a policy server.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RemoteError {
-    /// The server is unreachable or closed the connection.
+    /// The server is unreachable, or closed the connection before it responded.
     #[error("the policy server {url}: {reason}")]
     Unreachable {
         /// URL of the server.
         url: String,
-        /// System message.
+        /// Message of the operating system.
         reason: String,
     },
-    /// Timeout.
+    /// The server did not respond in time.
     #[error("the policy server {url} did not answer within {seconds} s")]
     TimedOut {
         /// URL of the server.
         url: String,
-        /// Timeout (s).
+        /// Timeout that was exceeded (s).
         seconds: u64,
     },
     /// The server failed with a traceback.
@@ -69,12 +69,12 @@ pub enum RemoteError {
         /// End of the traceback.
         traceback: String,
     },
-    /// Invalid response.
+    /// The response is not a valid message.
     #[error("invalid response from the policy server {url}: {what}")]
     Answer {
         /// URL of the server.
         url: String,
-        /// Description of the problem.
+        /// Description of what is invalid in the response.
         what: String,
     },
 }
@@ -88,7 +88,7 @@ pub fn decode(mut message: &[u8]) -> Result<Value, String> {
     read.map_err(|error| format!("invalid MessagePack: {error}"))
 }
 
-/// An open connection.
+/// An open connection to a policy server.
 pub(crate) struct Connection {
     url: String,
     timeouts: Timeouts,
@@ -103,7 +103,7 @@ impl Connection {
         Ok((connection, metadata))
     }
 
-    /// Connects to a server that expects a greeting.
+    /// Connects without waiting for the server's metadata.
     pub(crate) fn connect(url: &str, api_key: Option<&str>, timeouts: Timeouts) -> Result<Self, RemoteError> {
         let unreachable = |reason: String| RemoteError::Unreachable { url: url.to_owned(), reason };
         let mut request = url.into_client_request().map_err(|error| unreachable(error.to_string()))?;
@@ -163,7 +163,7 @@ impl Connection {
         }
     }
 
-    /// A text message is the server's traceback, which ends with the error.
+    /// Error from a text message: openpi's servers send their traceback as text, which ends with the cause.
     fn failed(&self, traceback: &str) -> RemoteError {
         let count = traceback.chars().count();
         let end: String = traceback.trim().chars().skip(count.saturating_sub(MAX_TRACEBACK_CHARS)).collect();

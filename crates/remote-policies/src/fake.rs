@@ -10,12 +10,12 @@ use tungstenite::{Message, accept};
 
 use crate::numpy::{Array, Numbers, get};
 
-/// A received request.
+/// A request that the fake server received.
 #[derive(Clone, Debug)]
 pub struct Question {
-    /// Index over all connections, from 0.
+    /// Index of the request over all connections, from 0.
     pub number: usize,
-    /// Index in its connection, from 0.
+    /// Index of the request in its connection, from 0.
     pub in_connection: usize,
     map: Value,
 }
@@ -24,27 +24,27 @@ impl Question {
     /// An array of the observation, e.g. `observation/state`.
     ///
     /// # Errors
-    /// Fails if there is none of this name.
+    /// If the observation has no array of this name.
     pub fn array(&self, name: &str) -> Result<Array, String> {
         Array::read(get(&self.map, name).ok_or_else(|| format!("no `{name}`"))?)
     }
 
-    /// The instruction.
+    /// Instruction of the request; `None` if it has none.
     pub fn prompt(&self) -> Option<&str> {
         get(&self.map, "prompt")?.as_str()
     }
 }
 
-/// Behaviour for a request.
+/// Behaviour of the server for a request.
 #[derive(Clone, Debug)]
 pub enum Answer {
-    /// An action chunk, row by row.
+    /// Reply with an action chunk, row by row.
     Actions(Vec<Vec<f32>>),
-    /// A map without actions.
+    /// Reply with a map that contains no actions.
     Nothing,
-    /// A traceback, as from a failed server.
+    /// Reply with a traceback, as from a failed server.
     Traceback(String),
-    /// Arbitrary bytes.
+    /// Reply with arbitrary bytes.
     Bytes(Vec<u8>),
     /// Wait, then close the connection.
     Hangs(Duration),

@@ -3,10 +3,10 @@
 //! - [`openpi`]: WebSocket protocol of openpi's policy server, which many others support.
 //! - [`vla_eval`]: WebSocket protocol of vla-eval's model servers.
 //! - [`served`]: policies that `genmanip serve policy` offers, in their own formats over openpi's protocol.
-//! - [`wire`]: MessagePack and JSON.
+//! - [`wire`]: conversion between MessagePack and JSON.
 //! - [`numpy`]: NumPy arrays in MessagePack.
 //! - [`fake`]: a configurable misbehaving loopback server, for tests.
-//! - [`process`]: classes of Python modules in a separate process.
+//! - [`process`]: policies from Python modules, each in a separate process.
 //! - [`resize`]: image resizing identical to Pillow's.
 //!
 //! If a server is unreachable or fails, the episode is *not run*, which does not count as a failure of the policy.

@@ -5,10 +5,10 @@
 
 use rmpv::Value;
 
-/// Maximum number of elements.
+/// Maximum number of elements of an array. Bounds memory for invalid messages.
 const MAX_ELEMENTS: usize = 1 << 20;
 
-/// An array of numbers.
+/// NumPy array of numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Array {
     /// Length along each axis.
@@ -20,20 +20,20 @@ pub struct Array {
 /// The elements of an array, by their type.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Numbers {
-    /// `|u1`
+    /// dtype `|u1`.
     U8(Vec<u8>),
-    /// `<f4`
+    /// dtype `<f4`.
     F32(Vec<f32>),
-    /// `<f8`
+    /// dtype `<f8`.
     F64(Vec<f64>),
-    /// `<i4`
+    /// dtype `<i4`.
     I32(Vec<i32>),
-    /// `<i8`
+    /// dtype `<i8`.
     I64(Vec<i64>),
 }
 
 impl Array {
-    /// A vector.
+    /// One-dimensional array of `f64`.
     pub fn vector(numbers: impl IntoIterator<Item = f64>) -> Self {
         let numbers: Vec<f64> = numbers.into_iter().collect();
         Self { shape: vec![numbers.len()], numbers: Numbers::F64(numbers) }
@@ -44,7 +44,7 @@ impl Array {
         Self { shape: vec![height, width, 3], numbers: Numbers::U8(rgb) }
     }
 
-    /// Elements as `f64`.
+    /// Elements converted to `f64`.
     pub fn reals(&self) -> Vec<f64> {
         match &self.numbers {
             Numbers::U8(numbers) => numbers.iter().map(|&number| f64::from(number)).collect(),
@@ -55,12 +55,12 @@ impl Array {
         }
     }
 
-    /// Encodes the array as openpi's client does.
+    /// MessagePack value with byte keys, as openpi's client encodes it.
     pub fn value(&self) -> Value {
         self.value_with(|name| Value::Binary(name.as_bytes().to_vec()))
     }
 
-    /// Encodes the array with text keys, as vla-eval does.
+    /// MessagePack value with text keys, as vla-eval encodes it.
     pub fn value_with_text_keys(&self) -> Value {
         self.value_with(Value::from)
     }
@@ -84,7 +84,7 @@ impl Array {
     /// Decodes an array.
     ///
     /// # Errors
-    /// Describes the problem.
+    /// Description of the problem.
     pub fn read(value: &Value) -> Result<Self, String> {
         let entry = |name: &str| get(value, name).ok_or_else(|| format!("an array without `{name}`"));
         if entry("__ndarray__")?.as_bool() != Some(true) {
@@ -122,7 +122,7 @@ impl Array {
     }
 }
 
-/// Value of a key in a map with text or byte keys.
+/// Value of a key in a map with text or byte keys; `None` if it is missing.
 pub(crate) fn get<'a>(map: &'a Value, name: &str) -> Option<&'a Value> {
     let is_named = |key: &Value| key.as_str() == Some(name) || key.as_slice() == Some(name.as_bytes());
     map.as_map()?.iter().find(|(key, _)| is_named(key)).map(|(_, value)| value)

@@ -1,4 +1,5 @@
-//! Client of openpi's policy server: an observation as MessagePack over a WebSocket out, an action chunk back.
+//! Client of openpi's policy server, which receives an observation as MessagePack over a WebSocket and returns an
+//! action chunk.
 //!
 //! Keys, sizes and formats of the presets follow `examples/droid` and `examples/libero` of
 //! Physical-Intelligence/openpi; scales of DROID velocities and robosuite deltas are documented at the constants.
@@ -24,9 +25,9 @@ const SIDE: usize = 224;
 const DROID_RAD_S: f64 = 0.2 * 15.0;
 /// Position delta of an action of 1 in robosuite's operational space controller with LIBERO's settings (m).
 const LIBERO_M: f64 = 0.05;
-/// Rotation delta of an action of 1 (rad).
+/// Rotation delta of such an action of 1 (rad).
 const LIBERO_RAD: f64 = 0.5;
-/// Maximum actions of a chunk.
+/// Maximum actions of a chunk. Bounds memory for invalid responses.
 const MAX_ACTIONS: usize = 1000;
 
 /// Observation and action format of a server.
@@ -44,7 +45,7 @@ impl Preset {
     /// All presets.
     pub const ALL: [Self; 3] = [Self::Droid, Self::DroidJointPosition, Self::Libero];
 
-    /// Name of the preset.
+    /// Name of the preset in files and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Droid => "droid",
@@ -53,7 +54,7 @@ impl Preset {
         }
     }
 
-    /// Action rate (Hz).
+    /// Rate of the actions (Hz).
     pub fn rate_hz(self) -> f64 {
         match self {
             Self::Droid | Self::DroidJointPosition => 15.0,
@@ -107,7 +108,7 @@ impl Preset {
     }
 }
 
-/// Server settings.
+/// Address, format and cameras of an openpi policy server.
 #[derive(Clone, PartialEq)]
 pub struct OpenpiSettings {
     /// Server URL, e.g. `ws://127.0.0.1:8000`.
@@ -120,9 +121,9 @@ pub struct OpenpiSettings {
     pub wrist: String,
     /// Executed actions per chunk; `None` for the preset's.
     pub execute_steps: Option<usize>,
-    /// API key, sent as `Authorization: Api-Key …`; never displayed.
+    /// API key, sent as `Authorization: Api-Key …`; never displayed. `None` for servers without authentication.
     pub api_key: Option<String>,
-    /// Timeouts and reconnects.
+    /// Timeouts and reconnects of the connection.
     pub timeouts: Timeouts,
 }
 

@@ -14,19 +14,19 @@ use serde_json::{Map, Value, json};
 
 /// Program of the process: the interface of a policy, which the Python package shares, and the loop that serves it.
 const PROGRAM: [&str; 2] = [include_str!("../../../python/genmanip/_policy.py"), include_str!("policy_process.py")];
-/// Maximum size of a message header and of an array (bytes).
+/// Maximum size of a message header and of an array (bytes). Bounds memory for invalid messages.
 const MAX_BYTES: usize = 4 << 20;
-/// Maximum reported length of a mistake (characters).
+/// Maximum length of a policy's error that is reported (characters).
 const MAX_MISTAKE_CHARS: usize = 2000;
-/// First request to a process, as messages name it.
+/// Name of the first request to a process in messages.
 const MAKING: &str = "the constructor or spec()";
 
-/// Class and interpreter.
+/// Class of the policy, and the interpreter that runs it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ProcessSettings {
-    /// `module:Class`, resolved from the working folder.
+    /// Class as `module:Class`; the module is resolved from the working folder.
     pub class: String,
-    /// Python interpreter.
+    /// Path or name of the Python interpreter.
     pub python: String,
     /// Response timeout; the first response waits for the module import.
     pub answer: Duration,
@@ -54,8 +54,7 @@ impl Processes {
         self.idle.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Creates the policy for one episode: an instance of the class in an idle or new process. `read_spec` parses its
-    /// spec.
+    /// Policy for one episode: an instance of the class in an idle or new process. `read_spec` parses its spec.
     ///
     /// # Errors
     /// [`PolicyError::Unreachable`] if no process can be started, [`PolicyError::Mistake`] if the class cannot be
@@ -76,7 +75,7 @@ impl Processes {
         match made {
             Ok(spec) => Ok(ProcessPolicy { process: Some(process), spec, owner: Arc::clone(self) }),
             Err(error) => {
-                // The next episode needs its imports again.
+                // The process is kept for the next episode, so that its imports are reused.
                 self.idle().extend((!process.is_lost).then_some(process));
                 Err(error)
             }
@@ -87,7 +86,7 @@ impl Processes {
 /// A policy in a Python process.
 #[derive(Debug)]
 pub struct ProcessPolicy {
-    /// `None` after a failed response: the next message would belong to another request.
+    /// Process of the instance; `None` after a failed response, since the next message would belong to another request.
     process: Option<Process>,
     spec: PolicySpec,
     owner: Arc<Processes>,
@@ -137,13 +136,13 @@ impl Policy for ProcessPolicy {
 
 const F32: &str = "<f4";
 
-/// Message header and arrays.
+/// Response: message header and arrays.
 type Answer = (Map<String, Value>, Vec<Array>);
 
 /// An array of a message.
 #[derive(Clone, Debug, PartialEq)]
 struct Array {
-    /// NumPy dtype.
+    /// NumPy dtype string, e.g. `<f4`.
     dtype: &'static str,
     shape: Vec<usize>,
     bytes: Vec<u8>,

@@ -14,7 +14,7 @@ pub struct Rgb {
     pub bytes: Vec<u8>,
 }
 
-/// Resizes to fit without distortion, centred on black: `resize_with_pad` of openpi's client.
+/// Image scaled to fit with its aspect ratio preserved, centred on black: `resize_with_pad` of openpi's client.
 pub fn resized_with_pad(image: &Rgb, width: usize, height: usize) -> Rgb {
     if (image.width, image.height) == (width, height) || image.bytes.is_empty() {
         return image.clone();
@@ -52,7 +52,7 @@ pub fn resized(image: &Rgb, width: usize, height: usize) -> Rgb {
 /// For each of `to` pixels, the first contributing pixel of `from` and the weights from there on.
 fn weights(from: usize, to: usize) -> Vec<(usize, Vec<i32>)> {
     let scale = from as f64 / to as f64;
-    // The triangle filter is one pixel wide on the coarser side.
+    // The support of the triangle filter is one pixel of the coarser image to each side.
     let support = scale.max(1.0);
     let narrow = 1.0 / support;
     let of_pixel = |index: usize| {

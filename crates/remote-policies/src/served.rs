@@ -1,4 +1,4 @@
-//! Policies in their own formats over openpi's protocol, as `genmanip serve policy` offers them; both sides.
+//! Policies that describe themselves over openpi's protocol, as `genmanip serve policy` offers them; client and server.
 //!
 //! The server's metadata holds the robot and the policy's [`PolicySpec`]. A request holds `prompt`, the state and an
 //! RGB image per camera in the sizes of the spec, under LeRobot's names; the response `actions` in the layout of the
@@ -22,7 +22,7 @@ const ROBOT: &str = "robot";
 const SPEC: &str = "policy_spec";
 /// Prefix of the keys of images, before the camera's name.
 const IMAGES: &str = "observation.images.";
-/// Maximum actions of a chunk.
+/// Maximum actions of a chunk. Bounds memory for invalid responses.
 const MAX_ACTIONS: usize = 1000;
 
 /// A policy on a server that describes itself, with one connection per episode.
@@ -84,7 +84,7 @@ impl Policy for ServedPolicy {
     }
 }
 
-/// Metadata of a server.
+/// Metadata by which a server describes its policy.
 pub fn metadata(robot: &str, spec: &PolicySpec) -> Value {
     map(vec![("server", "genmanip".into()), (ROBOT, robot.into()), (SPEC, wire::of(spec))])
 }
@@ -108,8 +108,8 @@ pub fn question(spec: &PolicySpec, instruction: &str, observation: &Observation)
     Ok(Value::Map(entries))
 }
 
-/// Instruction and observation of a request to a policy that moves an arm with `arm_dof` joints; images without camera
-/// poses.
+/// Instruction and observation of a request to a policy that moves an arm with `arm_dof` joints. The images have no
+/// camera poses.
 ///
 /// # Errors
 /// Names the entry, the expected form and what came.
@@ -153,13 +153,13 @@ pub fn answer(chunk: &ActionChunk, length: usize, seconds: f64) -> Value {
     map(vec![("actions", actions.value()), ("finished", chunk.finished.into()), ("server_timing", timing)])
 }
 
-/// Chunk of a response.
+/// Action chunk in a response; `Err` describes what is invalid.
 fn chunk(answer: &Value, length: usize) -> Result<ActionChunk, String> {
     let actions = Array::read(get(answer, "actions").ok_or("no `actions`")?);
     let Array { shape, numbers } = actions.map_err(|what| format!("invalid `actions`: {what}"))?;
     let finished = get(answer, "finished").and_then(Value::as_bool).unwrap_or_default();
     match (&shape[..], numbers) {
-        // Only a policy that has finished has nothing left to do.
+        // Only a policy that has finished may return no actions.
         ([count @ 0..=MAX_ACTIONS, width], Numbers::F32(numbers)) if *width == length && (*count > 0 || finished) => {
             Ok(ActionChunk { actions: numbers.chunks_exact(length).map(<[f32]>::to_vec).collect(), finished })
         }

@@ -1,4 +1,5 @@
-//! Client of vla-eval's model servers (allenai/vla-evaluation-harness): one observation out, one action or chunk back.
+//! Client of vla-eval's model servers (allenai/vla-evaluation-harness), which receive one observation and return one
+//! action or a chunk.
 //!
 //! A message is a MessagePack map of `type`, `payload`, `seq` and `timestamp`. Both sides start with `hello`;
 //! `episode_start` and `episode_end` enclose the observations of an episode. The server ties episode state to the
@@ -16,7 +17,7 @@ use crate::connection::{Connection, RemoteError, Timeouts};
 use crate::numpy::{Array, get};
 use crate::openpi::{self, libero_state};
 
-/// Protocol version.
+/// Version of the protocol that this client speaks.
 const PROTOCOL: u64 = 1;
 /// Image size (px), as the harness renders LIBERO.
 const SIDE: u32 = 256;
@@ -35,7 +36,7 @@ impl Preset {
     /// All presets.
     pub const ALL: [Self; 2] = [Self::Libero, Self::Joint];
 
-    /// Name of the preset.
+    /// Name of the preset in files and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Libero => "libero",
@@ -43,7 +44,7 @@ impl Preset {
         }
     }
 
-    /// Action rate (Hz).
+    /// Rate of the actions (Hz).
     pub fn rate_hz(self) -> f64 {
         match self {
             Self::Libero => openpi::Preset::Libero.rate_hz(),
@@ -77,7 +78,7 @@ impl Preset {
     }
 }
 
-/// Server settings.
+/// Address, format and cameras of a vla-eval model server.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VlaEvalSettings {
     /// Server URL, e.g. `ws://127.0.0.1:8000`.
@@ -92,7 +93,7 @@ pub struct VlaEvalSettings {
     pub timeouts: Timeouts,
 }
 
-/// A policy behind the protocol, with one connection per episode.
+/// A policy behind vla-eval's protocol, with one connection per episode.
 pub struct VlaEvalPolicy {
     settings: VlaEvalSettings,
     robot: Arc<RobotModel>,

@@ -6,7 +6,7 @@ use serde_json::{Map, Number, Value as Json};
 
 use crate::numpy::Array;
 
-/// Maximum nesting of a request.
+/// Maximum nesting depth of a request. Bounds the recursion for hostile requests.
 const MAX_DEPTH: usize = 16;
 
 /// Decodes a request; arrays become lists of numbers.
@@ -23,7 +23,7 @@ pub fn read(bytes: &[u8]) -> Result<Json, String> {
     json(&value)
 }
 
-/// Encodes a value.
+/// MessagePack encoding of a value.
 pub fn encoded(value: &Value) -> Vec<u8> {
     let mut bytes = Vec::new();
     // Writing to memory does not fail.

@@ -3,26 +3,26 @@
 
 use glam::Vec3A;
 
-/// Largest number of triangles in a leaf, unless their centres coincide.
+/// Largest number of triangles in a leaf; exceeded only if all centres coincide. Chosen by hand.
 const LEAF: usize = 4;
-/// Candidate splits along an axis.
+/// Number of bins per axis, whose borders are the candidate splits. Chosen by hand.
 const BINS: usize = 16;
-/// Traversal stack: enough for 2³² triangles in a tree at worst twice as deep as a balanced one.
+/// Capacity of the traversal stack: enough for 2³² triangles in a tree twice as deep as a balanced one.
 const DEPTH: usize = 64;
 /// Smallest hit distance (m), against self-intersection; the planes of slivers are accurate to a tenth of a millimetre.
 const NEAREST_M: f32 = 1e-4;
 
-/// Relative enlargement of triangles that closes gaps between slivers.
+/// Relative enlargement of triangles in intersection tests, which closes gaps between slivers.
 const OVERLAP: f32 = 1e-4;
 
-/// Triangles and their hierarchy of bounding boxes.
+/// Triangles with their hierarchy of bounding boxes.
 #[derive(Debug, Default)]
 pub(crate) struct Bvh {
     nodes: Vec<Node>,
     triangles: Vec<Triangle>,
 }
 
-/// A triangle of a part in the world.
+/// Triangle of a part in world coordinates (m).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Triangle {
     corner: Vec3A,
@@ -43,7 +43,7 @@ pub(crate) struct Hit {
 #[derive(Clone, Copy, Debug)]
 struct Node {
     bounds: Bounds,
-    /// First triangle of a leaf, or first child.
+    /// Index of a leaf's first triangle, or of an inner node's first child.
     first: u32,
     /// Number of triangles; 0 for an inner node.
     count: u32,
@@ -69,7 +69,7 @@ impl Triangle {
         self.corner + (self.edges[0] + self.edges[1]) * (1.0 / 3.0)
     }
 
-    /// Distance along a ray (Möller and Trumbore, 1997).
+    /// Distance along a ray to the triangle; `None` if it misses (Möller and Trumbore, 1997).
     #[inline(always)]
     fn hit(&self, origin: Vec3A, direction: Vec3A) -> Option<f32> {
         let [ab, ac] = self.edges;
@@ -96,13 +96,13 @@ impl Bounds {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// Half the surface area; 0 for an empty box.
+    /// Half the surface area of the box (m²); 0 for an empty box.
     fn area(&self) -> f32 {
         let size = (self.high - self.low).max(Vec3A::ZERO);
         size.x * size.y + size.y * size.z + size.z * size.x
     }
 
-    /// Distance at which a ray enters; infinite if it misses or enters beyond a limit.
+    /// Distance at which a ray enters the box; infinite if it misses or enters beyond `limit`.
     #[inline(always)]
     fn entered(&self, origin: Vec3A, inverse: Vec3A, limit: f32) -> f32 {
         let (one, other) = ((self.low - origin) * inverse, (self.high - origin) * inverse);

@@ -7,7 +7,7 @@ use genmanip_core::{
     Annotations, AssetRef, MassProperties, Material, ObjectCard, ObjectLink, ObjectModel, Pose, TriMesh, VisualPart,
 };
 
-/// A ball of `rings` × `2 rings` quads with true normals.
+/// Sphere of `rings` × `2 rings` quads with exact normals; `radius` in m.
 pub fn ball(radius: f32, rings: u32) -> TriMesh {
     let mut mesh = TriMesh::default();
     let segments = 2 * rings;
@@ -38,7 +38,7 @@ pub fn ball(radius: f32, rings: u32) -> TriMesh {
     mesh
 }
 
-/// A box with these half extents (m), one normal per face and no texture coordinates.
+/// Box with these half extents (m), one normal per face and no texture coordinates.
 pub fn block(half: Vec3) -> TriMesh {
     let mut mesh = TriMesh::default();
     for axis in 0..3 {
@@ -60,7 +60,7 @@ pub fn block(half: Vec3) -> TriMesh {
     mesh
 }
 
-/// A rigid object of one mesh.
+/// Rigid object that consists of one mesh.
 pub fn object(uid: &str, mesh: TriMesh, material: Material) -> Arc<ObjectModel> {
     let text = || uid.to_string();
     Arc::new(ObjectModel {

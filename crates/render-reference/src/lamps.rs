@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3A};
 
 use genmanip_render::internals::Lighting;
 
-/// Light sources of a scene, to be sampled.
+/// Light sources of a scene, with their sampling.
 #[derive(Debug)]
 pub(crate) struct Lamps<'a> {
     lighting: &'a Lighting,
@@ -13,29 +13,30 @@ pub(crate) struct Lamps<'a> {
     key_radiance: Vec3A,
 }
 
-/// Sample of a light source.
+/// Sampled direction to a light source.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LightSample {
     pub direction: Vec3A,
     pub radiance: Vec3A,
-    /// Probability density per solid angle.
+    /// Probability density of the direction per solid angle (1/sr).
     pub chance: f32,
 }
 
-/// Smallest angular radius of the key light [rad]: a point has infinite radiance.
+/// Smallest angular radius of the key light (rad), since the radiance of a point light would be infinite.
 const SMALLEST: f32 = 1e-3;
-/// Probability of uniform sampling of the studio; otherwise its area lights are sampled.
+/// Probability of sampling the studio uniformly; otherwise one of its area lights is sampled.
 const EVERYWHERE: f32 = 0.5;
 
 impl<'a> Lamps<'a> {
     pub fn new(lighting: &'a Lighting, angular_radius: f32) -> Self {
         let edge = angular_radius.clamp(SMALLEST, 1.5).cos();
-        // A surface that faces the disc has π times the radiosity of a white one.
+        // `key` is the irradiance over π, and a disc of radiance L that a surface faces causes the irradiance π L sin²
+        // of its angular radius.
         let key_radiance = lighting.key / (1.0 - edge * edge);
         Self { lighting, edge, key_radiance }
     }
 
-    /// Radiance of the studio, without the key light.
+    /// Radiance of the studio from a unit direction, without the key light.
     pub fn studio(&self, direction: Vec3A) -> Vec3A {
         self.lighting.sky.radiance(direction)
     }
@@ -58,14 +59,15 @@ impl<'a> Lamps<'a> {
             let lamps = self.lighting.sky.lamps();
             let share = (choice - EVERYWHERE) / (1.0 - EVERYWHERE);
             let (axis, sharpness) = lamps[((share * lamps.len() as f32) as usize).min(lamps.len() - 1)];
-            // Von Mises-Fisher distribution by inversion of the height.
+            // Von Mises-Fisher distribution, sampled by inverting the cumulative distribution of the height below the
+            // pole.
             let height = -(1.0 - at.x * (1.0 - (-2.0 * sharpness).exp())).ln() / sharpness;
             on_cap(axis, height.clamp(0.0, 2.0), at.y)
         };
         LightSample { direction, radiance: self.studio(direction), chance: self.studio_chance(direction) }
     }
 
-    /// Radiance of the key light from a direction.
+    /// Radiance of the key light from a unit direction; zero outside its disc.
     pub fn key(&self, direction: Vec3A) -> Vec3A {
         if direction.dot(self.lighting.to_light) >= self.edge { self.key_radiance } else { Vec3A::ZERO }
     }
@@ -85,7 +87,7 @@ impl<'a> Lamps<'a> {
     }
 }
 
-/// Direction at a height below the pole of the unit sphere around an axis.
+/// Direction on the unit sphere, at the height 1 - `below` along `axis`; `turn` is the azimuth in turns.
 fn on_cap(axis: Vec3A, below: f32, turn: f32) -> Vec3A {
     let cosine = 1.0 - below;
     let flat = Vec2::from_angle(std::f32::consts::TAU * turn) * (1.0 - cosine * cosine).max(0.0).sqrt();

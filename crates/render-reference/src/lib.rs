@@ -1,8 +1,8 @@
 //! Path tracer: slow reference images for the rasteriser.
 //!
-//! The same meshes, materials and lights. Paths are sampled from a seed with next-event estimation and multiple
-//! importance sampling. Differences to the rasteriser are intended: full global illumination, shadows of everything on
-//! everything, and refracted light behind glass.
+//! Meshes, materials and lights are the rasteriser's. Paths are sampled from a seed with next-event estimation and
+//! multiple importance sampling. Intended differences from the rasteriser: full global illumination, shadows of
+//! everything on everything, and refraction by transparent objects.
 
 mod bvh;
 #[cfg(test)]
@@ -39,9 +39,9 @@ const LIFTED_M: f32 = 3e-4;
 pub struct ReferenceSettings {
     /// Paths per pixel, at least 1.
     pub paths: u32,
-    /// Seed of the paths.
+    /// Seed of the sampled paths.
     pub seed: Seed,
-    /// Threads; images do not depend on it.
+    /// Number of threads; the image does not depend on it.
     pub threads: usize,
 }
 
@@ -101,13 +101,13 @@ pub fn trace(
 }
 
 impl Exposed {
-    /// Tone-mapped 8-bit sRGB, row by row, at a multiple of the variation's exposure.
+    /// Tone-mapped 8-bit sRGB, row by row; `exposure` is a factor on the variation's exposure.
     pub fn develop(&self, exposure: f32) -> Vec<u8> {
         self.pixels.iter().flat_map(|pixel| srgb8_from_linear(self.developed(pixel, exposure))).collect()
     }
 
-    /// Multiple of the variation's exposure, between 1/8 and 8, at which surfaces are as bright on average as in
-    /// another image of the same size.
+    /// Factor on the variation's exposure, between 1/8 and 8, that gives the image the mean luminance of another 8-bit
+    /// sRGB image of the same size.
     pub fn exposure_like(&self, rgb: &[u8]) -> f32 {
         let brightness = |color: Vec3A| f64::from(luminance(color));
         let wanted: f64 = rgb.chunks_exact(3).map(|rgb| brightness(linear_from_srgb8([rgb[0], rgb[1], rgb[2]]))).sum();
@@ -120,7 +120,7 @@ impl Exposed {
         (low * high).sqrt()
     }
 
-    /// Pixels per row.
+    /// Width of the image (px).
     pub fn width(&self) -> usize {
         self.width
     }
@@ -138,7 +138,7 @@ impl Exposed {
 }
 
 impl Reference<'_> {
-    /// Mean over the paths around a pixel centre, distributed like the rasteriser's tent filter.
+    /// Mean over paths through random points around a pixel centre, distributed like the rasteriser's tent filter.
     fn pixel(&self, camera: &CameraView, [column, row]: [usize; 2], seed: Seed, paths: u32) -> Brought {
         let seed = seed.rng().random();
         let mut sum = Brought::default();
@@ -156,7 +156,7 @@ impl Reference<'_> {
     }
 }
 
-/// Inverse of the tent's distribution function.
+/// Inverse of the tent filter's cumulative distribution function: maps 0-1 to -1 to 1 (px).
 fn tent(share: f32) -> f32 {
     let half = (2.0 * share.min(1.0 - share)).sqrt() - 1.0;
     if share < 0.5 { half } else { -half }

@@ -8,32 +8,33 @@ use super::samples::Samples;
 use crate::scene::{Body, Brought, Reference};
 use genmanip_render::internals::{Face, Material};
 
-/// Largest number of interfaces and scattering events.
+/// Largest number of interfaces and scattering events of a path.
 const LONGEST: usize = 24;
-/// Scattering events before Russian roulette.
+/// Number of scattering events before Russian roulette begins.
 const SURE: usize = 3;
-/// Largest indirect contribution of a path, relative to a white surface that faces the key light: suppresses fireflies,
-/// and makes images slightly too dark.
+/// Largest indirect contribution of a path, relative to a white surface that faces a key light of intensity 1. Clamping
+/// suppresses fireflies, and makes images slightly too dark.
 const BRIGHTEST: f32 = 4.0;
-/// Smallest squared roughness after a scattering event: sharp caustics are found by rare paths only (Kaplanyan and
-/// Dachsbacher, "Path Space Regularization", 2013).
+/// Smallest squared roughness of surfaces hit after a scattering event: sharp caustics would only be found by rare
+/// paths (Kaplanyan and Dachsbacher, "Path Space Regularization", 2013).
 const DULLEST: f32 = 0.2;
-/// Offset of ray origins from a surface (m).
+/// Offset of ray origins from a surface against self-intersection (m).
 const LIFT_M: f32 = 1e-4;
 
 /// Intersection of a ray with a surface.
 struct Point {
     place: Vec3A,
-    /// Unit normals towards the ray: geometric, and interpolated.
+    /// Unit normals on the side from which the ray comes: geometric, then interpolated.
     flat: Vec3A,
     smooth: Vec3A,
-    /// True if the outer side is hit.
+    /// True if the ray hits the front face of the triangle.
     is_outside: bool,
     base: Vec3A,
 }
 
 impl Reference<'_> {
-    /// Follows a ray with unit direction.
+    /// Follows a ray with unit direction until it leaves the scene or is absorbed; returns the contribution of the
+    /// path.
     pub(crate) fn follow(&self, mut origin: Vec3A, mut direction: Vec3A, samples: &mut Samples) -> Brought {
         let mut brought = Brought::default();
         let mut share = Vec3A::ONE;
@@ -55,7 +56,7 @@ impl Reference<'_> {
             let point = body.point(material, face, origin + direction * hit.distance, direction);
             let side = material.scatters();
             if side < 1.0 {
-                // After a scattering event rays pass straight through, like shadow rays.
+                // After a scattering event, rays pass transparent objects without refraction, as shadow rays do.
                 let bends = body.mesh.closed && scattered == 0;
                 let index = material.index_of_refraction();
                 let ratio = if point.is_outside || !bends { 1.0 / index } else { index };
@@ -106,8 +107,8 @@ impl Reference<'_> {
         brought
     }
 
-    /// Light from infinity along a ray, weighted against light sampling (Veach and Guibas, "Optimally Combining
-    /// Sampling Techniques", 1995).
+    /// Environment and key light along a ray that leaves the scene, weighted by multiple importance sampling (Veach and
+    /// Guibas, "Optimally Combining Sampling Techniques", 1995).
     fn arriving(&self, direction: Vec3A, chance: Option<f32>) -> Vec3A {
         let weight = |lamp: f32| chance.map_or(1.0, |chance| power(chance, lamp));
         let lamps = &self.lamps;
@@ -115,7 +116,8 @@ impl Reference<'_> {
             + lamps.key(direction) * weight(lamps.key_chance(direction))
     }
 
-    /// Contribution of a light sample reflected towards the viewer.
+    /// Contribution of a sampled light direction: light reflected towards the viewer, weighted by multiple importance
+    /// sampling.
     fn lit(&self, reflection: &Reflection, frame: &Mat3A, out: Vec3A, point: &Point, sample: LightSample) -> Vec3A {
         let LightSample { direction, radiance, chance } = sample;
         if direction.dot(point.flat) <= 0.0 {
@@ -128,7 +130,7 @@ impl Reference<'_> {
         value * radiance * self.passing(point.above(direction), direction) * (power(chance, scattered) / chance)
     }
 
-    /// Transmittance along a shadow ray.
+    /// Transmittance along a shadow ray, per colour channel.
     fn passing(&self, origin: Vec3A, direction: Vec3A) -> Vec3A {
         let mut share = Vec3A::ONE;
         self.bvh.walk(origin, direction, |triangle, distance| {
@@ -138,7 +140,7 @@ impl Reference<'_> {
             share = if side < 1.0 && share != Vec3A::ZERO {
                 let face = &body.mesh.faces[triangle.index as usize];
                 let point = body.point(material, face, origin + direction * distance, direction);
-                // Straight on: both interfaces are entered from outside.
+                // The ray passes without refraction, so both interfaces are treated as entered from outside.
                 let ratio = 1.0 / material.index_of_refraction();
                 let cosine = -direction.dot(point.smooth);
                 let tint = material.tint(point.base, cosine, !body.mesh.closed);
@@ -173,7 +175,7 @@ impl Body<'_> {
         let flat = if is_outside { flat } else { -flat };
         let smooth = (turn * Vec3A::from_vec4(mixed)).normalize_or(flat);
         let smooth = if smooth.dot(flat) < 0.0 { -smooth } else { smooth };
-        // At silhouettes an interpolated normal may face away from the viewer.
+        // At silhouettes, the interpolated normal may face away from the viewer; then the geometric one is used.
         let smooth = if smooth.dot(direction) < -1e-3 { smooth } else { flat };
         let v = face.v.dot(Vec4::from((glam::Vec3::from(local), 1.0)));
         let base = material.texture.as_ref().map_or(Vec3A::ONE, |texture| texture.at(Vec2::new(mixed.w, v)));
@@ -182,14 +184,14 @@ impl Body<'_> {
 }
 
 impl Point {
-    /// Origin of a ray that leaves in a direction.
+    /// Origin of a ray that leaves the point in a direction, offset to that side of the surface.
     fn above(&self, direction: Vec3A) -> Vec3A {
         self.place + self.flat * LIFT_M.copysign(direction.dot(self.flat))
     }
 }
 
-/// BSDF of a material at a point; a transparent interface reflects specularly in [`Reference::follow`], so only its
-/// rough part remains.
+/// BSDF of a material at a point. A transparent interface reflects specularly in [`Reference::follow`], so only its
+/// diffuse part remains here; `side` is the share that it scatters.
 fn reflection_of(material: &Material, base: Vec3A, side: f32) -> Reflection {
     let head_on = if side < 1.0 { Vec3A::ZERO } else { Vec3A::splat(material.reflectance) };
     Reflection {
@@ -199,7 +201,7 @@ fn reflection_of(material: &Material, base: Vec3A, side: f32) -> Reflection {
     }
 }
 
-/// Power heuristic for a sample with one density where another technique has another density.
+/// Power heuristic: weight of a sample with density `own` where another technique has density `other`.
 fn power(own: f32, other: f32) -> f32 {
     let (own, other) = (own * own, other * other);
     if own + other > 0.0 { own / (own + other) } else { 0.0 }

@@ -4,20 +4,20 @@ use glam::{Vec2, Vec3A};
 
 use genmanip_render::color::luminance;
 
-/// Opaque BSDF; the z axis of the local frame is the normal.
+/// Opaque BSDF in a local frame whose z axis is the normal.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reflection {
     /// Diffuse albedo.
     pub albedo: Vec3A,
     /// Reflectance at normal incidence.
     pub f0: Vec3A,
-    /// Squared roughness.
+    /// Squared perceptual roughness.
     pub alpha: f32,
 }
 
 impl Reflection {
-    /// BSDF times cosine, and the density with which [`Reflection::sample`] samples `into`; unit directions to the
-    /// viewer and to the light, local frame.
+    /// BSDF times cosine, and the probability density with which [`Reflection::sample`] samples `into`. Directions are
+    /// unit vectors in the local frame: `out` to the viewer, `into` to the light.
     pub fn evaluate(&self, out: Vec3A, into: Vec3A) -> (Vec3A, f32) {
         if out.z <= 0.0 || into.z <= 0.0 {
             return (Vec3A::ZERO, 0.0);
@@ -26,7 +26,7 @@ impl Reflection {
         let square = self.alpha * self.alpha;
         let denominator = half.z * half.z * (square - 1.0) + 1.0;
         let distribution = square / (std::f32::consts::PI * denominator * denominator);
-        // Hammon's approximation, as in the rasteriser.
+        // Hammon's approximation of the Smith term, as in the rasteriser.
         let smith = into.z * out.z * 2.0 * (1.0 - self.alpha) + (into.z + out.z) * self.alpha;
         let fresnel = self.fresnel(out.dot(half));
         let value = self.albedo / std::f32::consts::PI + fresnel * (distribution * 0.5 / smith.max(1e-6));
@@ -36,14 +36,14 @@ impl Reflection {
         (value * into.z, mirror_chance * mirror + (1.0 - mirror_chance) * diffuse)
     }
 
-    /// Sampled direction to the light for a direction `out` to the viewer, from three uniform random numbers; sometimes
-    /// below the surface, where it does not count.
+    /// Sampled direction to the light for the direction `out` to the viewer, from three uniform random numbers.
+    /// Directions below the surface may occur; their contribution is zero.
     pub fn sample(&self, out: Vec3A, choice: f32, at: Vec2) -> Vec3A {
         if choice >= self.mirror_chance(out.z) {
             let radius = at.x.sqrt();
             return Vec3A::from((Vec2::from_angle(std::f32::consts::TAU * at.y) * radius).extend((1.0 - at.x).sqrt()));
         }
-        // Visible normals (Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps", 2023).
+        // Sampling of visible normals (Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps", 2023).
         let stretched = (out * Vec3A::new(self.alpha, self.alpha, 1.0)).normalize();
         let z = (1.0 - at.x) * (1.0 + stretched.z) - stretched.z;
         let flat = Vec2::from_angle(std::f32::consts::TAU * at.y) * (1.0 - z * z).max(0.0).sqrt();
@@ -56,15 +56,15 @@ impl Reflection {
         self.f0 + (1.0 - self.f0) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
     }
 
-    /// Probability of specular sampling, from the cosine between normal and viewer.
+    /// Probability of sampling the specular lobe, from the cosine between normal and direction to the viewer.
     fn mirror_chance(&self, cosine: f32) -> f32 {
         let (mirror, diffuse) = (luminance(self.fresnel(cosine)), luminance(self.albedo));
         if diffuse <= 0.0 { 1.0 } else { (mirror / (mirror + diffuse)).clamp(0.1, 0.9) }
     }
 }
 
-/// Fresnel reflectance of a smooth interface for unpolarised light, from the cosine of the angle of incidence; `ratio`
-/// is the refractive index before the interface divided by that behind it.
+/// Fresnel reflectance of a smooth interface for unpolarised light, from the cosine of the angle of incidence. `ratio`
+/// is the index of refraction before the interface divided by that behind it.
 pub(crate) fn dielectric(cosine: f32, ratio: f32) -> f32 {
     let behind = 1.0 - ratio * ratio * (1.0 - cosine * cosine);
     if behind <= 0.0 {

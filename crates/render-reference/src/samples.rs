@@ -1,14 +1,14 @@
 //! Low-discrepancy samples of a pixel's paths.
 //!
-//! A two-dimensional Sobol sequence with Owen scrambling and shuffling per decision (Burley, "Practical Hash-based Owen
-//! Scrambling", 2020), for any number of decisions.
+//! Each decision uses a two-dimensional Sobol sequence with its own Owen scrambling and shuffling (Burley, "Practical
+//! Hash-based Owen Scrambling", 2020), so that any number of decisions is possible.
 
 use glam::Vec2;
 
-/// Sample generator of one path.
+/// Sample generator of one path; each call of `one` or `two` serves one random decision of the path.
 #[derive(Clone, Debug)]
 pub(crate) struct Samples {
-    /// Seed of the pixel.
+    /// Seed of the pixel, from which each decision derives its own.
     seed: u32,
     /// Index of the path in the pixel.
     path: u32,
@@ -21,12 +21,12 @@ impl Samples {
         Self { seed, path, decisions: 0 }
     }
 
-    /// Next number in [0, 1).
+    /// Number in [0, 1) for the next decision.
     pub fn one(&mut self) -> f32 {
         self.two().x
     }
 
-    /// Next point in the unit square.
+    /// Point in the unit square for the next decision.
     pub fn two(&mut self) -> Vec2 {
         self.decisions += 1;
         let seed = mixed(self.seed ^ mixed(self.decisions));
@@ -69,7 +69,7 @@ fn mixed(mut x: u32) -> u32 {
 mod tests {
     use super::*;
 
-    /// Each cell of any 64-cell grid holds one of 64 points; decisions differ.
+    /// 64 points fill every grid of 64 equal cells with one point per cell; two decisions get different points.
     #[test]
     fn places_fill_the_square_evenly() {
         for seed in [0, 1, 77, u32::MAX] {

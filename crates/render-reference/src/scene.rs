@@ -7,7 +7,7 @@ use glam::{Affine3A, Vec3A};
 use crate::bvh::Bvh;
 use crate::lamps::Lamps;
 
-/// Scene of the path tracer.
+/// Everything that paths interact with: geometry, materials, lights and background.
 pub(crate) struct Reference<'a> {
     pub bvh: Bvh,
     pub bodies: Vec<Body<'a>>,
@@ -16,7 +16,7 @@ pub(crate) struct Reference<'a> {
     pub backdrop: Backdrop,
 }
 
-/// A posed part.
+/// Part placed in the world.
 pub(crate) struct Body<'a> {
     pub mesh: &'a Mesh,
     pub body_from_world: Affine3A,
@@ -32,9 +32,10 @@ impl<'a> Body<'a> {
 /// Contribution of a path.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Brought {
-    /// Radiance before exposure.
+    /// Radiance of surfaces before exposure, linear RGB.
     pub radiance: Vec3A,
-    /// Visible share of the background, and its colour: part of the image, not light.
+    /// Share of the pixel that shows the background (per colour channel, tinted by glass), and the background colour
+    /// times that share. The background is part of the image, not a light.
     pub behind: Vec3A,
     pub background: Vec3A,
 }

@@ -6,45 +6,45 @@ pub enum RenderError {
     /// A mesh with a vertex index out of range.
     #[error("the mesh of part `{part}` of `{body}` names corner {index}, but it has only {corners} corners")]
     BadMesh {
-        /// Link or object.
+        /// Name of the robot link or fixture, or uid of the object.
         body: String,
-        /// Visual part.
+        /// Name of the visual part.
         part: String,
-        /// Offending index.
+        /// Index that is out of range.
         index: u32,
-        /// Number of vertices.
+        /// Number of the mesh's vertices; valid indices are smaller.
         corners: usize,
     },
     /// More parts or triangles than a visibility id can hold.
     #[error("the scene has {got} {what}, expected at most {limit}")]
     TooLarge {
-        /// Counted item.
+        /// Kind of the counted items, e.g. triangles.
         what: &'static str,
-        /// Their number.
+        /// Number of items in the scene.
         got: usize,
-        /// Largest possible number.
+        /// Largest number that a visibility id can hold.
         limit: usize,
     },
-    /// The frame does not belong to these assets.
+    /// The number of body poses in a frame does not match the assets.
     #[error("the frame poses {got} bodies, expected {expected} (every robot link, then every link of every object)")]
     BodyCount {
-        /// Bodies of the assets.
+        /// Number of bodies in the assets.
         expected: usize,
-        /// Bodies of the frame.
+        /// Number of poses in the frame.
         got: usize,
     },
     /// The number of object poses does not match the assets.
     #[error("got poses of {got} objects, expected {expected}")]
     ObjectCount {
-        /// Objects of the assets.
+        /// Number of objects in the assets.
         expected: usize,
-        /// Objects given.
+        /// Number of objects whose poses were given.
         got: usize,
     },
     /// A pose or projection that is not finite.
     #[error("{what} is not finite")]
     NotFinite {
-        /// The value that is not finite.
+        /// Name of the value that is not finite.
         what: String,
     },
     /// A camera without pixels, with a non-positive focal length, or with too large an image.
@@ -52,15 +52,15 @@ pub enum RenderError {
     BadCamera {
         /// Name of the camera.
         camera: String,
-        /// The problem, with expected and actual values.
+        /// Description of the problem, with expected and actual values.
         problem: String,
     },
     /// The number of buffers differs from the number of jobs.
     #[error("got {got} frame buffers for {expected} jobs")]
     BufferCount {
-        /// Jobs.
+        /// Number of jobs.
         expected: usize,
-        /// Buffers.
+        /// Number of buffers; each job needs one.
         got: usize,
     },
 }

@@ -19,51 +19,53 @@ pub fn object_of_instance(instance: u16) -> Option<usize> {
 /// Poses of all bodies at one moment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameState {
-    /// `world_from_link` of every robot link in the order of the robot model, then of every link of object 0, 1, ….
+    /// Pose `world_from_link` of every robot link in the order of the robot model, then of every link of object 0, 1,
+    /// ….
     pub body_poses: Vec<Pose>,
 }
 
-/// One image: a frame seen by a camera.
+/// Job of one image: a frame seen by a camera.
 #[derive(Clone, Copy, Debug)]
 pub struct ViewJob<'a> {
     /// Poses of the bodies; consecutive jobs with equal frames share their shadow map.
     pub frame: &'a FrameState,
-    /// The camera; one mounted on the hand moves with it.
+    /// Camera; one mounted on the hand moves with the hand.
     pub camera: &'a Camera,
-    /// Requested channels.
+    /// Channels to be rendered.
     pub channels: Channels,
 }
 
 impl<'a> ViewJob<'a> {
-    /// A view; colours are anti-aliased from 2×2 samples per pixel, the other channels are those of the pixel centre.
+    /// Job of an image; colours are anti-aliased from 2×2 samples per pixel, other channels are sampled at the pixel
+    /// centre.
     pub fn new(frame: &'a FrameState, camera: &'a Camera, channels: Channels) -> Self {
         Self { frame, camera, channels }
     }
 }
 
-/// Channels of an image.
+/// Selection of image channels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Channels {
-    /// Colour.
+    /// Colour, [`FrameBuffers::rgb`].
     pub rgb: bool,
-    /// Distance along the optical axis.
+    /// Depth along the optical axis, [`FrameBuffers::depth_m`].
     pub depth: bool,
-    /// Instance ids.
+    /// Instance ids, [`FrameBuffers::instance`].
     pub instance: bool,
-    /// Surface normals.
+    /// Surface normals, [`FrameBuffers::normal`].
     pub normal: bool,
     /// Part numbers (a part is a mesh of one material).
     pub parts: bool,
 }
 
 impl Channels {
-    /// All channels but the part numbers.
+    /// All channels except the part numbers.
     pub const ALL: Self = Self { rgb: true, depth: true, instance: true, normal: true, parts: false };
     /// Colour only.
     pub const RGB: Self = Self { rgb: true, depth: false, instance: false, normal: false, parts: false };
     /// Colour and depth.
     pub const RGBD: Self = Self { rgb: true, depth: true, instance: false, normal: false, parts: false };
-    /// Depth and instance ids: no shading, several times cheaper.
+    /// Depth and instance ids, which need no shading and are several times cheaper than colour.
     pub const GEOMETRY: Self = Self { rgb: false, depth: true, instance: true, normal: false, parts: false };
 }
 
@@ -72,16 +74,16 @@ impl Channels {
 /// A channel that was not requested is empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameBuffers {
-    /// Pixels per row.
+    /// Width of the image (px).
     pub width: u32,
-    /// Rows.
+    /// Height of the image (px).
     pub height: u32,
     /// Colour, 8-bit sRGB, three bytes per pixel.
     pub rgb: Vec<u8>,
     /// Distance along the optical axis at the pixel's centre (m), 0 for the background; transparent objects count as
     /// solid.
     pub depth_m: Vec<f32>,
-    /// [`NOTHING`], [`TABLE`], [`ROBOT`] or [`FIRST_OBJECT`]` + i` at the pixel's centre.
+    /// Instance id at the pixel's centre: [`NOTHING`], [`TABLE`], [`ROBOT`] or [`FIRST_OBJECT`]` + i`.
     pub instance: Vec<u16>,
     /// Unit normal towards the camera in its optical frame, times 127, at the pixel's centre; zero for the background.
     pub normal: Vec<[i8; 3]>,
@@ -90,7 +92,7 @@ pub struct FrameBuffers {
 }
 
 impl From<ImageChannels> for Channels {
-    /// Channels to render for requested image channels: points follow from depth.
+    /// Channels to render for requested image channels; a point cloud requires depth.
     fn from(asked: ImageChannels) -> Self {
         let ImageChannels { rgb, depth, ids, normals, points } = asked;
         Self { rgb, depth: depth || points, instance: ids, normal: normals, parts: false }
@@ -98,7 +100,7 @@ impl From<ImageChannels> for Channels {
 }
 
 impl FrameBuffers {
-    /// Empties all channels but the colour.
+    /// Empties all channels except the colour.
     pub(crate) fn clear_geometry(&mut self) {
         self.depth_m.clear();
         self.instance.clear();
@@ -106,7 +108,7 @@ impl FrameBuffers {
         self.parts.clear();
     }
 
-    /// The image with the parameters of its camera, as other crates use it.
+    /// Image with intrinsics and pose of its camera, in the form that other crates use.
     pub fn into_image(self, camera: &Camera, world_from_camera: Pose) -> RgbdImage {
         RgbdImage {
             intrinsics: camera.intrinsics,

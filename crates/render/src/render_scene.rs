@@ -12,14 +12,14 @@ use crate::shadow::map::ShadowMap;
 /// Assets, materials, lights and lookup structures of a job.
 pub(crate) struct RenderScene<'a> {
     pub assets: &'a RenderAssets,
-    /// Materials of the parts under the variation.
+    /// Materials of the parts under the renderer's variation.
     pub materials: &'a [Material],
     pub variation: &'a RenderVariation,
     pub lighting: &'a Lighting,
     pub backdrop: &'a Backdrop,
     pub shadow: &'a ShadowMap,
-    /// Ellipsoid proxies for occlusion outside the image.
+    /// Ellipsoid proxies of all bodies, which occlude light even outside the image.
     pub proxies: &'a Proxies,
-    /// Ambient light on the support surfaces.
+    /// Ambient irradiance on the support surfaces.
     pub irradiance_grids: &'a IrradianceGrids,
 }

@@ -5,26 +5,27 @@
 
 use std::ops::{Deref, DerefMut};
 
-/// Points per batch: several of the widest registers, while all components of a batch fit the first-level cache.
+/// Number of points per batch: several of the widest registers, while all components of a batch fit the first-level
+/// cache.
 pub(crate) const CHUNK: usize = 64;
 
-/// SIMD lanes of the widest registers.
+/// Number of 32-bit lanes in the widest registers.
 pub(crate) const REGISTER: usize = 16;
 
-/// Number of points rounded up to whole registers.
+/// Number of points rounded up to a multiple of the register width.
 #[inline(always)]
 pub(crate) fn whole_registers(count: usize) -> usize {
     count.next_multiple_of(REGISTER).min(CHUNK)
 }
 
-/// One component of a batch of points.
+/// Component of a batch of points: one value per point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Column<T>([T; CHUNK]);
 
 pub(crate) type BatchColumn = Column<f32>;
 
 impl<T: Copy> Column<T> {
-    /// The same value for all points.
+    /// Component with the same value for all points.
     #[inline(always)]
     pub fn of(value: T) -> Self {
         Self([value; CHUNK])
@@ -59,17 +60,17 @@ pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
 }
 
-/// One component of a vector times a matrix, given by its columns.
+/// Component `axis` of the product of a vector and a matrix, which is given by its columns.
 #[inline(always)]
 pub(crate) fn turned(columns: &[[f32; 3]; 3], axis: usize, vector: [f32; 3]) -> f32 {
     dot([columns[0][axis], columns[1][axis], columns[2][axis]], vector)
 }
 
-/// Polynomial from its coefficients, highest power first (Horner's scheme).
+/// Value of a polynomial given by its coefficients, highest power first (Horner's scheme).
 #[inline(always)]
 pub(crate) fn polynomial<const N: usize>(coefficients: [f32; N], x: f32) -> f32 {
     let mut sum = coefficients[0];
-    // Closures of iterators would not be compiled for wide registers.
+    // A loop, since closures of iterators would not be compiled for wide registers.
     for index in 1..N {
         sum = sum.mul_add(x, coefficients[index]);
     }
@@ -82,28 +83,28 @@ pub(crate) fn lerp(from: f32, to: f32, share: f32) -> f32 {
     (to - from).mul_add(share, from)
 }
 
-/// Nearest integer of a number from 0 to 2²², without a conversion's special cases.
+/// Nearest integer of a number from 0 to 2²², without the special cases of a conversion.
 #[inline(always)]
 pub(crate) fn nearest_integer(value: f32) -> u32 {
     const SHIFT: f32 = 8_388_608.0;
     (value + SHIFT).to_bits().wrapping_sub(SHIFT.to_bits())
 }
 
-/// Clamp without the NaN handling of `f32::min` and `max`: one instruction per side.
+/// Value clamped to a range, without the NaN handling of `f32::min` and `max`: one instruction per side.
 #[inline(always)]
 pub(crate) fn within(value: f32, low: f32, high: f32) -> f32 {
     let value = if value > low { value } else { low };
     if value < high { value } else { high }
 }
 
-/// Smooth step of a parameter clamped to 0-1.
+/// Smooth step (3t² - 2t³) of a parameter clamped to 0-1.
 #[inline(always)]
 pub(crate) fn smooth_step(share: f32) -> f32 {
     let t = within(share, 0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Floor of a number below 2²², without a library call.
+/// Floor of a number below 2²², without a call to the mathematics library.
 #[inline(always)]
 pub(crate) fn floor(value: f32) -> f32 {
     const SHIFT: f32 = 12_582_912.0;

@@ -12,25 +12,25 @@ use crate::expert::{Activity, Expert};
 
 /// Control rate of the baselines, Hz.
 const RATE_HZ: f64 = 60.0;
-/// Duration of a random joint motion, s: long enough to get somewhere, short enough to try many.
+/// Duration of a random joint motion, s: long enough for a visible motion, short enough for many of them.
 const MOTION_S: f64 = 0.5;
 /// Maximum joint rotation per motion, rad: what the slowest joint of a Panda can do in that time.
 const MAX_ROTATION_RAD: f64 = 0.5;
 /// Goals sampled by [`Blind`]: enough that one of them is feasible.
 const GOALS: usize = 12;
 
-/// Rotation of the first joint by which [`Clumsy`] misses an object, rad; chosen: 2 to 6 cm at half a metre, so that the
-/// fingers close beside small objects and push large ones.
+/// Rotation of the first joint by which [`Clumsy`] misses an object, rad. Chosen by hand: 2 to 6 cm at half a metre, so
+/// that the fingers close beside small objects and push large ones.
 const MISS_RAD: (f64, f64) = (0.04, 0.12);
-/// Share of a motion after which [`Clumsy`] aborts it; chosen: between start and goal.
+/// Share of a motion after which [`Clumsy`] aborts it: neither near its start nor near its goal. Chosen by hand.
 const ABORTED_AT: (f64, f64) = (0.25, 0.85);
-/// Control steps in which the gripper opens to drop an object; chosen, a sixth of a second.
+/// Control steps in which the gripper opens to drop an object, a sixth of a second. Chosen by hand.
 const OPENING_STEPS: usize = 10;
 
 /// Moves joints and gripper randomly within the joint limits.
 #[derive(Clone, Debug)]
 pub struct RandomActions {
-    /// Duration until the policy finishes, s.
+    /// Duration until the policy reports that it has finished, s.
     pub duration_s: f64,
     limits: Vec<(f64, f64)>,
     widest_m: f64,
@@ -133,7 +133,7 @@ impl Policy for Blind {
     }
 }
 
-/// Mistake of [`Clumsy`].
+/// Kind of mistake that [`Clumsy`] makes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mistake {
     /// Closes the gripper beside the object.
@@ -144,9 +144,9 @@ enum Mistake {
     Stops,
 }
 
-/// Follows the expert but makes one mistake with its first object: it misses it, drops it, or stops on the way.
+/// Follows the expert but makes one mistake with the first object: misses it, drops it, or stops during a motion.
 ///
-/// The mistake depends only on the seed. A joint to be moved is left half-way.
+/// The mistake depends only on the seed. A joint to be moved stops half-way.
 pub struct Clumsy {
     stage: Stage,
     expert: Expert,

@@ -16,7 +16,7 @@ use crate::{RolloutError, Stage};
 pub fn cloud_verdict(stage: &Stage, episode: &Episode) -> Result<Option<CloudVerdict>, RolloutError> {
     let asks_for_states = stage.goal.alternatives.iter().flatten().any(|atom| matches!(atom, Atom::State { .. }));
     let is_fixed = |camera: &&Camera| camera.mount == CameraMount::World;
-    // The original's clouds are simulated without sensor effects.
+    // GenManip's clouds are rendered without sensor effects.
     let perfect = |camera: &Camera| Camera { sensor: None, distortion: None, ..camera.clone() };
     let cameras: Vec<Camera> = stage.scenario.world.cameras.iter().filter(is_fixed).map(perfect).collect();
     let Some(frame) = episode.frames.last().filter(|_| !asks_for_states && !cameras.is_empty()) else {

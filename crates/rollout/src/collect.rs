@@ -25,18 +25,18 @@ use crate::{RolloutError, RolloutSettings, Stage, run_corrected, run_episode};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PipelineSettings {
-    /// World of the layouts.
+    /// World of the scenarios.
     pub world: World,
-    /// Layout generation.
+    /// Settings of layout generation.
     #[serde(default)]
     pub layout: LayoutSettings,
-    /// Motion planning.
+    /// Settings of motion planning.
     #[serde(default)]
     pub planner: PlannerSettings,
-    /// Episode loop.
+    /// Settings of the episode loop.
     #[serde(default)]
     pub rollout: RolloutSettings,
-    /// The expert.
+    /// Settings of the expert that makes the demonstrations.
     #[serde(default)]
     pub expert: ExpertSettings,
     /// Images of successful episodes; `None` for none.
@@ -99,11 +99,11 @@ pub struct Resources<'a> {
     pub catalogue: &'a dyn AssetSource,
     /// Motion planner of the robot; expensive to create.
     pub planner: &'a Arc<Planner>,
-    /// Precomputed grasps.
+    /// Precomputed grasps of objects.
     pub grasps: &'a GraspLibrary,
-    /// Grasp proposals from images, instead of precomputed grasps.
+    /// Source of grasps from images, used instead of precomputed grasps; `None` for precomputed ones.
     pub grasp_proposer: Option<&'a Arc<dyn GraspProposer>>,
-    /// Creates the policy that acts first and is corrected.
+    /// Creates the policy that acts first and is corrected; `None` for the expert alone.
     pub corrected: Option<&'a MakeCorrected<'a>>,
 }
 
@@ -126,7 +126,7 @@ impl<'a> Resources<'a> {
 /// One attempt of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Attempt<'a> {
-    /// The task.
+    /// Task that the attempt tries to solve.
     pub task: &'a Task,
     /// Index among the task's attempts.
     pub number: u64,
@@ -172,7 +172,8 @@ pub fn attempt_id(task: &str, number: u64) -> String {
     format!("{task}-{number:03}")
 }
 
-/// Completes an attempt in the store, with its images; also returns whether its result was already there.
+/// Ensures that an attempt is complete in the store, with its images. Returns its result, and true if that was stored
+/// before.
 ///
 /// # Errors
 /// On internal errors. A task that cannot be solved gives a failed result, not an error.
@@ -207,7 +208,7 @@ pub fn complete(
     Ok((result, was_there))
 }
 
-/// An episode with its stage; only a result if no layout was found.
+/// An episode with its stage; if no layout was found, the result alone.
 type Played = Result<(Stage, Episode), Box<EpisodeResult>>;
 
 /// Runs one attempt and stores it.

@@ -9,12 +9,12 @@ use std::collections::BTreeSet;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 thread_local! {
-    /// Length of the episode for which this thread holds a core of any [`Cores`]: a thread works on one episode at a
-    /// time.
+    /// Length of the episode for which this thread holds a core of any [`Cores`]; `None` if it holds none. A thread
+    /// works on one episode at a time.
     static HOLDS: Cell<Option<usize>> = const { Cell::new(None) };
 }
 
-/// Fixed number of cores, given to the longest waiting episode; among equals, first come, first served.
+/// Fixed number of cores. A free core goes to the waiting thread with the longest episode, among equals to the first.
 ///
 /// A long episode waits for its service many times in sequence. If it also waited for cores, it would still be running,
 /// alone, after all others have ended.

@@ -1,4 +1,5 @@
-//! Execution of actions in the environment, shared by the episode loop and programs that step on their own.
+//! Execution of actions in the environment, shared by the episode loop and by programs that step the environment
+//! themselves.
 
 use genmanip_core::{GoalVerdict, Observation, PolicySpec};
 
@@ -12,20 +13,20 @@ pub struct Driver {
     adapter: Adapter,
     /// Arm joint positions when the chunk was requested, rad.
     chunk_start: Vec<f64>,
-    /// Part of the path that earlier actions left unexecuted.
+    /// Rest of the path that earlier actions have not executed.
     pending: Pending,
-    /// An unreachable pose is an error instead of being held.
+    /// True if an unreachable pose is an error; false if the command in force is held instead.
     stop_on_unreachable: bool,
 }
 
-/// Outcome of one action.
+/// Outcome of executing one action.
 #[derive(Clone, Debug, Default)]
 pub struct ActionOutcome {
     /// Number of control steps executed.
     pub steps: usize,
     /// Last goal verdict during the action, if any.
     pub verdict: Option<GoalVerdict>,
-    /// Events during the action.
+    /// Events in the simulation during the action.
     pub events: Vec<Event>,
     /// The goal has held for the settling time and the settings say to stop then.
     pub terminated: bool,
@@ -33,7 +34,8 @@ pub struct ActionOutcome {
     pub truncated: bool,
     /// The episode ended before the action was completed.
     pub cut_off: bool,
-    /// Reason that the action was not executed and the command in force was held: the pose is unreachable.
+    /// Reason why the action was not executed and the command in force was held: the pose is unreachable. `None` if it
+    /// was executed.
     pub refused: Option<String>,
 }
 
@@ -51,7 +53,7 @@ impl Driver {
         Ok(Self { adapter, chunk_start, pending: Pending::default(), stop_on_unreachable })
     }
 
-    /// Records the reference of a new chunk of actions.
+    /// Stores the current joint positions as reference of a new chunk of actions.
     ///
     /// # Errors
     /// If the environment was not reset.

@@ -21,7 +21,7 @@ use crate::evidence::{Evidence, Unreachable};
 use crate::images::{Exposure, StageRenderer, sensor_seed};
 use crate::{RolloutError, RolloutSettings, Stage, evidence};
 
-/// Time after the last grip during which contact with the object counts as part of the release, s.
+/// Time after the last grip during which contact with the object counts as part of the release, s. Chosen by hand.
 const RELEASE_S: f64 = 1.0;
 
 /// Environment with an episode in progress, or none before the first [`Environment::reset`].
@@ -32,7 +32,7 @@ const RELEASE_S: f64 = 1.0;
 pub struct Environment {
     settings: RolloutSettings,
     session: Option<Session>,
-    /// Reused by all episodes of the same stage.
+    /// Renderer, reused by all episodes of the same stage; `None` before the first image.
     renderer: Option<StageRenderer>,
 }
 
@@ -42,13 +42,14 @@ pub struct Step {
     /// State after the step, without images and simulator ground truth; see [`Environment::observe`] and
     /// [`Environment::truth`].
     pub observation: Observation,
-    /// Goal verdict, if this step was judged: every `judge_every` steps, and after settling.
+    /// Goal verdict if this step was judged (every `judge_every` steps and after settling), else `None`.
     pub verdict: Option<GoalVerdict>,
-    /// The goal has held for the settling time and the settings say to stop then, or the episode has settled.
+    /// True if the goal has held for the settling time and the settings say to stop then, or if the episode has
+    /// settled.
     pub terminated: bool,
-    /// The time limit is reached.
+    /// True if the time limit is reached.
     pub truncated: bool,
-    /// Events during the step.
+    /// Events in the simulation during the step.
     pub events: Vec<Event>,
 }
 
@@ -57,11 +58,11 @@ pub struct Step {
 pub struct Event {
     /// Start of the control interval of the event; for goal events, the time of the verdict.
     pub time_s: f64,
-    /// Kind of event.
+    /// Kind of event, with its object or bodies.
     pub kind: EventKind,
 }
 
-/// Kinds of events.
+/// Kinds of events that the environment reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EventKind {
     /// Both fingers started to press on the object with this index.
@@ -81,13 +82,13 @@ pub enum EventKind {
 pub struct Conclusion<'a> {
     /// Id of the episode, usable as a file name.
     pub id: &'a str,
-    /// Name of the policy.
+    /// Name of the policy, written to the result.
     pub policy: &'a str,
     /// True if the policy read simulator ground truth.
     pub oracle: bool,
-    /// Ending of the episode.
+    /// Ending of the episode, as the driver saw it.
     pub ending: Ending,
-    /// The policy's reason for giving up, if it did.
+    /// The policy's reason for giving up, if it did; `None` otherwise.
     pub gave_up: Option<Failure>,
 }
 
@@ -124,19 +125,19 @@ struct Record {
     frames: Vec<Frame>,
     events: Vec<Event>,
     success_once: bool,
-    /// Number of control steps when the goal was first seen to hold, if it has held since.
+    /// Number of control steps when the goal was first seen to hold, if it has held since; `None` otherwise.
     held_since: Option<usize>,
     worst_stray_n: f64,
     stray_contact: Option<StrayContact>,
-    /// Bodies of the stray contact in the last interval.
+    /// Bodies of the stray contact in the last control interval; `None` without one.
     stray_bodies: Option<[BodyId; 2]>,
-    /// Object gripped last, and time of the last grip.
+    /// Index of the object gripped last, and time of the last grip (s). `None` before the first grip.
     last_gripped: Option<(usize, f64)>,
-    /// State of each object at the last verdict, for hysteresis: a state lasts until it is clearly left.
+    /// Named state of each object's joints at the last verdict, for hysteresis: a state lasts until it is clearly left.
     joint_states: Vec<Option<String>>,
-    /// Actions whose pose was unreachable.
+    /// Summary of the actions whose pose was unreachable; `None` if there were none.
     unreachable: Option<Unreachable>,
-    /// Number of control steps before settling, and the verdict after it.
+    /// Number of control steps before settling, and the verdict after it; `None` before settling.
     settled: Option<(usize, GoalVerdict)>,
 }
 
@@ -147,12 +148,12 @@ impl Record {
 }
 
 impl Environment {
-    /// Environment without an episode.
+    /// Environment before the first [`Environment::reset`].
     pub fn new(settings: RolloutSettings) -> Self {
         Self { settings, session: None, renderer: None }
     }
 
-    /// Settings of the episodes.
+    /// Settings of the episode loop.
     pub fn settings(&self) -> &RolloutSettings {
         &self.settings
     }
@@ -260,7 +261,7 @@ impl Environment {
         Ok(PrivilegedState { objects: sim.object_states(), grasped: sim.grasped() })
     }
 
-    /// States of the objects, the cheap part of the ground truth.
+    /// States of the objects; cheaper than [`Environment::truth`].
     ///
     /// # Errors
     /// If the environment was not reset.
@@ -332,7 +333,7 @@ impl Environment {
         self.session.as_ref().map_or(&[], |session| &session.record.frames)
     }
 
-    /// Events so far.
+    /// Events of the episode so far, in order.
     pub fn events(&self) -> &[Event] {
         self.session.as_ref().map_or(&[], |session| &session.record.events)
     }
@@ -496,7 +497,7 @@ impl Session {
         (verdict, states)
     }
 
-    /// Verdict and object states.
+    /// Verdict on the goal, and named state of each object's joints.
     fn judge(&mut self, settings: &RolloutSettings) -> (GoalVerdict, Vec<Option<String>>) {
         let objects = self.sim.object_states();
         let rest = Stage::rest(&objects, self.sim.grasped(), settings);
@@ -562,7 +563,7 @@ impl Session {
     }
 }
 
-/// Failure of an episode that reached its time limit.
+/// Failure of an episode that reached its time limit. `None` for another ending.
 pub(crate) fn timeout(ending: Ending, after_s: f64) -> Option<Failure> {
     let evidence = || format!("not finished after {after_s} s");
     (ending == Ending::Horizon).then(|| Failure { cause: FailureCause::Timeout, evidence: evidence() })
@@ -573,7 +574,7 @@ pub(crate) fn steps_in(time_s: f64, stage: &Stage) -> usize {
     (time_s * stage.control_rate_hz()).round() as usize
 }
 
-/// State of each object.
+/// Named state of each object's joints; `None` for objects without named states or between them.
 fn joint_states(scene: &PosedScene, relations: &RelationSettings) -> Vec<Option<String>> {
     (0..scene.objects().len()).map(|index| joint_state(scene, index, relations)).collect()
 }

@@ -64,7 +64,8 @@ fn conclude(
     Ok(episode)
 }
 
-/// Share of the time limit after which the expert takes over; chosen: the expert needs less than the other half.
+/// Share of the time limit after which the expert takes over. Chosen by hand: the expert needs less than the other
+/// half.
 const FIRST_SHARE: f64 = 0.5;
 
 /// Runs an episode in which `first` acts and `expert` takes over if it fails.
@@ -151,8 +152,8 @@ pub fn resume_episode(
     conclude(environment, policy, Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, gave_up })
 }
 
-/// Minimum interval between observations at which render caches are not worth keeping, s: in that time the arm crosses a
-/// tenth of the image.
+/// Minimum interval between observations from which render caches are dropped, s: in that time the arm crosses a tenth
+/// of the image, so the caches would hardly help.
 const UNCACHED_INTERVAL_S: f64 = 0.25;
 
 /// Observes, queries the policy and steps until the episode ends or `until` control steps have been executed; returns
@@ -172,7 +173,7 @@ fn drive(
         }
         before_turn(environment)?;
         let mut observation = environment.observe(&spec.cameras)?;
-        // A policy that observes rarely often computes long, with many episodes in parallel: save memory.
+        // Rare observations mean a policy that computes for long, usually with many episodes in parallel: save memory.
         let since = last_observed_s.replace(observation.time_s).map(|before| observation.time_s - before);
         if since.is_none_or(|since_s| since_s > UNCACHED_INTERVAL_S) {
             environment.drop_render_caches();

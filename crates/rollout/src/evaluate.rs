@@ -10,12 +10,12 @@ use crate::cloud_verdict::cloud_verdict;
 use crate::collect::{PipelineSettings, Resources, in_parallel};
 use crate::{Cores, RolloutError, Stage, run_episode};
 
-/// One episode to run.
+/// One episode of an evaluation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// Id of the episode.
+    /// Id of the episode, unique among the cases.
     pub id: String,
-    /// Its scenario.
+    /// Initial scenario of the episode.
     pub scenario: Arc<Scenario>,
     /// Random stream of the episode.
     pub seed: Seed,
@@ -28,7 +28,7 @@ pub struct Case {
 /// [`RolloutError::NotRun`] means that the policy is unreachable or made a mistake.
 pub type MakePolicy<'a> = dyn Fn(&Stage, &Case) -> Result<Box<dyn Policy>, RolloutError> + Sync + 'a;
 
-/// Result of an evaluation.
+/// Results of an evaluation, by case.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Evaluated {
     /// Results of the judged episodes, in the order of the cases.
@@ -89,7 +89,7 @@ fn run(
     settings: &PipelineSettings,
     keep: Option<&EpisodeStore>,
 ) -> Result<Result<EpisodeResult, NotRun>, RolloutError> {
-    // Stored by a run that was interrupted before reporting it.
+    // A run that was interrupted had stored this episode before reporting it.
     if let Some(store) = keep.filter(|store| store.contains(&case.id)) {
         return Ok(Ok(store.read_result(&case.id)?));
     }

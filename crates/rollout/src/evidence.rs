@@ -10,13 +10,13 @@ use crate::{RolloutSettings, Stage};
 /// A grip that ended without an opening command.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slip {
-    /// Index of the object.
+    /// Index of the object that slipped.
     pub object: usize,
-    /// Time at which the grip ended.
+    /// Time at which the grip ended, s.
     pub time_s: f64,
-    /// Duration of the grip.
+    /// Duration of the grip, s.
     pub held_s: f64,
-    /// Height above the place where it was gripped, metres.
+    /// Height of the object above the place where it was gripped, metres.
     pub height_m: f64,
     /// True if the object was never gripped again.
     pub for_good: bool,
@@ -25,11 +25,11 @@ pub struct Slip {
 /// Actions of an episode whose pose was unreachable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unreachable {
-    /// Number of them.
+    /// Number of such actions.
     pub actions: usize,
-    /// Control step of the first.
+    /// Control step of the first such action.
     pub step: usize,
-    /// Error of the first: why its pose was unreachable.
+    /// Error of the first such action: why its pose was unreachable.
     pub reason: String,
 }
 
@@ -38,7 +38,7 @@ pub struct Unreachable {
 pub struct Evidence<'a> {
     /// One frame per control step.
     pub frames: &'a [Frame],
-    /// Actions that were held because their pose was unreachable.
+    /// Actions that were held because their pose was unreachable. `None` if there were none.
     pub unreachable: Option<&'a Unreachable>,
 }
 
@@ -129,7 +129,7 @@ pub fn slips(frames: &[Frame]) -> Vec<Slip> {
     found
 }
 
-/// Evidence of a displaced or toppled object that the goal does not ask to move.
+/// Evidence of a displaced or toppled object that the goal does not ask to move. `None` if there is none.
 fn disturbed(stage: &Stage, last: &Frame, settings: &RolloutSettings) -> Option<String> {
     let goal = &stage.goal;
     stage.scenario.objects.iter().zip(&last.objects).enumerate().find_map(|(index, (before, now))| {

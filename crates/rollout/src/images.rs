@@ -20,16 +20,16 @@ use crate::{RolloutError, Stage};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImageSettings {
-    /// Names of the cameras.
+    /// Names of the cameras to render.
     pub cameras: Vec<String>,
     /// Images per second; must divide the 60 Hz of the recording.
     pub fps: u32,
-    /// Video compression.
+    /// Settings of the video encoder.
     pub video: VideoSettings,
     /// Randomised aspects of the appearance, by the episode's seed ([`appearance_seed`]); none if empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub vary: Vec<AppearanceFactor>,
-    /// Index of the appearance randomisation.
+    /// Index of the appearance: other indices give other random appearances of the same episode.
     #[serde(skip_serializing_if = "is_first")]
     pub look: u64,
 }
@@ -57,7 +57,7 @@ pub struct Exposure<'a> {
     pub noise: Seed,
     /// Recorded frames before this one; nothing moved before the first.
     pub before: &'a [Frame],
-    /// Time between frames, and from the last of them to this one, s.
+    /// Time between consecutive frames, and from the last earlier frame to this one, s.
     pub step_s: f64,
 }
 
@@ -78,7 +78,7 @@ impl<'a> Exposure<'a> {
 #[derive(Debug)]
 pub struct StageRenderer {
     renderer: Renderer,
-    /// Settings of the path tracer if it replaces the rasteriser for colours.
+    /// Settings of the path tracer if it replaces the rasteriser for colours; `None` otherwise.
     reference: Option<ReferenceSettings>,
     scenario: String,
 }
@@ -170,7 +170,7 @@ impl StageRenderer {
         views.iter().zip(buffers).map(image).collect::<Result<_, _>>().map_err(failed)
     }
 
-    /// Replaces the colours by those of an open shutter (motion blur), path traced if requested.
+    /// Replaces the colour image by one averaged over the exposure time (motion blur), path traced if requested.
     fn apply_exposure(
         &mut self,
         job: &ViewJob<'_>,

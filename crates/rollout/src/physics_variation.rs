@@ -1,15 +1,15 @@
 //! Physics randomisation of a scenario.
 //!
-//! The ranges at strength 1 are chosen: as large as the day-to-day variation in a laboratory, and still solvable.
-//! Smaller strengths shrink them in proportion.
+//! The ranges at strength 1 are chosen by hand: as large as the day-to-day variation in a laboratory, and still
+//! solvable. Smaller strengths shrink them in proportion.
 
 use genmanip_core::{Scenario, Seed};
 use rand::{Rng, RngExt};
 
-/// Maximum factors of friction and mass; the minimum is the inverse.
+/// Maximum factors of friction and (`MASS`) of mass; the minimum is the inverse.
 const FRICTION: f64 = 1.5;
 const MASS: f64 = 1.5;
-/// Minimum factor of contact damping.
+/// Minimum factor of contact damping. The maximum is 1.
 const CONTACT_DAMPING: f64 = 0.5;
 
 /// Multiplies pad friction, and the friction, mass, contact damping and joint friction of each object, by independent

@@ -5,7 +5,7 @@ use genmanip_core::{ActionChunk, ActionContract, Episode, EpisodeStart, Observat
 /// Stands still: a baseline that shows that no scenario solves itself.
 #[derive(Clone, Debug, Default)]
 pub struct DoNothing {
-    /// Duration until the policy finishes, s.
+    /// Duration until the policy reports that it has finished, s.
     pub duration_s: f64,
 }
 
@@ -23,7 +23,7 @@ impl OpenLoop {
         Self { spec: PolicySpec::native("replay", episode.result.control_rate_hz), actions }
     }
 
-    /// Plays back the rows of a data set at its rate.
+    /// Plays back actions of a data set (one row per action) under its contract, at its rate.
     pub fn playback(contract: &ActionContract, actions: Vec<Vec<f32>>) -> Self {
         let spec = PolicySpec { action: contract.action, ..PolicySpec::native("playback", contract.rate_hz) };
         Self { spec, actions }

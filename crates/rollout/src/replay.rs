@@ -7,12 +7,12 @@ use genmanip_sim::{ContactReport, Sim};
 
 use crate::{RolloutError, Stage};
 
-/// Result of a replay.
+/// Comparison of a replay with the recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReplayCheck {
     /// True if the final state equals the recorded one bit for bit.
     pub identical: bool,
-    /// Maximum difference between the final states, mixed units; 0 if identical.
+    /// Maximum absolute difference between entries of the final states, in mixed units; 0 if identical.
     pub largest_difference: f64,
     /// Number of control steps replayed.
     pub frames: usize,
@@ -75,7 +75,7 @@ impl<'a> ContactReplay<'a> {
     }
 }
 
-/// Fails if the world differs from the recording in more than appearance.
+/// Error if the world differs from the recording in more than appearance.
 fn check_world(world: &World, episode: &Episode) -> Result<(), RolloutError> {
     let refuse = |field: String, expected: &str, got: &str| {
         let (expected, got) = (expected.to_owned(), got.to_owned());

@@ -1,9 +1,9 @@
-//! Defaults of the episode loop.
+//! Settings of the episode loop with their defaults.
 
 use genmanip_motion::IkSettings;
 use serde::{Deserialize, Serialize};
 
-/// Duration of an episode, and criteria for rest and disturbance.
+/// Settings of the episode loop: duration, and criteria for rest and disturbance.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RolloutSettings {
@@ -13,20 +13,20 @@ pub struct RolloutSettings {
     pub settle_s: f64,
     /// Control steps between goal verdicts for `success_once`.
     pub judge_every: usize,
-    /// Stop once the goal has held for `settle_s` at every verdict, instead of when the policy is finished.
+    /// True to stop once the goal has held for `settle_s` at every verdict; false to stop when the policy is finished.
     pub stop_on_success: bool,
-    /// Stop at the first action whose pose is unreachable, instead of holding the command in force.
+    /// True to stop at the first action whose pose is unreachable; false to hold the command in force.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub stop_on_unreachable: bool,
-    /// Inverse kinematics of end-effector actions.
+    /// Settings of the inverse kinematics for end-effector actions.
     pub ik: IkSettings,
-    /// Maximum speed of an object at rest, m/s.
+    /// Speed below which an object counts as at rest, m/s.
     pub rest_speed: f64,
-    /// Maximum angular speed of an object at rest, rad/s.
+    /// Angular speed below which an object counts as at rest, rad/s.
     pub rest_angular_speed: f64,
-    /// Minimum displacement of a disturbed object, which the goal does not ask to move, metres.
+    /// Displacement above which an object that the goal does not ask to move counts as disturbed, metres.
     pub disturbed_m: f64,
-    /// Minimum tilt of a disturbed object, radians.
+    /// Tilt above which such an object counts as disturbed, radians.
     pub disturbed_rad: f64,
 }
 

@@ -1,8 +1,9 @@
 //! Dense reward: the potential of a state, from the progress of the goal's conditions.
 //!
-//! The difference of potentials between two states shapes the reward (Ng, Harada and Russell, 1999). An episode that ends
-//! keeps the potential of its last state, so a policy with a discount below 1 also learns to be quick. The potential of a goal is that of its best alternative: the mean progress of its conditions, of
-//! which those that hold count 1, the next one as below, and those after it 0.
+//! The difference of potentials between two states shapes the reward (Ng, Harada and Russell, 1999). An episode that
+//! ends keeps the potential of its last state, so a policy with a discount below 1 also learns to be quick. The
+//! potential of a goal is that of its best alternative: the mean progress of its conditions. A condition that holds
+//! counts 1, the first unmet one counts as below, and those after it 0.
 //!
 //! | condition | progress |
 //! |---|---|
@@ -17,13 +18,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Environment, RolloutError, Stage};
 
-/// Distance scale of reaching and carrying: 1 − tanh(distance · this), 1/m; chosen: half the progress at 11 cm.
+/// Distance scale of reaching and carrying, 1/m: their progress is 1 − tanh(scale · distance). Chosen by hand: half the
+/// progress at 11 cm.
 const PROXIMITY_PER_M: f64 = 5.0;
-/// Height of a full lift, m; chosen: clear of everything that stands around.
+/// Height of a full lift, m. Chosen by hand: clear of surrounding objects.
 const LIFTED_M: f64 = 0.1;
-/// Largest distance of a reached object's centre from the tool, m; chosen.
+/// Maximum distance between a reached object's centre and the tool, m. Chosen by hand.
 const REACHED_M: f64 = 0.03;
-/// Distance in metres that counts as much as one radian, or a share of one, of a missed condition; chosen.
+/// Distance (m) that counts as much as one radian of missing joint motion. Chosen by hand.
 const PER_RADIAN_M: f64 = 0.1;
 
 /// Part of the task at which an episode succeeds: an easy curriculum.
@@ -49,16 +51,16 @@ pub struct Shaping {
     start_joint: Vec<Vec<f64>>,
 }
 
-/// Progress of a state.
+/// Progress of a state towards the goal.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Progress {
-    /// Potential, 0 to 1.
+    /// Potential of the state, from 0 (no progress) to 1 (goal).
     pub potential: f64,
     /// True if a milestone before the goal is reached.
     pub is_reached: bool,
 }
 
-/// A state as the conditions see it.
+/// Values of a state from which the progress of conditions is computed.
 struct Now {
     tool: DVec3,
     scene: PosedScene,
@@ -66,7 +68,7 @@ struct Now {
 }
 
 impl Shaping {
-    /// Shaping of an episode that starts in the stage's initial state.
+    /// Shaping of an episode that starts in the stage's initial state, with success at `milestone`.
     pub fn new(stage: &Stage, milestone: Milestone) -> Self {
         let scene = stage.start();
         let height = |index| scene.center(index).map_or(0.0, |center| center.z);
@@ -130,7 +132,7 @@ impl Shaping {
             .map(|measured| match measured.unit {
                 Unit::Metre => -measured.margin,
                 Unit::Radian | Unit::Share => -measured.margin * PER_RADIAN_M,
-                // Held or moving.
+                // No progress while the object is held or moving.
                 Unit::Fact => 0.0,
             })
             .sum();
@@ -162,7 +164,8 @@ fn state(atom: &Atom, start: f64, now: &Now) -> f64 {
     0.3 * proximity(handle.distance(now.tool)) + 0.6 * moved
 }
 
-/// Sum of the missing joint motions of a state condition, rad or m, and the centre of the link that moves first.
+/// Sum of the missing joint motions of a state condition, rad or m, and the centre of the first link that must move.
+/// `None` if the object has no such state.
 fn missing_motion(scene: &PosedScene, atom: &Atom) -> Option<(f64, DVec3)> {
     let Atom::State { object, state } = atom else { return None };
     let object = scene.index_of(object)?;

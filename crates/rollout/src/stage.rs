@@ -16,7 +16,7 @@ use crate::adapter::AdapterError;
 /// Immutable data shared by all episodes of a scenario.
 #[derive(Clone, Debug)]
 pub struct Stage {
-    /// The scenario.
+    /// Scenario that the stage was built from.
     pub scenario: Arc<Scenario>,
     /// Goal as judged, see [`genmanip_core::Task::judged_goal`].
     pub goal: Arc<Goal>,
@@ -24,9 +24,9 @@ pub struct Stage {
     pub judged: Arc<[usize]>,
     /// Models of the objects, in the scenario's order.
     pub models: Vec<Arc<ObjectModel>>,
-    /// The robot.
+    /// Model of the robot.
     pub robot: Arc<RobotModel>,
-    /// Compiled physics.
+    /// Compiled physics model of the scene.
     pub scene: Arc<Model>,
     /// Thresholds of the relations, from the scenario's world.
     pub relations: RelationSettings,
@@ -38,7 +38,7 @@ pub struct Stage {
     render_assets: Arc<OnceLock<Arc<RenderAssets>>>,
 }
 
-/// The error behind an error.
+/// Any error that caused another one.
 type Cause = Box<dyn std::error::Error + Send + Sync>;
 
 /// Reason why an episode could not be run or replayed.
@@ -63,9 +63,9 @@ pub enum RolloutError {
         scenario: String,
         /// Name of the differing field.
         field: String,
-        /// Value in the scenario.
+        /// Value of the field in the scenario.
         expected: String,
-        /// Actual value.
+        /// Value of the field in the other world.
         got: String,
     },
     /// The policy's specification is not supported, or the policy cannot be made.
@@ -73,7 +73,7 @@ pub enum RolloutError {
     Spec {
         /// Name of the policy.
         policy: String,
-        /// The unsupported part.
+        /// Description of the unsupported part.
         source: Cause,
     },
     /// The policy stopped on a fault of the machine.
@@ -81,7 +81,7 @@ pub enum RolloutError {
     Policy {
         /// Name of the policy.
         policy: String,
-        /// The fault.
+        /// Description of the fault, e.g. lack of GPU memory.
         source: Cause,
     },
     /// The policy is unreachable or made a mistake, so the episode was not run; it may be retried.
@@ -89,9 +89,9 @@ pub enum RolloutError {
     NotRun {
         /// Name of the policy.
         policy: String,
-        /// Error of the connection, or the mistake.
+        /// Error of the connection, or description of the mistake.
         reason: String,
-        /// True for a mistake of the policy's program.
+        /// True for a mistake of the policy's program; false if it is unreachable.
         mistake: bool,
     },
     /// An invalid or unreachable action; the environment is unchanged.
@@ -111,20 +111,20 @@ pub enum RolloutError {
     UnknownCamera {
         /// Id of the scenario.
         scenario: String,
-        /// The requested name.
+        /// Name of the camera that was requested.
         camera: String,
-        /// Names of its cameras.
+        /// Names of the scenario's cameras.
         known: String,
     },
-    /// Rendering or encoding failed.
+    /// Rendering or encoding of images failed.
     #[error("images of scenario {scenario}: {source}")]
     Images {
         /// Id of the scenario.
         scenario: String,
-        /// Error of the renderer.
+        /// Error of the renderer or encoder.
         source: Cause,
     },
-    /// The episode store failed.
+    /// The episode store could not be read or written.
     #[error(transparent)]
     Store(#[from] genmanip_data::DataError),
     /// One of several episodes could not be run.
@@ -132,13 +132,13 @@ pub enum RolloutError {
     Episode {
         /// Id of the episode.
         id: String,
-        /// The cause.
+        /// Error of that episode.
         source: Box<RolloutError>,
     },
 }
 
 impl RolloutError {
-    /// The reason why a policy's specification is not supported, if that is the error.
+    /// Reason why a policy's specification is not supported; `None` for other errors.
     pub fn unsupported(&self) -> Option<&(dyn std::error::Error + Send + Sync + 'static)> {
         match self {
             Self::Spec { source, .. } => Some(source.as_ref()),
@@ -201,12 +201,12 @@ impl Stage {
         Ok(Self { goal, judged, names, scenario, models, robot, scene, relations, posed, render_assets })
     }
 
-    /// Initial scene for relations.
+    /// Initial scene, posed for evaluating relations.
     pub fn start(&self) -> &PosedScene {
         &self.posed
     }
 
-    /// Model for relations with the given object states.
+    /// Scene with the given object states, posed for evaluating relations.
     pub fn posed(&self, states: &[ObjectState]) -> PosedScene {
         let mut scene = self.posed.clone();
         for (index, state) in states.iter().enumerate() {
@@ -239,7 +239,7 @@ impl Stage {
         Ok(Arc::clone(self.render_assets.get_or_init(|| assets)))
     }
 
-    /// The requested camera, resized if requested.
+    /// Camera of a request, with the image size changed if the request says so.
     ///
     /// # Errors
     /// If the scenario has no camera of that name, or the size is zero.
@@ -260,7 +260,7 @@ impl Stage {
         Ok(Camera { intrinsics: camera.intrinsics.resized(width, height), ..camera.clone() })
     }
 
-    /// Control rate, Hz.
+    /// Rate of control steps, Hz.
     pub fn control_rate_hz(&self) -> f64 {
         f64::from(self.scene.physics().control_rate_hz)
     }

@@ -7,7 +7,7 @@ use crate::S3Error;
 /// Default region for signing; servers other than Amazon's ignore it.
 const REGION: &str = "us-east-1";
 
-/// Credentials, region and endpoint.
+/// Credentials, region and endpoint for signed requests.
 #[derive(Clone)]
 pub struct Access {
     pub(crate) key_id: String,
@@ -20,7 +20,7 @@ pub struct Access {
 /// An endpoint other than Amazon's.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Endpoint {
-    /// `http` or `https`.
+    /// Scheme of the URL: `http` or `https`.
     pub(crate) scheme: &'static str,
     /// Host, with its port unless it is the scheme's default.
     pub(crate) host: String,

@@ -15,12 +15,12 @@ impl Address {
     /// Reads `s3://BUCKET/PREFIX`.
     ///
     /// # Errors
-    /// [`S3Error::Address`] with the reason.
+    /// [`S3Error::Address`] with the reason why the address is invalid.
     pub fn parse(text: &str) -> Result<Self, S3Error> {
         let wrong = |why: &str| S3Error::Address { got: text.into(), why: why.into() };
         let rest = text.strip_prefix("s3://").ok_or_else(|| wrong("it does not begin with s3://"))?;
         let (bucket, prefix) = rest.split_once('/').unwrap_or((rest, ""));
-        // Amazon's naming rule, simplified.
+        // Amazon's naming rule for buckets, simplified.
         let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-' || c == '.';
         if !(3..=63).contains(&bucket.len()) || !bucket.chars().all(fits) {
             return Err(wrong("a bucket has 3 to 63 lower-case letters, digits, dots and hyphens"));

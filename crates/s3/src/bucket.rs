@@ -9,19 +9,19 @@ use crate::request::{AttemptError, Connection, Request, Response, element, error
 use crate::{Access, S3Error};
 use genmanip_core::hexadecimal;
 
-/// Part size of multipart uploads, bytes; S3 allows 10,000 parts of 5 MiB to 5 GiB. Chosen.
+/// Part size of multipart uploads, bytes; S3 allows 10,000 parts of 5 MiB to 5 GiB. Chosen by hand.
 pub(crate) const PART: u64 = 16 << 20;
-/// Maximum number of parts of an object.
+/// Maximum number of parts of an object. A limit of S3.
 const MAX_PARTS: u64 = 10_000;
 /// Maximum length of a response other than an object, bytes.
 const MAX_RESPONSE: u64 = 1 << 20;
 
-/// Retry policy.
+/// Number of attempts per request, and delays between them.
 #[derive(Clone, Copy, Debug)]
 pub struct RetryPolicy {
     /// Maximum number of attempts per request.
     pub attempts: u32,
-    /// Delay before the second attempt; doubled before each further one.
+    /// Delay before the second attempt; doubles before each further one.
     pub initial_delay: Duration,
     /// Maximum delay between two attempts.
     pub max_delay: Duration,
@@ -29,28 +29,28 @@ pub struct RetryPolicy {
 
 impl Default for RetryPolicy {
     fn default() -> Self {
-        // Chosen: about a minute in total.
+        // About a minute of delays in total. Chosen by hand.
         Self { attempts: 9, initial_delay: Duration::from_millis(250), max_delay: Duration::from_secs(15) }
     }
 }
 
-/// A bucket.
+/// A bucket with its connection and retry policy.
 #[derive(Debug)]
 pub struct Bucket {
     connection: Connection,
     retry_policy: RetryPolicy,
 }
 
-/// Metadata of an object.
+/// Metadata of an object, from a HEAD request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ObjectInfo {
     pub(crate) bytes: u64,
-    /// SHA-256 of the uploaded file.
+    /// SHA-256 of the uploaded file, from the object's metadata; `None` if it was uploaded by another program.
     pub(crate) sha256: Option<String>,
 }
 
 impl Bucket {
-    /// An existing bucket.
+    /// Handle of an existing bucket; sends no request.
     pub fn new(name: &str, access: Access, retry_policy: RetryPolicy) -> Self {
         Self { connection: Connection::new(name, access), retry_policy }
     }
@@ -103,7 +103,7 @@ impl Bucket {
             Ok(hash)
         });
         if sent.is_err() {
-            // Best effort: the owner is billed for parts that remain.
+            // Best effort to abort the upload: the owner of the bucket is billed for remaining parts.
             let query = [("uploadId", upload)];
             let _ = self
                 .connection
@@ -225,7 +225,7 @@ impl Bucket {
     }
 }
 
-/// Copies a body; returns its size and SHA-256.
+/// Copies the body of a response; returns its size and SHA-256.
 fn copy_body(response: Response, most: u64, into: &mut impl Write) -> Result<(u64, String), AttemptError> {
     let (mut hasher, mut bytes, mut buffer) = (Sha256::new(), 0, vec![0; 64 << 10]);
     let mut reader = response.into_body().into_reader();

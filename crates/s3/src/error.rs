@@ -8,20 +8,20 @@ use genmanip_data::DataError;
 /// Reason why a push or pull failed.
 #[derive(Debug, thiserror::Error)]
 pub enum S3Error {
-    /// An invalid S3 address.
+    /// An address that is not `s3://BUCKET/PREFIX`.
     #[error("expected s3://BUCKET or s3://BUCKET/PREFIX, got {got:?}: {why}")]
     Address {
-        /// The text.
+        /// Address as given.
         got: String,
-        /// The reason.
+        /// Reason why it is invalid.
         why: String,
     },
     /// A missing or invalid environment variable.
     #[error("{variable}: expected {expected}, got {got}")]
     Environment {
-        /// Name of the variable.
+        /// Name of the environment variable.
         variable: &'static str,
-        /// Expected value.
+        /// Expected value, in words.
         expected: &'static str,
         /// Actual value; never a secret.
         got: String,
@@ -29,82 +29,82 @@ pub enum S3Error {
     /// A permanent refusal by the server.
     #[error("{what}: the server responded {status}: {message}")]
     Refused {
-        /// Description of the request.
+        /// Description of the refused request.
         what: String,
-        /// HTTP status.
+        /// HTTP status of the response.
         status: u16,
-        /// The server's message.
+        /// Message of the server.
         message: String,
     },
-    /// Failure after all retries.
+    /// A request that failed in all attempts.
     #[error("{what}: gave up after {attempts} attempts; last error: {last}")]
     GaveUp {
-        /// Description of the request.
+        /// Description of the failing request.
         what: String,
-        /// Number of attempts.
+        /// Number of attempts made.
         attempts: u32,
         /// Error of the last attempt.
         last: String,
     },
-    /// A response that is not valid S3.
+    /// A response that does not follow the S3 protocol.
     #[error("{what}: expected {expected}, got {got}")]
     InvalidResponse {
         /// Description of the request.
         what: String,
-        /// Expected content.
+        /// Content that the response should have.
         expected: &'static str,
-        /// Actual content.
+        /// Content that the response has.
         got: String,
     },
     /// No complete folder at the address.
     #[error("{object} does not exist: expected the file list that a push writes last")]
     NotComplete {
-        /// The missing object.
+        /// Key of the missing object.
         object: String,
     },
-    /// An invalid file list.
+    /// A file list at the address that cannot be parsed.
     #[error("cannot read the file list {object}")]
     List {
-        /// The object.
+        /// Key of the object with the file list.
         object: String,
-        /// Parse error.
+        /// Parse error with its position.
         source: DocumentError,
     },
     /// A file that changed during the upload.
     #[error("the file changed while it was uploaded: {}", .path.display())]
     Changed {
-        /// The file.
+        /// Path of the local file.
         path: PathBuf,
     },
     /// A file that cannot be stored as an object.
     #[error("expected {expected}, found {found}: {}", .path.display())]
     File {
-        /// Expected kind of file.
+        /// Kind of file that is expected.
         expected: &'static str,
-        /// Actual kind of file.
+        /// Kind of file that was found.
         found: &'static str,
-        /// The file.
+        /// Path of the local file.
         path: PathBuf,
     },
-    /// A partial transfer.
+    /// A transfer that stopped after some files.
     #[error("stopped after {done} of {all} files were {moved}")]
     Stopped {
-        /// Number of transferred files.
+        /// Number of files transferred before the failure.
         done: usize,
-        /// Number of all files.
+        /// Number of files to be transferred.
         all: usize,
-        /// `uploaded` or `downloaded`.
+        /// Verb for the message: `uploaded` or `downloaded`.
         moved: &'static str,
-        /// Cause.
+        /// Error that stopped the transfer.
         source: Box<S3Error>,
     },
-    /// A local file error.
+    /// An error of reading or writing a local file.
     #[error(transparent)]
     Data(#[from] DataError),
 }
 
 impl S3Error {
-    /// Suggested fix.
+    /// Advice on how to fix the error.
     pub fn hint(&self) -> String {
         match self {
             Self::Address { .. } => "for example s3://my-bucket/runs/monday".into(),

@@ -1,7 +1,7 @@
 //! Upload and download of folders.
 //!
-//! The object `PREFIX/PATH` holds the file PATH and its SHA-256 as metadata, so that a repeated push uploads only
-//! missing or changed files. [`LIST`] is written last: if it exists, so does everything it lists.
+//! The object `PREFIX/PATH` holds the file PATH, with its SHA-256 as metadata, so that a repeated push uploads only
+//! missing or changed files. [`LIST`] is written last: if it exists, so do all objects it lists.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -38,9 +38,9 @@ pub struct FileList {
 pub struct FileEntry {
     /// Path relative to the folder, separated by slashes.
     pub path: String,
-    /// Size, bytes.
+    /// Size of the file, bytes.
     pub bytes: u64,
-    /// SHA-256, hexadecimal.
+    /// SHA-256 of the file, hexadecimal.
     pub sha256: String,
 }
 
@@ -49,7 +49,7 @@ pub struct FileEntry {
 pub struct TransferSummary {
     /// Number of files in the folder.
     pub files: usize,
-    /// Their total size, bytes.
+    /// Total size of the files in the folder, bytes.
     pub bytes: u64,
     /// Number of transferred files; the others were already up to date.
     pub moved: usize,
@@ -177,7 +177,7 @@ fn send(bucket: &Bucket, folder: &Path, prefix: &str, path: &str) -> Result<(Fil
     let mut file = File::open(&from).map_err(io("read", &from))?;
     let bytes = file.metadata().map_err(io("read", &from))?.len();
     let changed = || S3Error::Changed { path: from.clone() };
-    // Small files are read only once.
+    // A small file is read into memory once, for both hash and upload.
     let whole = match bytes <= PART {
         true => {
             let mut whole = Vec::with_capacity(bytes as usize);

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::S3Error;
 
-/// Applies `work` to each item on up to `jobs` threads; returns the number of finished items and the first error,
-/// which stops further items.
+/// Applies `work` to each item on up to `jobs` threads. No item is started after an error. Returns the number of
+/// successful items, and the first error if any.
 pub(crate) fn each<T: Sync>(
     items: &[T],
     jobs: usize,

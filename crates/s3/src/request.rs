@@ -9,38 +9,38 @@ use crate::access::{Access, Endpoint};
 use crate::sign::{Unsigned, authorization, encoded, time};
 use genmanip_core::hexadecimal;
 
-/// Maximum length of an error text, bytes.
+/// Maximum length of an error text, bytes. Chosen by hand.
 const MAX_ERROR_BYTES: u64 = 64 << 10;
-/// Connection timeout, s. Chosen.
+/// Connection timeout, s. Chosen by hand.
 const CONNECT_S: u64 = 10;
-/// Request timeout, s: a part of 16 MiB at 60 KB/s. Chosen.
+/// Request timeout, s: long enough for a part of 16 MiB at 60 KB/s. Chosen by hand.
 const REQUEST_S: u64 = 300;
 
-/// A request to a bucket.
+/// A request to a bucket, to be signed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Request<'a> {
     /// HTTP method, upper case.
     pub(crate) method: &'static str,
     /// Object key, unencoded.
     pub(crate) key: &'a str,
-    /// Names and values, unencoded, sorted by name.
+    /// Query parameters: names and values, unencoded, sorted by name.
     pub(crate) query: &'a [(&'static str, String)],
-    /// SHA-256 of the file, stored as metadata of the object.
+    /// SHA-256 of the file, to be stored as metadata of the object; `None` for other requests.
     pub(crate) file_sha256: Option<&'a str>,
     pub(crate) body: &'a [u8],
 }
 
-/// Failure of one attempt.
+/// Failure of one attempt at a request.
 #[derive(Debug)]
 pub(crate) struct AttemptError {
     pub(crate) message: String,
-    /// HTTP status, if there was a response.
+    /// HTTP status; `None` without a response.
     pub(crate) status: Option<u16>,
     /// True if a retry may succeed.
     pub(crate) is_transient: bool,
 }
 
-/// Connections to one bucket.
+/// Signed HTTP connections to one bucket.
 #[derive(Debug)]
 pub(crate) struct Connection {
     agent: ureq::Agent,
@@ -51,7 +51,7 @@ pub(crate) struct Connection {
     bucket: String,
 }
 
-/// A successful response.
+/// A successful response with its body unread.
 pub(crate) type Response = ureq::http::Response<ureq::Body>;
 
 impl Connection {
@@ -73,7 +73,7 @@ impl Connection {
         };
         let (scheme, host, bucket) = match &access.endpoint {
             Some(Endpoint { scheme, host }) => (*scheme, host.clone(), format!("/{bucket}")),
-            // The wildcard certificate does not cover bucket names with dots.
+            // Amazon's wildcard certificate does not cover bucket names with dots.
             None if bucket.contains('.') => {
                 ("https", format!("s3.{}.amazonaws.com", access.region), format!("/{bucket}"))
             }
@@ -162,7 +162,8 @@ impl AttemptError {
     }
 }
 
-/// Text of an XML element with entities decoded; elements of S3 responses have no attributes.
+/// Text of the first XML element of a name, with entities decoded; elements of S3 responses have no attributes. `None`
+/// if there is none.
 pub(crate) fn element(text: &str, name: &str) -> Option<String> {
     let (_, rest) = text.split_once(&format!("<{name}>"))?;
     let (inside, _) = rest.split_once(&format!("</{name}>"))?;

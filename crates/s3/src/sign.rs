@@ -9,11 +9,11 @@ use crate::access::Access;
 pub(crate) struct Unsigned<'a> {
     /// HTTP method, upper case.
     pub(crate) method: &'a str,
-    /// Percent-encoded, with the leading slash.
+    /// Percent-encoded path with its leading slash.
     pub(crate) path: &'a str,
-    /// Percent-encoded names and values, sorted.
+    /// Percent-encoded query, sorted by name.
     pub(crate) query: &'a str,
-    /// Lower-case names, sorted, including `host`, `x-amz-content-sha256` and `x-amz-date`.
+    /// Names in lower case and values, sorted, including `host`, `x-amz-content-sha256` and `x-amz-date`.
     pub(crate) headers: &'a [(&'static str, String)],
 }
 

@@ -9,7 +9,7 @@ use mujoco_rs::wrappers::{MjData, MjModel};
 use crate::Model;
 use crate::body::BodyId;
 
-/// A contact point.
+/// Contact point of two bodies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactReport {
     /// First body.
@@ -18,7 +18,7 @@ pub struct ContactReport {
     pub b: BodyId,
     /// Signed distance, metres; negative for penetration.
     pub distance: f64,
-    /// Normal force, N.
+    /// Normal force, N, at least 0.
     pub normal_force: f64,
     /// Contact position in the world.
     pub position: DVec3,
@@ -27,7 +27,7 @@ pub struct ContactReport {
 }
 
 impl ContactReport {
-    /// The partner of `body` in this contact, if it takes part.
+    /// The partner of `body` in this contact; `None` if `body` takes no part in it.
     pub fn other(&self, body: BodyId) -> Option<BodyId> {
         match body {
             _ if body == self.a => Some(self.b),
@@ -37,7 +37,7 @@ impl ContactReport {
     }
 }
 
-/// The engine's current contacts.
+/// Contacts of the engine's current state.
 pub(crate) fn contacts<'a>(
     scene: &'a Model,
     data: &'a MjData<Arc<MjModel>>,
@@ -60,7 +60,7 @@ pub(crate) fn contacts<'a>(
 /// A gripper finger at one physics step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Finger {
-    /// Index in the robot's links.
+    /// Index of the finger's link in the robot's links.
     pub link: usize,
     /// Closing direction, unit vector in the world.
     pub closing: DVec3,
@@ -73,12 +73,12 @@ pub(crate) struct TouchTally {
     stray: BTreeMap<(BodyId, BodyId), f64>,
     /// Objects pressed by both fingers at some physics step.
     held: BTreeSet<usize>,
-    /// Most firmly held object at the first physics step.
+    /// Most firmly held object at the first physics step; `None` if none is held.
     held_at_start: Option<usize>,
     steps: usize,
 }
 
-/// Smallest normal force that counts as touching, N.
+/// Smallest normal force that counts as touching, N. Chosen by hand.
 const TOUCH_N: f64 = 1e-3;
 /// Smallest cosine (45°) between contact normal and closing direction for a finger to press on an object.
 const CLOSING_COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
@@ -131,12 +131,13 @@ impl TouchTally {
         }
     }
 
-    /// Index of the object pressed by both fingers at the first step; the most firmly held one if there are several.
+    /// Index of the object pressed by both fingers at the first step, the most firmly held one if there are several;
+    /// `None` without one.
     pub fn grasped(&self) -> Option<usize> {
         self.held_at_start
     }
 
-    /// Peak stray force, N, and its two bodies, the robot link first.
+    /// Peak stray force, N, and its two bodies, the robot link first; `None` without stray contact.
     ///
     /// Excludes held objects, whichever robot link they touch, and the gripper on a moving link of an articulated
     /// object.

@@ -7,10 +7,10 @@ use genmanip_core::{Drives, RobotModel};
 
 use crate::SimError;
 
-/// Set point of the width drive for a commanded opening width.
+/// Set point (m) of the width drive for a commanded opening width (m).
 ///
-/// Equals the width, but below `grip_overclose_m` it falls twice as fast and ends that far beyond closed, so that thin
-/// objects are also held with full force.
+/// Equals the width, but below `grip_overclose_m` it falls twice as fast and reaches `-grip_overclose_m` at width 0, so
+/// that thin objects are also held with full force.
 pub(crate) fn setpoint_from_width(width: f64, drives: &Drives) -> f64 {
     let overclose = drives.grip_overclose_m;
     if width >= overclose { width } else { 2.0 * width - overclose }
@@ -23,7 +23,7 @@ pub(crate) fn next_setpoint(current: f64, width: f64, robot: &RobotModel, drives
     setpoint_from_width(width, drives).clamp(current - limit, current + limit)
 }
 
-/// The command as applied: f32, clamped to the joint ranges and maximum velocities.
+/// Command as it is applied: rounded to f32, clamped to the joint ranges and maximum velocities.
 ///
 /// Idempotent, so that recorded commands replay exactly.
 pub(crate) fn applied_command(

@@ -5,8 +5,8 @@ use std::sync::Once;
 
 use mujoco_rs::mujoco_c::mju_user_warning;
 
-/// Keeps the engine from writing its warnings into `MUJOCO_LOG.TXT` in the current folder: what they are about, such as
-/// numbers that are not finite, is checked where models and states are read.
+/// Keeps the engine from writing its warnings into `MUJOCO_LOG.TXT` in the current folder. Their causes, such as
+/// numbers that are not finite, are checked where models and states are read.
 #[expect(unsafe_code, reason = "the engine has no other switch for its log")]
 pub(crate) fn silence() {
     static ONCE: Once = Once::new();

@@ -19,15 +19,17 @@ pub struct EngineSettings {
     pub impedance_ratio: f64,
     /// Memory for contacts and constraints per simulation, MiB.
     pub arena_mib: usize,
-    /// Time constant (s) and damping ratio of contacts, except those of the pads.
+    /// MuJoCo's `solref` of contacts, except those of the pads: time constant (s) and damping ratio.
     pub contact_solref: [f64; 2],
-    /// Impedance of contacts: at zero depth, at full depth, and that depth (m).
+    /// MuJoCo's `solimp` of contacts, except those of the pads: impedance at zero depth, at full depth, and that depth
+    /// (m).
     pub contact_solimp: [f64; 3],
-    /// Time constant (s) and damping ratio of pad contacts.
+    /// MuJoCo's `solref` of pad contacts: time constant (s) and damping ratio.
     pub pad_solref: [f64; 2],
-    /// Impedance of pad contacts.
+    /// MuJoCo's `solimp` of pad contacts, as `contact_solimp`.
     pub pad_solimp: [f64; 3],
-    /// Impedance of joint dry friction in objects: at rest, at speed, and the transition width.
+    /// MuJoCo's `solimp` of dry friction in the joints of objects: impedance at rest, at speed, and the transition
+    /// width.
     pub joint_friction_solimp: [f64; 3],
 }
 

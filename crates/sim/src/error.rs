@@ -22,15 +22,15 @@ pub enum SimError {
         object: String,
         /// Number of joints of the model.
         expected: usize,
-        /// Number of given positions.
+        /// Number of positions given.
         got: usize,
     },
     /// The linked physics engine has an untested version.
     #[error("expected {expected}, but {got} is linked; run `cargo xtask setup` and build again")]
     EngineVersion {
-        /// Supported version.
+        /// Version for which this program was built.
         expected: String,
-        /// Linked version.
+        /// Version of the linked library.
         got: String,
     },
     /// The engine rejected the assembled model, e.g. for an invalid inertia; carries its message.
@@ -42,9 +42,9 @@ pub enum SimError {
     /// A command of the wrong length.
     #[error("a command has {expected} numbers (arm joint targets, then gripper width), got {got}")]
     CommandLength {
-        /// Arm joints + 1.
+        /// Required length: number of arm joints + 1.
         expected: usize,
-        /// Given length.
+        /// Length given.
         got: usize,
     },
     /// A command with a non-finite number.
@@ -60,13 +60,13 @@ pub enum SimError {
     StateLength {
         /// Length of this scene's states.
         expected: usize,
-        /// Given length.
+        /// Length given.
         got: usize,
     },
     /// A command for a scene without a robot.
     #[error("this scene was compiled without a robot and cannot take commands")]
     NoRobot,
-    /// The integration diverged.
+    /// The integration diverged: a position, speed or acceleration is not finite or far too large.
     #[error("the simulation became unstable at {time_s:.4} s: {what}")]
     Unstable {
         /// Simulated time, s.

@@ -23,15 +23,15 @@ pub struct Flattened {
     pub bodies: Vec<FlatBody>,
     /// Meshes after scale and reference pose.
     pub meshes: Vec<FlatMesh>,
-    /// Materials.
+    /// Materials, to which [`FlatGeom::material`] refers.
     pub materials: Vec<FlatMaterial>,
-    /// Textures.
+    /// Textures, to which [`FlatMaterial::texture`] refers.
     pub textures: Vec<FlatTexture>,
-    /// The engine's warnings.
+    /// Warnings of the engine's compiler.
     pub warnings: Vec<String>,
 }
 
-/// A body.
+/// Body of a compiled model.
 #[derive(Clone, Debug)]
 pub struct FlatBody {
     /// Name; empty if there is none.
@@ -42,13 +42,13 @@ pub struct FlatBody {
     pub parent_from_body: Pose,
     /// Mass properties in the body's frame; massless for the world.
     pub mass: MassProperties,
-    /// Joints to the parent.
+    /// Joints to the parent; empty for a body welded to it.
     pub joints: Vec<FlatJoint>,
-    /// Geoms.
+    /// Shapes of the body, for collision or display.
     pub geoms: Vec<FlatGeom>,
 }
 
-/// Kind of motion of a joint.
+/// Kind of motion that a joint allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FlatJointKind {
     /// Free motion.
@@ -61,20 +61,20 @@ pub enum FlatJointKind {
     Hinge,
 }
 
-/// A joint; rad and m.
+/// Joint of a compiled model; positions in rad or m.
 #[derive(Clone, Debug)]
 pub struct FlatJoint {
     /// Name; empty if there is none.
     pub name: String,
-    /// Kind of motion.
+    /// Kind of motion: free, ball, slide or hinge.
     pub kind: FlatJointKind,
-    /// Anchor in the body's frame.
+    /// Anchor in the body's frame, m.
     pub anchor: DVec3,
     /// Unit axis in the body's frame.
     pub axis: DVec3,
-    /// Range, if it is limited.
+    /// Smallest and largest position; `None` without limits.
     pub range: Option<[f64; 2]>,
-    /// Value at which bodies have their poses.
+    /// Position at which the bodies have the poses of the file (MJCF's `ref`).
     pub reference: f64,
     /// Damping, N·m·s/rad or N·s/m.
     pub damping: f64,
@@ -82,46 +82,46 @@ pub struct FlatJoint {
     pub friction_loss: f64,
     /// Spring stiffness, N·m/rad or N/m.
     pub stiffness: f64,
-    /// Value at which the spring rests.
+    /// Rest position of the spring.
     pub spring_reference: f64,
 }
 
-/// Geometry of a geom.
+/// Shape of a geom.
 #[derive(Clone, Debug)]
 pub enum FlatShape {
     /// A primitive, also one fitted to a mesh.
     Primitive(Shape),
-    /// Index of a mesh.
+    /// A mesh, by its index in [`Flattened::meshes`].
     Mesh(usize),
     /// A plane, height field or signed distance field, by its name.
     Unbounded(&'static str),
 }
 
-/// A geom.
+/// Geom of a compiled model: a shape attached to a body.
 #[derive(Clone, Debug)]
 pub struct FlatGeom {
     /// Name; empty if there is none.
     pub name: String,
     /// Shape in its own frame.
     pub shape: FlatShape,
-    /// Pose in the body.
+    /// Pose of the geom in the body's frame.
     pub body_from_geom: Pose,
-    /// Group for visibility.
+    /// Visibility group of MuJoCo.
     pub group: i32,
-    /// True if it collides with anything.
+    /// True if it can collide with any other geom.
     pub collides: bool,
     /// Sliding friction coefficient.
     pub friction: f64,
-    /// Colour, 0-1; `None` if only the material counts.
+    /// Colour, 0-1; `None` for the engine's default colour, which the colour of the material replaces.
     pub rgba: Option<[f32; 4]>,
-    /// Index of the material.
+    /// Index in [`Flattened::materials`]; `None` without a material.
     pub material: Option<usize>,
 }
 
 /// A triangle mesh in the frame of its geom; texture coordinates per vertex, (0, 0) first pixel of the first row.
 #[derive(Clone, Debug, Default)]
 pub struct FlatMesh {
-    /// Name.
+    /// Name; empty if there is none.
     pub name: String,
     /// Vertices, m.
     pub positions: Vec<DVec3>,
@@ -131,14 +131,14 @@ pub struct FlatMesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// A material.
+/// Material of a compiled model.
 #[derive(Clone, Debug)]
 pub struct FlatMaterial {
-    /// Colour, 0-1.
+    /// Red, green, blue and opacity, 0-1.
     pub rgba: [f32; 4],
-    /// Index of the colour texture.
+    /// Index of the colour texture in [`Flattened::textures`]; `None` without one.
     pub texture: Option<usize>,
-    /// Repetition of the texture.
+    /// Number of repetitions of the texture along its two axes.
     pub repeat: [f32; 2],
     /// Shininess, 0-1.
     pub shininess: f32,
@@ -148,10 +148,10 @@ pub struct FlatMaterial {
     pub roughness: f32,
 }
 
-/// A texture.
+/// Texture of a compiled model.
 #[derive(Clone, Debug)]
 pub struct FlatTexture {
-    /// Name.
+    /// Name; empty if there is none.
     pub name: String,
     /// Width and height, pixels; the height of a cube texture is that of its six faces.
     pub size: [u32; 2],
@@ -162,7 +162,7 @@ pub struct FlatTexture {
 }
 
 impl Flattened {
-    /// Compiles MJCF text; the files that it names come from `files` alone, by name.
+    /// Compiles MJCF text. Files that it includes or names are read from `files` (name and content) only.
     ///
     /// # Errors
     /// [`SimError::Mjcf`] with the engine's message.
@@ -192,7 +192,7 @@ impl Flattened {
         Ok(flat)
     }
 
-    /// Refuses poses, masses and vertices that are not finite.
+    /// Rejects poses, masses and vertices that are not finite.
     fn check(&self) -> Result<(), SimError> {
         let wrong = self.bodies.iter().find(|body| {
             let poses = body.geoms.iter().map(|geom| geom.body_from_geom).chain([body.parent_from_body]);
@@ -278,7 +278,7 @@ fn geom(model: &MjModel, index: usize) -> FlatGeom {
     }
 }
 
-/// A mesh with one vertex per pair of position and texture coordinate.
+/// Mesh `index` of a model, with one vertex per pair of position and texture coordinate.
 fn mesh(model: &MjModel, index: usize) -> FlatMesh {
     let of = |address: i32| usize::try_from(address).unwrap_or(0);
     let (vertex, face) = (of(model.mesh_vertadr()[index]), of(model.mesh_faceadr()[index]));
@@ -358,7 +358,7 @@ mod tests {
 
     use super::*;
 
-    /// The engine would write a warning into the current folder.
+    /// Without the check, the engine would write a warning into the current folder.
     #[test]
     fn numbers_that_are_none_are_refused_and_leave_no_log() {
         let geom = "<geom size='0.1' mass='1'/>";

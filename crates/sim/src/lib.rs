@@ -41,7 +41,7 @@ pub use scene_object::SceneObject;
 pub use settle::{SettleReport, SettleSettings};
 pub use sim::Sim;
 
-/// The supported engine version; other versions produce different bytes.
+/// The engine version in use; other versions produce different bytes.
 const ENGINE: &str = "mujoco 3.17.0";
 
 /// Name and version of the physics engine, as stored with every result: `mujoco 3.17.0`.

@@ -29,20 +29,20 @@ pub(crate) const GRIP: &str = "grip";
 struct Parts {
     /// Meshes, shared between equal objects.
     assets: Vec<Element>,
-    /// Bodies under the world.
+    /// Bodies directly under the world body.
     bodies: Vec<Element>,
-    /// Contact exclusions.
+    /// Pairs of bodies excluded from contact.
     contacts: Vec<Element>,
     tendons: Vec<Element>,
     equalities: Vec<Element>,
     actuators: Vec<Element>,
-    /// Initial positions, in joint order.
+    /// Initial `qpos` of all joints, in joint order.
     qpos: Vec<f64>,
     /// Initial controls, in actuator order.
     ctrl: Vec<f64>,
 }
 
-/// Assembles the complete document.
+/// Assembles the MJCF document of a scene.
 pub(crate) fn assemble(
     world: &World,
     robot: Option<&RobotModel>,
@@ -101,7 +101,7 @@ fn compiler() -> Element {
         .text("angle", "radian")
         .text("autolimits", "true")
         .text("inertiafromgeom", "false")
-        // Where no thread can be created, the engine's compiler throws, which terminates the process.
+        // Where no thread can be created, the engine's compiler throws an exception, which terminates the process.
         .text("usethread", "false")
 }
 
@@ -114,7 +114,7 @@ fn options(CheckedSettings { physics, engine, .. }: &CheckedSettings) -> Element
         .number("impratio", engine.impedance_ratio)
         .text("solver", "Newton")
         .number("iterations", f64::from(engine.solver_iterations))
-        // Report divergence as an error instead of resetting silently.
+        // Divergence must be an error, but the engine would reset the state silently.
         .child(Element::new("flag").text("autoreset", "disable"))
 }
 
@@ -155,7 +155,7 @@ fn defaults(CheckedSettings { physics, engine, drives }: &CheckedSettings, table
     defaults
 }
 
-/// A support surface as one fixed body whose frame is centred in the slab.
+/// Body of a support surface, fixed, with its frame centred in the slab.
 fn surface(surface: &SupportSurface, index: usize, settings: &CheckedSettings, friction: Option<f64>) -> Element {
     let name = surface_body(surface, index);
     let slab_from_surface = DVec3::Z * (surface.size_m.z * 0.5);
@@ -224,7 +224,7 @@ fn geom(name: &str, class: &'static str, piece: &Piece, mesh: &str) -> Element {
     }
 }
 
-/// The mesh asset of a hull; the engine computes the convex hull of its points.
+/// Mesh asset of a hull, whose convex hull the engine computes from the points; `None` for other shapes.
 fn mesh(piece: &Piece, name: &str) -> Option<Element> {
     let Shape::Hull { points } = &piece.shape else { return None };
     let numbers: Vec<f64> = points.iter().flat_map(|point| point.to_array()).collect();

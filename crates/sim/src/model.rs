@@ -22,9 +22,9 @@ pub struct Model {
     pub(crate) model: Arc<MjModel>,
     pub(crate) robot: Option<RobotIndex>,
     pub(crate) objects: Vec<ObjectIndex>,
-    /// Ids of the support surfaces.
+    /// Ids of the support surfaces, the table first.
     surfaces: Vec<String>,
-    /// Body id of each engine body.
+    /// [`BodyId`] of each body of the engine, in the engine's order.
     pub(crate) bodies: Vec<BodyId>,
 }
 
@@ -96,17 +96,17 @@ impl Model {
         &self.mjcf
     }
 
-    /// The world's physics settings.
+    /// Physics settings of the world.
     pub fn physics(&self) -> &PhysicsSettings {
         &self.settings.physics
     }
 
-    /// The robot, if there is one.
+    /// Model of the robot; `None` for a scene without one.
     pub fn robot(&self) -> Option<&RobotModel> {
         self.robot.as_ref().map(|index| &index.model)
     }
 
-    /// Number of objects.
+    /// Number of objects in the scene.
     pub fn object_count(&self) -> usize {
         self.objects.len()
     }

@@ -4,18 +4,18 @@ use std::sync::Arc;
 
 use genmanip_core::{ObjectModel, PhysicsFactors, PlacedObject, Pose};
 
-/// An object model with its initial pose.
+/// An object model with its initial pose and joint positions.
 #[derive(Clone, Debug)]
 pub struct SceneObject {
     /// Name, unique in the scene; the instance id in scenarios.
     pub name: String,
-    /// The model.
+    /// Links, joints, collision pieces and mass.
     pub model: Arc<ObjectModel>,
     /// `world_from_object`.
     pub pose: Pose,
     /// Joint positions in link order; empty for a rigid object.
     pub joint_positions: Vec<f64>,
-    /// Physics perturbation.
+    /// Factors on mass, friction and damping.
     pub physics: PhysicsFactors,
 }
 

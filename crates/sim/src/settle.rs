@@ -8,13 +8,13 @@ use crate::{Sim, SimError};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SettleSettings {
-    /// Time limit, s. 2.
+    /// Time limit, s; 2 by default.
     pub max_seconds: f64,
-    /// Largest speed of an object's origin at rest, m/s. 0.002.
+    /// Largest speed of an object's origin that counts as rest, m/s; 0.002 by default.
     pub max_speed: f64,
-    /// Largest angular speed at rest, rad/s. 0.02.
+    /// Largest angular speed that counts as rest, rad/s; 0.02 by default.
     pub max_angular_speed: f64,
-    /// Duration for which all objects must stay below both speeds, s. 0.2.
+    /// Duration for which all objects must stay below both speeds, s; 0.2 by default.
     pub quiet_seconds: f64,
 }
 
@@ -24,16 +24,16 @@ impl Default for SettleSettings {
     }
 }
 
-/// Outcome of settling.
+/// Result of settling a layout.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SettleReport {
     /// True if all objects came to rest within the time limit.
     pub settled: bool,
     /// Simulated time, s.
     pub seconds: f64,
-    /// Displacement of each object's origin, m.
+    /// Displacement of each object's origin from start to end, m.
     pub displacement: Vec<f64>,
-    /// Rotation angle of each object, rad.
+    /// Rotation angle of each object from start to end, rad.
     pub rotation: Vec<f64>,
     /// Largest penetration depth during settling, m; a deep one at the start indicates an overlapping layout.
     pub max_penetration: f64,
@@ -56,7 +56,7 @@ impl Sim {
         while quiet < intervals(settings.quiet_seconds) && elapsed < intervals(settings.max_seconds) {
             self.advance(substeps)?;
             elapsed += 1;
-            // These are the contacts of the last physics step.
+            // After a step, the engine still holds the contacts computed at the beginning of that step.
             max_penetration = self.data.contact().iter().map(|contact| -contact.dist).fold(max_penetration, f64::max);
             let at_rest = self
                 .object_states()

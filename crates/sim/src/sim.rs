@@ -12,7 +12,7 @@ use crate::drive::{applied_command, lerp, next_setpoint};
 use crate::model::RobotIndex;
 use crate::{Model, SimError};
 
-/// State components that, with the future commands, determine the future.
+/// State components that determine the simulation together with the future commands.
 const STATE: u32 = MjtState::mjSTATE_INTEGRATION as u32;
 /// Bound on positions, speeds and accelerations beyond which the simulation has diverged (the engine's own bound).
 const DIVERGED: f64 = 1e10;
@@ -23,7 +23,7 @@ const CONSTRAINTS_FULL: usize = 2;
 pub struct Sim {
     pub(crate) scene: Arc<Model>,
     pub(crate) data: MjData<Arc<MjModel>>,
-    /// Bodies of the strongest stray contact in the last control interval.
+    /// Bodies of the strongest stray contact in the last control interval; `None` without one.
     stray: Option<[BodyId; 2]>,
 }
 
@@ -44,7 +44,7 @@ impl Sim {
         Self { scene, data, stray: None }
     }
 
-    /// The scene.
+    /// The compiled scene that is simulated.
     pub fn scene(&self) -> &Arc<Model> {
         &self.scene
     }
@@ -105,7 +105,7 @@ impl Sim {
                 for (largest, &dof) in frame.joint_torque.iter_mut().zip(&robot.arm_dof) {
                     *largest = largest.max(torque[dof].abs());
                 }
-                // The drive's force acts on each finger in full.
+                // The drive acts on a tendon, whose force is applied to each of the two fingers in full.
                 frame.grip_force = frame.grip_force.max(2.0 * data.actuator_force()[robot.grip_ctrl].abs());
             })?;
         }
@@ -117,7 +117,7 @@ impl Sim {
         Ok(frame)
     }
 
-    /// Bodies of the last control step's `stray_contact_n`, the robot link first.
+    /// Bodies of the last control step's `stray_contact_n`, the robot link first; `None` without stray contact.
     pub fn stray_bodies(&self) -> Option<[BodyId; 2]> {
         self.stray
     }
@@ -207,7 +207,8 @@ impl Sim {
         robot.flat_map(|robot| robot.finger_qpos.iter().map(|&address| self.data.qpos()[address])).sum()
     }
 
-    /// Index of the object currently pressed by both fingers; the most firmly held one if there are several.
+    /// Index of the object currently pressed by both fingers, the most firmly held one if there are several; `None`
+    /// without one.
     pub fn grasped(&mut self) -> Option<usize> {
         self.evaluate(|scene, data| {
             let mut touches = TouchTally::default();
@@ -275,7 +276,7 @@ impl Sim {
         let state = self.data.state(STATE);
         self.data.forward();
         let result = inspect(&self.scene, &self.data);
-        // The state was read from this simulation, so it fits.
+        // The state was read from this simulation, so it has the right length.
         let restored = self.data.set_state(&state, STATE);
         debug_assert!(restored.is_ok());
         result

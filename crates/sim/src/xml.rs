@@ -15,7 +15,7 @@ impl Element {
         Self { tag, ..Self::default() }
     }
 
-    /// A named element.
+    /// An element with a `name` attribute.
     pub fn named(tag: &'static str, name: &str) -> Self {
         Self::new(tag).text("name", name)
     }

@@ -16,12 +16,13 @@ use crate::settings::{GenerationSettings, LlmSettings};
 
 /// Maximum instruction length (words).
 const MAX_WORDS: usize = 30;
-/// Maximum consecutive tasks with server failures before the rest is skipped.
+/// Maximum number of consecutive tasks with server failures; the remaining tasks are then skipped.
 const MAX_UNANSWERED: u32 = 3;
 /// Maximum length of the violation list (bytes).
 const MAX_VIOLATION_BYTES: usize = 16 << 10;
-/// Share of common words from which a repaired answer has hardly changed; chosen: small models that repair nothing keep
-/// more, and a repaired condition in an answer of usual length changes less only if the rest of the flaws is gone too.
+/// Minimum share of common words at which a repaired answer counts as hardly changed. Chosen by hand: small models that
+/// repair nothing keep more, and a repair of one condition in an answer of usual length keeps more only if other flaws
+/// remain.
 const UNCHANGED_SHARE: f64 = 0.9;
 
 /// Generates `count` tasks of one kind with objects from `cards`; one outcome per task, in order.
@@ -41,34 +42,34 @@ pub fn generate(
     Ok(Designer::open(settings, seed)?.generate(&[(kind, count)], seed, cards, &|_| {}))
 }
 
-/// News of a running generation.
+/// Progress event of a running generation.
 #[derive(Clone, Copy, Debug)]
 pub enum GenerationEvent<'a> {
-    /// The model is asked.
+    /// A request was sent to the model.
     Asked {
-        /// Task id.
+        /// Id of the task.
         id: &'a str,
         /// Number of the round, from 1.
         round: u32,
     },
     /// An answer was rejected.
     Rejected {
-        /// Task id.
+        /// Id of the task.
         id: &'a str,
-        /// The round.
+        /// The rejected answer with its flaws.
         round: &'a Round,
     },
-    /// A task is finished, or refused for good.
+    /// A task succeeded, or failed for good.
     Done(&'a GenerationOutcome),
 }
 
-/// Error of the setup.
+/// Reason why a task writer cannot be set up.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DesignerError {
-    /// Invalid settings.
+    /// The settings are invalid; the wrapped error names the line or field.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// Invalid prompt file.
+    /// A prompt file cannot be read or is invalid.
     #[error(transparent)]
     Prompt(#[from] PromptError),
 }
@@ -114,7 +115,7 @@ impl Designer {
         })
     }
 
-    /// Also offers support surfaces of a world other than the table as references.
+    /// Offers the support surfaces of a world other than the table as references, too.
     #[must_use]
     pub fn with_surfaces(self, surfaces: Vec<NamedSurface>) -> Self {
         Self { surfaces, ..self }
@@ -213,7 +214,7 @@ impl Designer {
             let is_cut_off = reply.is_cut_off();
             let round = Round { key, reply, verdict, flaws, repairs };
             if rounds.last().is_some_and(|before| has_hardly_changed(before, &round)) {
-                // A model that repeats itself is held by its own words: it sees them no more.
+                // A model tends to repeat its own words in the conversation, so the new conversation omits them.
                 conversation = self.asked(request, &format!("\n\n{}", self.prompts.restart_text(&found)));
             } else {
                 conversation.messages.push(Message::assistant(self.quoted(&round.reply.text)));
@@ -233,7 +234,7 @@ impl Designer {
         self.outcome(request, rounds, Designed::Refused(Refusal::Invalid))
     }
 
-    /// Conversation that begins with the request; `more` is added to it.
+    /// Conversation that begins with the request, followed by the text `more`.
     fn asked(&self, request: &TaskRequest, more: &str) -> ChatRequest {
         let prompts = &self.prompts;
         ChatRequest {
@@ -265,7 +266,7 @@ impl Designer {
     }
 }
 
-/// True if a repair left most words of the rejected answer, and some of its flaws.
+/// True if a repaired answer keeps most words of the rejected one, and some of its flaws.
 fn has_hardly_changed(before: &Round, after: &Round) -> bool {
     let kinds = |round: &Round| -> BTreeSet<FlawKind> {
         round.flaws.iter().filter(|flaw| !flaw.repaired).map(|flaw| flaw.kind).collect()

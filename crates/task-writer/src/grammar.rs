@@ -1,18 +1,18 @@
-//! Tight schema of an answer, for servers that turn a schema into a grammar: lengths of lists, and one shape per kind of
-//! condition and object, so that many flaws cannot be written.
+//! Restrictive JSON Schema of an answer, for servers that convert a schema to a grammar: limited list lengths and one
+//! shape per kind of condition and object, so that many flaws cannot occur.
 
 use genmanip_core::{ObjectCard, TaskKind};
 use genmanip_tasks::answer::TaskRequest;
 use serde_json::{Value, json};
 
-/// Positions of the format.
+/// Relation words of the exchange format.
 const POSITIONS: [&str; 6] = ["front", "back", "left", "right", "near", "top"];
-/// Edges per offered object, at most.
+/// Maximum number of edges per offered object.
 const EDGES_PER_OBJECT: usize = 2;
-/// Alternatives of a goal, at most.
+/// Maximum number of alternatives of a goal.
 const MAX_ALTERNATIVES: usize = 4;
-/// Offered objects, at most, for which each subject has its own shape without itself as reference; the grammar grows
-/// with their square.
+/// Maximum number of offered objects for which each subject has its own shape without itself as reference; the grammar
+/// grows with their square.
 const MAX_SUBJECTS: usize = 16;
 
 /// The schema; `None` if no condition of the requested kind is possible with the offered objects.
@@ -72,7 +72,7 @@ impl Objects<'_> {
         any_of(plain.into_iter().chain(others.iter().map(|(id, card)| node(&[*id], &states(card)))).collect())
     }
 
-    /// Shapes of the conditions that a kind of task may have.
+    /// Schemas of the conditions that a kind of task may have.
     fn conditions(&self, kind: TaskKind) -> Vec<Value> {
         let place = |subjects: &[&str], references: &[&str]| {
             closed(&[
@@ -103,12 +103,12 @@ impl Objects<'_> {
         }
     }
 
-    /// Offered objects with their ids.
+    /// Offered objects, each with its id.
     fn known(&self) -> impl Iterator<Item = (&str, &ObjectCard)> {
         self.ids.iter().map(String::as_str).zip(self.offered)
     }
 
-    /// Shapes of relations between two different objects; few objects have one shape each as subject.
+    /// Schemas of relations between two different objects, one per subject up to [`MAX_SUBJECTS`].
     fn by_subject(
         &self,
         is_subject: &dyn Fn(&ObjectCard) -> bool,
@@ -144,7 +144,7 @@ fn list(items: Value, least: usize, most: usize) -> Value {
     json!({"type": "array", "items": items, "minItems": least, "maxItems": most})
 }
 
-/// An object with exactly these fields, in this order.
+/// Schema of a JSON object with exactly these fields, in this order.
 fn closed(fields: &[(&str, Value)]) -> Value {
     let properties: serde_json::Map<String, Value> =
         fields.iter().map(|(name, schema)| ((*name).to_owned(), schema.clone())).collect();

@@ -12,19 +12,19 @@ use crate::sampling::SamplingError;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GenerationOutcome {
-    /// Task id, whether it succeeded or not.
+    /// Id of the task, also if none was made.
     pub id: String,
-    /// Requested kind.
+    /// Requested kind of task.
     pub kind: TaskKind,
-    /// Requested model.
+    /// Name of the requested model.
     pub model: String,
-    /// Prompts used.
+    /// Names and hashes of the prompts used.
     pub prompts: Vec<PromptStamp>,
     /// Uids of the offered objects, in prompt order.
     pub offered: Vec<String>,
     /// Requested minimum number of objects.
     pub min_objects: usize,
-    /// Rounds, oldest first.
+    /// Answers with their validation results, oldest first.
     pub rounds: Vec<Round>,
     /// The task, or the reason for failure.
     pub result: Designed,
@@ -39,19 +39,19 @@ impl Document for GenerationOutcome {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Round {
-    /// Content hash of the request; its beginning is the cassette's name.
+    /// Content hash of the request; its beginning names the cassette.
     pub key: String,
-    /// The answer.
+    /// Answer of the model.
     pub reply: ChatReply,
-    /// Verdict of the validation.
+    /// Verdict of the validation on the answer.
     pub verdict: Verdict,
-    /// Flaws found.
+    /// Flaws found by the validation, repaired ones included.
     pub flaws: Vec<Flaw>,
-    /// Repairs applied.
+    /// Repairs applied by the validation.
     pub repairs: Vec<Repair>,
 }
 
-/// Final result.
+/// Final result of a task request.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Designed {
@@ -61,26 +61,26 @@ pub enum Designed {
     Refused(Refusal),
 }
 
-/// Reason for failure.
+/// Reason why a request gave no task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, thiserror::Error)]
 #[serde(rename_all = "snake_case")]
 pub enum Refusal {
     /// No answer was valid; the rounds contain the flaws.
     #[error("no answer was valid")]
     Invalid,
-    /// The last answer lacks its end, because the model was stopped at its limit of tokens.
+    /// The last answer is truncated, because the model reached its token limit.
     #[error("the model was stopped at its limit of tokens (`max_tokens`) before its answer ended")]
     CutOff,
     /// The model could not be reached, or gave no answer.
     #[error("{error}")]
     Unanswered {
-        /// Error of the request.
+        /// Error of the last request to the model.
         error: ChatError,
     },
     /// The catalogue lacks objects for this kind of task.
     #[error("{error}")]
     NoObjects {
-        /// Missing objects.
+        /// Requirement that the objects of the catalogue do not meet.
         error: SamplingError,
     },
     /// The server failed for several tasks in a row, so the request was not sent.
@@ -89,7 +89,7 @@ pub enum Refusal {
 }
 
 impl GenerationOutcome {
-    /// The task, if it succeeded.
+    /// The task; `None` if the request failed.
     pub fn task(&self) -> Option<&Task> {
         match &self.result {
             Designed::Task(task) => Some(task),

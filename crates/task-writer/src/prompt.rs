@@ -18,13 +18,13 @@ use crate::grammar::reply_grammar;
 /// All prompts of the task writer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PromptSet {
-    /// Role, format, conventions and rules. Input: `max_words`.
+    /// System message: role, format, conventions and rules. Input: `max_words`.
     pub system: Prompt,
-    /// One task. Inputs: `objects`, `min_objects`, `kind`.
+    /// Request for one task. Inputs: `objects`, `min_objects`, `kind`.
     pub request: Prompt,
-    /// Violations of an answer. Input: `violations`.
+    /// Repair request with the violations of an answer. Input: `violations`.
     pub repair: Prompt,
-    /// Request for another task after a repair that changed hardly anything. Input: `violations`.
+    /// Request for a new answer after a repair that changed hardly anything. Input: `violations`.
     pub restart: Prompt,
     /// Paragraphs on each kind of task.
     pub kinds: KindPrompts,
@@ -35,21 +35,21 @@ pub struct PromptSet {
 /// Paragraphs on each kind of task, without inputs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KindPrompts {
-    /// Of [`TaskKind::PickAndPlace`].
+    /// Paragraph on [`TaskKind::PickAndPlace`].
     pub pick_and_place: Prompt,
-    /// Of [`TaskKind::Spatial`].
+    /// Paragraph on [`TaskKind::Spatial`].
     pub spatial: Prompt,
-    /// Of [`TaskKind::Appearance`].
+    /// Paragraph on [`TaskKind::Appearance`].
     pub appearance: Prompt,
-    /// Of [`TaskKind::CommonSense`].
+    /// Paragraph on [`TaskKind::CommonSense`].
     pub common_sense: Prompt,
-    /// Of [`TaskKind::LongHorizon`].
+    /// Paragraph on [`TaskKind::LongHorizon`].
     pub long_horizon: Prompt,
-    /// Of [`TaskKind::Articulated`].
+    /// Paragraph on [`TaskKind::Articulated`].
     pub articulated: Prompt,
 }
 
-/// One prompt file.
+/// One prompt file: front matter and text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Prompt {
     /// Name, version and inputs.
@@ -68,7 +68,7 @@ pub struct PromptHead {
     pub version: u32,
     /// Placeholder names, each of which occurs in the text.
     pub inputs: Vec<String>,
-    /// Schema file of the answer, if any.
+    /// Name of the file with the JSON Schema of the answer; `None` for other prompts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub output_schema: Option<String>,
 }
@@ -76,11 +76,12 @@ pub struct PromptHead {
 /// Identity of a prompt, for provenance.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PromptStamp {
-    /// Name.
+    /// Prompt id, see [`PromptHead::id`].
     pub id: String,
-    /// Version.
+    /// Version of the prompt.
     pub version: u32,
-    /// First twelve hexadecimal digits of the SHA-256 of the text, in case the version was not incremented.
+    /// First twelve hexadecimal digits of the SHA-256 of the text, which differ even if the version was not
+    /// incremented.
     pub sha256: String,
 }
 
@@ -92,19 +93,19 @@ pub enum PromptError {
     Head {
         /// Description of the problem.
         message: String,
-        /// The file.
+        /// Name of the file.
         file: String,
     },
     /// Declared or used inputs differ from those provided.
     #[error("expected the inputs {expected:?}, but {declared:?} are declared and {used:?} are used: {file}")]
     Inputs {
-        /// Provided inputs.
+        /// Names of the inputs that the program provides.
         expected: Vec<String>,
-        /// Declared inputs.
+        /// Names declared in the front matter.
         declared: Vec<String>,
-        /// Used inputs.
+        /// Names used in the text.
         used: Vec<String>,
-        /// The file.
+        /// Name of the file.
         file: String,
     },
     /// The file cannot be read.
@@ -112,7 +113,7 @@ pub enum PromptError {
     File {
         /// Description of the problem.
         message: String,
-        /// The file.
+        /// Name of the file.
         file: String,
     },
 }
@@ -121,7 +122,7 @@ impl PromptSet {
     /// Loads the built-in prompts; files of the same name in `folder` replace them.
     ///
     /// # Errors
-    /// Names the file and the problem.
+    /// [`PromptError`] with the file and the problem.
     pub fn load(folder: Option<&Path>) -> Result<Self, PromptError> {
         if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
             return Err(PromptError::File { message: "no such folder".into(), file: folder.display().to_string() });
@@ -176,17 +177,18 @@ impl PromptSet {
         self.repair.render(&[("violations", violations)])
     }
 
-    /// Request for another task, after `violations` with one line each.
+    /// Request for a new answer after a failed repair; `violations` has one line each.
     pub fn restart_text(&self, violations: &str) -> String {
         self.restart.render(&[("violations", violations)])
     }
 
-    /// Prompts used for this kind of task.
+    /// Stamps of the prompts used for this kind of task.
     pub fn stamps(&self, kind: TaskKind) -> Vec<PromptStamp> {
         [&self.system, &self.request, self.kinds.of(kind), &self.repair, &self.restart].map(Prompt::stamp).into()
     }
 
-    /// Schema of an answer with the offered objects and surfaces; with the built-in one also a tighter one.
+    /// Schema of an answer with the offered objects and surfaces; the built-in schema is accompanied by a more
+    /// restrictive one.
     pub fn reply_schema(&self, request: &TaskRequest) -> ReplySchema {
         let uids = request.ids();
         let mut states: Vec<&str> = Vec::new();
@@ -197,7 +199,7 @@ impl PromptSet {
         }
         let schema =
             filled(&self.schema, &[("{{uids}}", uids.iter().map(String::as_str).collect()), ("{{states}}", states)]);
-        // A schema of one's own is not known well enough to be tightened.
+        // The contents of a user's schema are unknown, so it gets no restrictive variant.
         let is_builtin =
             serde_json::from_str(builtin!("tosg_answer.schema.json").1).is_ok_and(|own: Value| own == self.schema);
         let grammar = is_builtin.then(|| reply_grammar(request)).flatten();
@@ -206,7 +208,7 @@ impl PromptSet {
 }
 
 impl KindPrompts {
-    /// Paragraph of a kind.
+    /// Paragraph on a kind of task.
     pub fn of(&self, kind: TaskKind) -> &Prompt {
         match kind {
             TaskKind::PickAndPlace => &self.pick_and_place,

@@ -7,13 +7,13 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-/// Sampling settings.
+/// Settings for the choice of offered objects.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SamplingSettings {
-    /// Number of objects per request.
+    /// Number of objects offered per request.
     pub offered: usize,
-    /// Offer objects with states for kinds of tasks that do not need them.
+    /// True to offer objects with states also for kinds of tasks that do not need them.
     pub articulated_elsewhere: bool,
 }
 
@@ -26,15 +26,15 @@ impl Default for SamplingSettings {
     }
 }
 
-/// Sampling error.
+/// Reason why no objects can be offered.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
 pub enum SamplingError {
     /// The catalogue is too small.
     #[error("a {kind} task needs {wanted} objects to offer, but the catalogue has {have}")]
     TooFew {
-        /// Requested number of objects.
+        /// Number of objects to offer.
         wanted: usize,
-        /// Available objects.
+        /// Number of objects of the catalogue that may be offered.
         have: usize,
         /// Kind of task.
         kind: String,
@@ -42,7 +42,7 @@ pub enum SamplingError {
     /// The catalogue lacks a required kind of object.
     #[error("a {kind} task needs {what}, but the catalogue has no more")]
     Lacks {
-        /// Missing kind of object.
+        /// Description of the missing kind of object.
         what: String,
         /// Kind of task.
         kind: String,
@@ -52,8 +52,8 @@ pub enum SamplingError {
 /// Samples objects, in random order, with which the kind of task is possible.
 ///
 /// Stratified sampling: each pick takes one of the least-used general categories, then a card in it. Objects that the
-/// kind needs are picked first: movable ones, a container or support, look-alikes for `appearance`, one with states for
-/// `articulated`. The same seed gives the same objects.
+/// kind needs are picked first: one with states for `articulated`; otherwise movable ones and a container, and
+/// look-alikes for `appearance`. The same seed gives the same objects.
 ///
 /// # Errors
 /// Names what the catalogue lacks.
@@ -108,7 +108,7 @@ fn is_movable(card: &ObjectCard) -> bool {
 struct Sampler<'a> {
     left: Vec<&'a ObjectCard>,
     chosen: Vec<&'a ObjectCard>,
-    /// Number of picks per general category.
+    /// Number of picks so far per general category.
     used: BTreeMap<&'a str, usize>,
     rng: ChaCha8Rng,
 }
@@ -129,7 +129,7 @@ impl<'a> Sampler<'a> {
         Some(card)
     }
 
-    /// Picks two movable objects of one category, such as mugs of two colours.
+    /// Picks two movable objects of one category, such as mugs of two colours; `None` if there are none.
     fn look_alikes(&mut self) -> Option<()> {
         let mut groups: BTreeMap<&str, Vec<&'a ObjectCard>> = BTreeMap::new();
         for card in self.left.iter().copied().filter(|card| is_movable(card)) {

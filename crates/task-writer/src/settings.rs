@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::sampling::SamplingSettings;
 
-/// Settings of the task writer. They name the variable with the key, never the key.
+/// Settings of the task writer. They name the environment variable with the API key, never the key.
 ///
 /// ```
 /// use genmanip_task_writer::LlmSettings;
@@ -24,32 +24,32 @@ use crate::sampling::SamplingSettings;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LlmSettings {
-    /// Server settings with limits and retries.
+    /// Address, model, limits and retries of the server.
     pub server: ServerSettings,
-    /// Folder answered by a person or program, instead of the server.
+    /// Folder through which a person or program answers the requests, instead of the server; `None` to use the server.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub folder: Option<FolderSettings>,
-    /// Recording and replay.
+    /// Folder and mode for recording and replaying answers.
     pub cassettes: CassetteSettings,
-    /// Generation settings.
+    /// Rounds, workers, prompts and object sampling of the generation.
     pub generation: GenerationSettings,
-    /// Token prices by model name; a model that is not listed costs `unknown`.
+    /// Token prices by model name; the costs of a model that is not listed are unknown.
     pub prices: BTreeMap<String, Price>,
 }
 
-/// Generation settings.
+/// Settings of the generation that do not depend on the server.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GenerationSettings {
-    /// Maximum answers per task, including repairs.
+    /// Maximum number of answers per task, repairs included.
     pub max_rounds: u32,
-    /// Tasks generated concurrently; also the maximum number of open requests.
+    /// Number of tasks generated concurrently; also the maximum number of open requests.
     pub workers: usize,
     /// Minimum number of objects in a scene.
     pub min_objects: usize,
-    /// Sampling of offered objects.
+    /// Random sampling of the objects offered to the model.
     pub sampling: SamplingSettings,
-    /// Folder with prompt files that replace built-in ones; none for the built-in ones.
+    /// Folder with prompt files that replace built-in ones; `None` for the built-in ones.
     pub prompts: Option<PathBuf>,
     /// Maximum length of an answer quoted back for repair (bytes); longer ones are truncated.
     pub max_quoted_bytes: usize,

@@ -5,7 +5,7 @@
 //! - [`references`] reads instructions independently of the designer and checks that they single out their objects.
 //! - [`wording`] paraphrases instructions and names the steps of a task.
 //!
-//! All are pure: values in, values out.
+//! All modules are pure functions: no files, network, clock or hidden state.
 
 pub mod answer;
 pub mod designer;

@@ -10,7 +10,7 @@ use crate::references;
 
 /// Maximum number of words of an instruction, as for tasks.
 const MAX_WORDS: usize = 30;
-/// Attempts per task. In designed tasks, all paraphrases that are needed were found within 40.
+/// Maximum number of variants tried per task. In designed tasks, all paraphrases needed were found within 40.
 const DRAWS: usize = 96;
 
 /// Phrases and their synonyms; longer phrases first.
@@ -53,7 +53,7 @@ const MANNERS: [(&str, &str); 8] = [
     ("please help me ", "."),
 ];
 
-/// Requests for a tower.
+/// Instructions for building a tower.
 const TOWERS: [&str; 6] =
     ["Build a tower", "Make a tower", "Please build a tower", "Stack a tower", "Please make a tower", "I want a tower"];
 
@@ -88,7 +88,7 @@ pub fn paraphrases(task: &Task, count: usize) -> Vec<String> {
     found
 }
 
-/// Directions as seen by the robot, and by a camera that faces it.
+/// Directions as seen by the robot, each with the same direction as seen by a camera that faces it.
 const CAMERA_DIRECTIONS: [(&str, &str); 8] = [
     ("to the robot's left of", "to the camera's right of"),
     ("to the robot's right of", "to the camera's left of"),
@@ -158,7 +158,7 @@ fn plain(request: &str, draw: usize) -> String {
     }
 }
 
-/// Replaces each phrase by a synonym or keeps it.
+/// The request with each phrase replaced by a synonym or kept, depending on the variant.
 fn exchanged(request: &str, draw: usize) -> String {
     let words: Vec<&str> = request.split(' ').collect();
     let mut said: Vec<String> = Vec::new();
@@ -183,7 +183,7 @@ fn exchanged(request: &str, draw: usize) -> String {
     said.join(" ")
 }
 
-/// A choice among `count` options that depends on the variant and the place in the sentence.
+/// Index below `count` that depends on the variant and the place in the sentence, like a random number.
 fn chosen(draw: usize, place: usize, count: usize) -> usize {
     let mixed = (draw as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (place as u64).wrapping_mul(0xC2B2_AE3D_27D4_EB4F);
     let mixed = (mixed ^ (mixed >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -195,7 +195,7 @@ fn begins_with_verb(request: &str) -> bool {
     VERBS.contains(&first)
 }
 
-/// With a lower-case first letter.
+/// The text with its first letter in lower case.
 fn lowered(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_lowercase().chain(letters).collect())
@@ -206,10 +206,10 @@ fn capitalised(text: &str) -> String {
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
-/// The request for one object on the way to the goal, such as `Put the red mug on the plate.`
+/// Instruction for the next step on one object towards the goal, such as `Put the red mug on the plate.`
 ///
-/// `alternative` is the alternative of the goal that is attempted. An object that it does not move is taken to be in
-/// the way.
+/// `alternative` is the index of the goal alternative that is attempted. An object that this alternative does not move
+/// is assumed to be in the way.
 pub fn step(task: &Task, object: &str, alternative: usize) -> String {
     let twins = task.interchangeable.iter().find(|group| group.iter().any(|id| id == object));
     let is_meant = |id: &str| id == object || twins.is_some_and(|group| group.iter().any(|twin| twin == id));
@@ -244,7 +244,7 @@ fn name(task: &Task, id: &str) -> String {
         .to_lowercase()
 }
 
-/// The request that changes an object from one state to another.
+/// Instruction to change an object from one state to another.
 pub(crate) fn changed(name: &str, state: &str, before: Option<&str>) -> String {
     match (state, before) {
         ("open", _) => format!("Open the {name}."),
@@ -304,7 +304,7 @@ mod tests {
         assert!(poor.is_empty(), "{}", poor.join("\n"));
     }
 
-    /// Only sentences with directions have a camera variant, and it means the same.
+    /// Checks that only sentences with directions have a camera variant, and that it means the same.
     #[test]
     fn directions_can_be_told_from_the_camera() {
         let spatial: Vec<Task> =
@@ -317,7 +317,7 @@ mod tests {
         assert_eq!(from_the_camera(&plain), None);
     }
 
-    /// Instructions that cannot be read have no paraphrases.
+    /// Checks that instructions that cannot be read have no paraphrases.
     #[test]
     fn what_is_not_understood_is_not_said_again() {
         let task = Task { instruction: "Frobnicate the mug.".into(), ..tasks(760_002, 1).remove(0) };

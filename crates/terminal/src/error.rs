@@ -1,4 +1,4 @@
-//! Errors as shown to the user, and exit codes.
+//! Errors as they are shown to the user, and exit codes.
 
 use std::error::Error;
 use std::fmt;
@@ -6,14 +6,14 @@ use std::process::ExitCode;
 
 use genmanip_workspace::{WorkspaceError, hint};
 
-/// Exit codes; they are an interface.
+/// Exit codes of the programs; scripts may rely on them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExitStatus {
-    /// 0: done.
+    /// Exit code 0: success.
     Done,
-    /// 1: the request could not be met.
+    /// Exit code 1: the request could not be met.
     NotMet,
-    /// 2: the command line was not understood.
+    /// Exit code 2: the command line was invalid.
     NotUnderstood,
 }
 
@@ -27,7 +27,7 @@ impl From<ExitStatus> for ExitCode {
     }
 }
 
-/// One clear message: the failed action, the cause, and a hint.
+/// Error message for the user: the failed action, its causes, and a hint.
 #[derive(Debug)]
 pub struct Failed {
     what: String,
@@ -37,34 +37,34 @@ pub struct Failed {
 }
 
 impl Failed {
-    /// A failure in one sentence.
+    /// Failure described in one sentence, with exit code 1.
     pub fn new(what: impl Into<String>) -> Self {
         Self { what: what.into(), causes: Vec::new(), hint: None, status: ExitStatus::NotMet }
     }
 
-    /// A failure with its chain of causes and their hint.
+    /// Failure with the chain of causes of an error, and the hint that fits the error.
     pub fn because(what: impl Into<String>, error: &(dyn Error + 'static)) -> Self {
         Self { what: what.into(), causes: chain(error), hint: hint(error), status: ExitStatus::NotMet }
     }
 
-    /// An invalid command-line value, in one sentence.
+    /// Invalid command-line value, described in one sentence, with exit code 2.
     pub fn misused(what: impl Into<String>) -> Self {
         Self { status: ExitStatus::NotUnderstood, ..Self::new(what) }
     }
 
-    /// Exit code.
+    /// Exit code of the program after this failure.
     pub fn status(&self) -> ExitStatus {
         self.status
     }
 
-    /// The same failure with a hint.
+    /// Same failure with this hint instead of any other.
     #[must_use]
     pub fn hint(mut self, hint: impl Into<String>) -> Self {
         self.hint = Some(hint.into());
         self
     }
 
-    /// The same failure with a hint if its causes suggest none.
+    /// Same failure, with this hint if the causes suggest none.
     #[must_use]
     pub fn or_hint(mut self, hint: impl Into<String>) -> Self {
         self.hint.get_or_insert_with(|| hint.into());
@@ -75,7 +75,8 @@ impl Failed {
 impl From<WorkspaceError> for Failed {
     fn from(error: WorkspaceError) -> Self {
         let causes = error.source().map_or_else(Vec::new, chain);
-        // These names are known regardless of any file's contents.
+        // Valid names of these do not depend on a file's contents, so that an unknown one is a mistake in the command
+        // line.
         let typed = ["policy", "policy argument", "kind", "preset"];
         let is_misused = matches!(&error, WorkspaceError::UnknownName { what, .. } if typed.contains(what));
         let status = if is_misused { ExitStatus::NotUnderstood } else { ExitStatus::NotMet };
@@ -83,12 +84,11 @@ impl From<WorkspaceError> for Failed {
     }
 }
 
-/// An error and its chain of causes, one per line.
+/// Messages of an error and of its causes; a cause that the message before already contains is omitted.
 fn chain(error: &dyn Error) -> Vec<String> {
     let mut causes = vec![error.to_string()];
     let mut source = error.source();
     while let Some(error) = source {
-        // Many errors already include their cause.
         let cause = error.to_string();
         if causes.last().is_none_or(|last| !last.contains(&cause)) {
             causes.push(cause);
@@ -114,8 +114,8 @@ impl fmt::Display for Failed {
 /// Maximum word length in a message, characters: longer than paths, shorter than names that a file may contain.
 const MAX_WORD_CHARS: usize = 400;
 
-/// A message that may repeat a file's contents: long words are cut, and control and bidirectional characters are
-/// escaped.
+/// Text that may repeat a file's contents, made safe for a terminal: long words are cut, and control and bidirectional
+/// characters are escaped.
 fn readable(text: &str) -> String {
     let mut plain = String::with_capacity(text.len().min(4096));
     let mut length = 0;

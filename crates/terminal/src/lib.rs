@@ -1,4 +1,5 @@
-//! The terminal: one printer, exit codes, messages, Ctrl-C, command-line parsing and the allocator of the programs.
+//! Terminal interface: printer, exit codes, messages, Ctrl-C, command-line parsing, and the memory allocator of the
+//! programs.
 //!
 //! Used by the programs `genmanip` and `genmanip-lab`; no other crate prints.
 

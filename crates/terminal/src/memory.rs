@@ -1,8 +1,8 @@
 //! Memory allocator of the programs.
 
-/// jemalloc, which can ask the system for huge pages (2 MiB instead of 4 KiB).
+/// Jemalloc, which can request huge pages (2 MiB instead of 4 KiB) from the system.
 ///
-/// The renderer scans lists of 64 KiB to 4 MiB for every image; huge pages make that 5 to 8 % faster.
+/// The renderer scans buffers of 64 KiB to 4 MiB for every image; huge pages make that 5 to 8 % faster.
 #[global_allocator]
 static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
 

@@ -1,14 +1,14 @@
-//! Value parsers of command lines.
+//! Parsers of command-line values.
 
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use genmanip_core::Seed;
 
-/// A package and its folder, NAME=DIR.
+/// Parses a package and its folder, NAME=DIR.
 ///
 /// # Errors
-/// The expected form.
+/// A message with the expected form.
 pub fn package(text: &str) -> Result<(String, PathBuf), String> {
     match text.split_once('=') {
         Some((name, folder)) if !name.is_empty() && !folder.is_empty() => Ok((name.to_owned(), folder.into())),
@@ -16,10 +16,10 @@ pub fn package(text: &str) -> Result<(String, PathBuf), String> {
     }
 }
 
-/// A whole number from 1 to a million.
+/// Parses a whole number from 1 to a million.
 ///
 /// # Errors
-/// The expected range.
+/// A message with the expected range.
 pub fn count(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(count @ 1..=1_000_000) => Ok(count),
@@ -27,10 +27,10 @@ pub fn count(text: &str) -> Result<usize, String> {
     }
 }
 
-/// A seed; JSON readers keep 53 bits.
+/// Parses a seed below 2⁵³, since many JSON readers keep only 53 bits of an integer.
 ///
 /// # Errors
-/// The expected range.
+/// A message with the expected range.
 pub fn seed(text: &str) -> Result<u64, String> {
     match text.parse() {
         Ok(seed) if seed <= Seed::MAX => Ok(seed),
@@ -38,10 +38,10 @@ pub fn seed(text: &str) -> Result<u64, String> {
     }
 }
 
-/// A time such as `90s`, `30m` or `2h`, in seconds.
+/// Parses a duration such as `90s`, `30m` or `2h`, from 1 s to 720 h, into seconds.
 ///
 /// # Errors
-/// The expected form.
+/// A message with the expected form.
 pub fn time(text: &str) -> Result<u64, String> {
     let factor = match text.chars().last() {
         Some('s') => 1,
@@ -56,10 +56,10 @@ pub fn time(text: &str) -> Result<u64, String> {
     }
 }
 
-/// A positive number from 1e-6 to 1e6.
+/// Parses a positive number from 1e-6 to 1e6.
 ///
 /// # Errors
-/// The expected range.
+/// A message with the expected range.
 pub fn edge(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if (1e-6..=1e6).contains(&value) => Ok(value),
@@ -67,10 +67,10 @@ pub fn edge(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A position, angle or width from -1000 to 1000.
+/// Parses a position, angle or width from -1000 to 1000.
 ///
 /// # Errors
-/// The expected range.
+/// A message with the expected range.
 pub fn number(text: &str) -> Result<f64, String> {
     match text.trim().parse() {
         Ok(value) if (-1e3..=1e3).contains(&value) => Ok(value),
@@ -78,7 +78,7 @@ pub fn number(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A variant by its name; the names are listed in the help.
+/// Parser of an enum variant by its name; the help lists the names.
 pub fn variant<T: Copy + Send + Sync + 'static, const N: usize>(
     all: [T; N],
     name: fn(T) -> &'static str,

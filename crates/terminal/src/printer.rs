@@ -1,4 +1,4 @@
-//! The printer: data goes to stdout, the log to stderr.
+//! Printer: data goes to stdout, log lines go to stderr.
 
 use std::fmt;
 use std::io::{self, IsTerminal, Write};
@@ -11,26 +11,26 @@ use serde::Serialize;
 
 use crate::error::Failed;
 
-/// Interval of progress lines if stderr is not a terminal, as in the log of a job.
+/// Interval of progress lines if stderr is not a terminal, e.g. in the log of a cluster job.
 const LINE_EVERY: Duration = Duration::from_secs(60);
 
 /// Printer of results, messages and progress.
 pub struct Printer {
     json: bool,
     quiet: bool,
-    /// Current progress.
+    /// Progress of the current task; `None` between tasks.
     work: Mutex<Option<Work>>,
-    /// Error of writing data.
+    /// First error in writing to stdout.
     lost: Mutex<Option<io::Error>>,
 }
 
 impl Printer {
-    /// `json` prints tables as JSON on stdout; `quiet` suppresses the log.
+    /// Printer that prints data as JSON with `json`, and no log and no progress with `quiet`.
     pub fn new(json: bool, quiet: bool) -> Self {
         Self { json, quiet, work: Mutex::new(None), lost: Mutex::new(None) }
     }
 
-    /// Prints data to stdout, as JSON or text.
+    /// Prints data to stdout: `value` as JSON, or `text`.
     pub fn data(&self, value: &impl Serialize, text: &str) {
         match self.json {
             true => self.print(&serde_json::to_string_pretty(value).unwrap_or_default()),
@@ -38,7 +38,7 @@ impl Printer {
         }
     }
 
-    /// Starts a possibly long list; as JSON its entries are printed one per line as they arrive.
+    /// Starts a list that may be long; as JSON, each entry is printed on its own line as soon as it is added.
     pub fn list(&self) -> List<'_> {
         List { printer: self, entries: 0 }
     }
@@ -51,10 +51,10 @@ impl Printer {
         }
     }
 
-    /// Checks that all data was written.
+    /// Checks that all data was written; called once at the end.
     ///
     /// # Errors
-    /// If some was lost, as on a full disk; a closed pipe is not an error.
+    /// If some data could not be written, e.g. because the disk is full; a closed pipe is not an error.
     pub fn finish(&self) -> Result<(), Failed> {
         match self.lost.lock().unwrap_or_else(PoisonError::into_inner).take() {
             Some(error) if error.kind() != io::ErrorKind::BrokenPipe => {
@@ -89,17 +89,17 @@ impl Printer {
     }
 }
 
-/// Progress of one task: a bar on a terminal, and the text of log lines.
+/// Progress of one task, shown as a bar on a terminal, as log lines elsewhere.
 struct Work {
     what: String,
     bar: ProgressBar,
     began: Instant,
-    /// Time of the last line.
+    /// Time of the last log line.
     told: Instant,
 }
 
 impl Work {
-    /// A log line, if one is due: `expert: 210/2910, 2.8/s, 16 minutes left`.
+    /// Log line if one is due, e.g. `expert: 210/2910, 2.8/s, 16 minutes left`.
     fn line(&mut self) -> Option<String> {
         if !self.bar.is_hidden() || self.told.elapsed() < LINE_EVERY {
             return None;
@@ -112,15 +112,15 @@ impl Work {
     }
 }
 
-/// Mean rate since the beginning, and the remaining time at that rate; the mean, since episodes that wait for a model
-/// end in bursts.
+/// Mean rate since the beginning (1/s), and the remaining time at that rate. A recent rate would fluctuate, since
+/// episodes that wait for a model end in bursts.
 fn speed(done: u64, total: u64, elapsed: Duration) -> (f64, Option<Duration>) {
     let rate = done as f64 / elapsed.as_secs_f64().max(1e-9);
     let left = (done > 0).then(|| Duration::try_from_secs_f64(total.saturating_sub(done) as f64 / rate).ok());
     (rate, left.flatten())
 }
 
-/// Style of a bar.
+/// Style of progress bars; `None` if the template is invalid.
 fn style() -> Option<ProgressStyle> {
     let speed = |state: &ProgressState| speed(state.pos(), state.len().unwrap_or(0), state.elapsed());
     let rate = move |state: &ProgressState, out: &mut dyn fmt::Write| {
@@ -136,7 +136,7 @@ fn style() -> Option<ProgressStyle> {
     Some(style.with_key("rate", rate).with_key("left", left))
 }
 
-/// A list that is being printed.
+/// List that is being printed.
 pub struct List<'a> {
     printer: &'a Printer,
     entries: usize,
@@ -152,7 +152,7 @@ impl List<'_> {
         self.entries += 1;
     }
 
-    /// Closes the list, or prints the text in its place.
+    /// Closes the JSON list; without JSON, prints `text` instead.
     pub fn end(self, text: &str) {
         match (self.printer.json, self.entries) {
             (true, 0) => self.printer.print("[]"),
@@ -162,7 +162,7 @@ impl List<'_> {
     }
 }
 
-/// A bar with rate and remaining time; a line each minute if stderr is not a terminal.
+/// Progress bar with rate and remaining time; a log line each minute if stderr is not a terminal.
 impl Progress for Printer {
     fn begin(&self, what: &str, total: usize) {
         let target = if self.quiet || !std::io::stderr().is_terminal() {
@@ -206,7 +206,7 @@ impl Progress for Printer {
     }
 }
 
-/// Refreshes rate and remaining time between two steps; without a thread for it, they are refreshed by the steps.
+/// Refreshes rate and remaining time between two steps; if no thread can be started, only steps refresh them.
 fn keep_ticking(bar: &ProgressBar) {
     if bar.is_hidden() {
         return;

@@ -1,4 +1,4 @@
-//! Common frame of the programs: parse the command line, run, print, exit.
+//! Common frame of the programs: parses the command line, runs, prints, and exits.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -36,13 +36,13 @@ pub struct GlobalArguments {
 }
 
 impl GlobalArguments {
-    /// The folder of imported packs: as given, else `GENMANIP_PACKS`, else `packs` in the current folder.
+    /// Folder of imported packs: the given one, else `GENMANIP_PACKS`, else `packs` in the current folder.
     pub fn packs_folder(&self) -> PathBuf {
         let named = self.packs.clone().or_else(|| std::env::var_os("GENMANIP_PACKS").map(Into::into));
         named.unwrap_or_else(|| "packs".into())
     }
 
-    /// The folder of the user's robots: as given, else `GENMANIP_ROBOTS`, else `robots` in the current folder if it
+    /// Folder of the user's robots: the given one, else `GENMANIP_ROBOTS`, else `robots` in the current folder if it
     /// exists.
     fn robots_folder(&self) -> Option<PathBuf> {
         let named = self.robots.clone().or_else(|| std::env::var_os("GENMANIP_ROBOTS").map(Into::into));
@@ -50,7 +50,7 @@ impl GlobalArguments {
     }
 }
 
-/// Runs a program with a printer and the user's robots, and prints its error if it failed.
+/// Runs a program with a printer and the user's robots, prints its error if it fails, and returns the exit code.
 pub fn run(global: &GlobalArguments, body: impl FnOnce(&Printer) -> Result<ExitStatus, Failed>) -> ExitCode {
     let printer = Printer::new(global.json, global.quiet);
     let opened = global.robots_folder().map_or(Ok(()), |folder| genmanip_workspace::robots::open(&folder).map(drop));
@@ -64,7 +64,7 @@ pub fn run(global: &GlobalArguments, body: impl FnOnce(&Printer) -> Result<ExitS
     }
 }
 
-/// An environment variable; `None` if it is empty.
+/// Value of an environment variable; `None` if it is unset or empty.
 pub fn environment(name: &str) -> Option<String> {
     std::env::var(name).ok().filter(|value| !value.is_empty())
 }
@@ -86,7 +86,8 @@ fn report(error: &clap::Error) -> ExitCode {
     }
 }
 
-/// Lets option parsers receive negative numbers, so that they report the expected range.
+/// Lets options with values accept negative numbers, so that the parser reports the valid range instead of an unknown
+/// option.
 fn taking_negative_numbers(command: clap::Command) -> clap::Command {
     let takes_value = |arg: &clap::Arg| arg.get_action().takes_values();
     let command = command.mut_args(|arg| if takes_value(&arg) { arg.allow_negative_numbers(true) } else { arg });

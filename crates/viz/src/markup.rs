@@ -2,7 +2,7 @@
 
 /// Escapes text for element content and for quoted attributes.
 ///
-/// Control characters that XML forbids become the replacement character.
+/// Control characters that XML forbids become U+FFFD, the replacement character.
 pub fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for character in text.chars() {

@@ -1,4 +1,4 @@
-//! A motion of the arm: all of it in one image, or as a video.
+//! Images of an arm motion: the whole motion in one image, or as a video.
 
 use std::path::Path;
 
@@ -13,34 +13,35 @@ use genmanip_rollout::images::{Exposure, StageRenderer};
 use crate::scene_images;
 use genmanip_workspace::WorkspaceError;
 
-/// Columns of images and videos.
+/// Width of images and videos, pixels.
 const WIDTH: u32 = 960;
-/// Postures of the arm in one image.
+/// Number of configurations of the arm in one image. Chosen by hand.
 const POSTURES: usize = 6;
-/// Opacity of earlier postures, 0-1.
+/// Opacity of earlier configurations, 0-1.
 const GHOST: f32 = 0.4;
-/// Frames per second of videos.
+/// Frame rate of videos, Hz.
 const FPS: u32 = 30;
-/// Colour of the gripper's path.
+/// Colour of the gripper's path, 8-bit sRGB.
 const WAY: [u8; 3] = [235, 90, 20];
-/// Colour of a posture that touches something.
+/// Colour of a configuration in collision, 8-bit sRGB.
 const BLOCKED: [u8; 3] = [215, 25, 40];
 
 /// Motion to be rendered.
 pub struct MotionView<'a> {
-    /// Objects and robot.
+    /// Scenario with objects and robot.
     pub stage: &'a Stage,
-    /// Joint positions of the arm at the control rate, rad.
+    /// Trajectory of the arm: joint positions at the control rate, rad.
     pub configs: &'a [Vec<f64>],
-    /// TCP position at each configuration, world frame, metres.
+    /// Position of the tool centre point (TCP) at each configuration, world frame, metres.
     pub tcp: Vec<DVec3>,
-    /// Opening of the gripper, metres.
+    /// Opening width of the gripper, metres.
     pub gripper_width: f64,
-    /// Goal configuration in collision, if any.
+    /// Goal configuration if it is in collision, drawn in red; `None` otherwise.
     pub blocked: Option<&'a [f64]>,
 }
 
-/// The arm at several moments, the last one solid, and the way of the hand; PNG or JPEG by the file's ending.
+/// Image of the arm at several moments, all but the last one transparent, with the path of the TCP. PNG or JPEG by the
+/// extension of `path`; `camera` names one of the world's cameras, `None` for a view of the whole workspace.
 pub fn picture(drawn: &MotionView, path: &Path, camera: Option<&str>) -> Result<Vec<u8>, WorkspaceError> {
     let as_jpeg = match path.extension().and_then(|ending| ending.to_str()) {
         Some("png") => false,
@@ -70,7 +71,7 @@ pub fn picture(drawn: &MotionView, path: &Path, camera: Option<&str>) -> Result<
     encoded.map_err(|error| WorkspaceError::broken("cannot encode the picture", error))
 }
 
-/// The motion in real time as MP4, the way of the hand drawn behind it as it goes.
+/// Video of the motion in real time as MP4, with the path of the TCP up to each moment. `camera` as in [`picture`].
 pub fn animation(drawn: &MotionView, path: &Path, camera: Option<&str>) -> Result<Vec<u8>, WorkspaceError> {
     if path.extension().is_none_or(|ending| ending != "mp4") {
         return Err(ending(path, "an animation is written as .mp4"));
@@ -81,7 +82,7 @@ pub fn animation(drawn: &MotionView, path: &Path, camera: Option<&str>) -> Resul
     let mut encoder = VideoEncoder::new(width, height, FPS, &VideoSettings::default()).map_err(failed)?;
     let stride = (drawn.stage.control_rate_hz() / f64::from(FPS)).round().max(1.0) as usize;
     let last = drawn.configs.len().saturating_sub(1);
-    // The last posture stays a while.
+    // The last configuration is shown for another half second.
     let shown = (0..=last).step_by(stride).chain(std::iter::repeat_n(last, FPS as usize / 2));
     for index in shown {
         let mut canvas = view.render(&drawn.configs[index])?;
@@ -95,7 +96,7 @@ fn ending(path: &Path, expected: &str) -> WorkspaceError {
     WorkspaceError::input(format!("cannot write {}", path.display())).with_hint(expected)
 }
 
-/// Motion seen by one camera.
+/// Renderer of the motion through one camera.
 struct View<'a> {
     drawn: &'a MotionView<'a>,
     painter: StageRenderer,
@@ -118,7 +119,7 @@ impl<'a> View<'a> {
                 .with_hint(format!("its cameras are {}", known.join(", "))));
         };
         let Camera { intrinsics, .. } = camera;
-        // Videos want even sizes.
+        // The video encoder requires an even height.
         let height = (WIDTH * intrinsics.height / intrinsics.width) & !1;
         let camera = Camera { intrinsics: intrinsics.resized(WIDTH, height), ..camera.clone() };
         let stage = drawn.stage;
@@ -136,7 +137,7 @@ impl<'a> View<'a> {
         Ok(images.swap_remove(0))
     }
 
-    /// A line through points of the world, whatever is in front of it.
+    /// Draws a line through points in the world frame, without regard to occlusion.
     fn draw_way(&self, canvas: &mut RgbdImage, points: &[DVec3]) {
         let camera_from_world = self.camera.world_from_camera(&Pose::IDENTITY).inverse();
         let pixel = |point: &DVec3| self.camera.intrinsics.project(camera_from_world.transform_point(*point));
@@ -148,7 +149,7 @@ impl<'a> View<'a> {
     }
 }
 
-/// Lets the robot of another image show through, in its own colours or tinted.
+/// Blends the robot of another image into this one with the opacity [`GHOST`], in its own colours or tinted.
 fn blend(canvas: &mut RgbdImage, ghost: &RgbdImage, tint: Option<[u8; 3]>) {
     let pixels = canvas.rgb.chunks_exact_mut(3).zip(ghost.rgb.chunks_exact(3)).zip(&ghost.ids);
     for ((pixel, other), _) in pixels.filter(|(_, id)| **id == ROBOT) {
@@ -159,7 +160,7 @@ fn blend(canvas: &mut RgbdImage, ghost: &RgbdImage, tint: Option<[u8; 3]>) {
     }
 }
 
-/// A dot three pixels wide.
+/// Draws a dot three pixels wide.
 fn dot(canvas: &mut RgbdImage, at: DVec2) {
     let (width, height) = (i64::from(canvas.width()), i64::from(canvas.height()));
     let (x, y) = (at.x.round() as i64, at.y.round() as i64);

@@ -1,4 +1,4 @@
-//! Images and files of single assets: portraits, contact sheets, exports.
+//! Images and export files of single assets: portraits, contact sheets, OBJ and MJCF.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -14,17 +14,17 @@ use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 use genmanip_workspace::task_files;
 
-/// Vertical field of view of a portrait, rad: a long lens, so that shapes look as they are.
+/// Vertical field of view of a portrait, rad: narrow, so that perspective hardly distorts shapes.
 const PORTRAIT_FOV: f64 = 0.42;
-/// Of written JPEG images: no artefacts to be seen at a label.
+/// Quality of JPEG images, 1-100; no artefacts are visible at labels.
 const JPEG_QUALITY: u8 = 88;
-/// Share of the distance that the radius of an object is in a portrait.
+/// Radius of an object's bounding sphere relative to the camera's distance in a portrait.
 const PORTRAIT_FILL: f64 = 0.19;
 
-/// The families in the data files of a folder: `shapes.json`, `palettes.json` and every other `*.json`.
+/// Reads the families in the data files of a folder: `shapes.json`, `palettes.json` and every other `*.json`.
 ///
 /// # Errors
-/// When a file cannot be read or is wrong.
+/// When a file is missing, cannot be read or is invalid.
 pub fn read_families(folder: &Path) -> Result<Families, WorkspaceError> {
     let mut files = Vec::new();
     for path in task_files::expand(&[folder.to_owned()])? {
@@ -45,17 +45,18 @@ pub fn read_families(folder: &Path) -> Result<Families, WorkspaceError> {
     })
 }
 
-/// One object on the table from the robot's side, filling a square image; RGB row by row.
+/// Portrait of one object on the table, seen from the robot's side: a square image of `pixels` × `pixels`, 8-bit RGB
+/// row by row. `joints` are the positions of the object's joints, rad or m.
 ///
 /// # Errors
-/// When it cannot be drawn.
+/// When the object cannot be rendered.
 pub fn portrait(model: &Arc<ObjectModel>, joints: &[f64], pixels: u32) -> Result<Vec<u8>, WorkspaceError> {
-    // Fronts face the robot; handles of cups point away from it and labels to its right.
+    // Fronts of articulated objects face the robot; handles of cups point away from it, and labels face its right.
     let direction = if model.card.is_articulated { [-0.8, -0.42, 0.62] } else { [-0.36, -0.82, 0.62] };
     portrait_from(model, &Pose::from_position(DVec3::new(0.5, 0.0, 0.0)), joints, DVec3::from_array(direction), pixels)
 }
 
-/// The same posed and seen from a direction.
+/// [`portrait`] of an object at a pose in the world; `direction` leads from the object to the camera.
 ///
 /// # Errors
 /// As [`portrait`].
@@ -70,7 +71,7 @@ pub fn portrait_from(
     let bounds = model.world_bounds(pose, joints);
     let radius = bounds.size().length() / 2.0;
     let eye = bounds.center() + direction.normalize() * (radius / PORTRAIT_FILL);
-    // Rendered at twice the size, for smoother edges.
+    // Rendered at twice the size and then reduced, for smoother edges.
     let intrinsics = Intrinsics::from_vertical_fov(2 * pixels, 2 * pixels, PORTRAIT_FOV);
     let camera = Camera::looking_at("portrait", eye, bounds.center(), intrinsics);
     let assets = RenderAssets::without_robot(&[Arc::clone(model)], Some(&default_world())).map_err(broken)?;
@@ -84,7 +85,8 @@ pub fn portrait_from(
     })
 }
 
-/// Portraits row by row in one image: JPEG where the path ends so, else PNG.
+/// Portraits in a grid, row by row, as one image: JPEG if the path ends in .jpg or .jpeg, else PNG. `cell` is the size
+/// of a portrait, pixels.
 ///
 /// # Errors
 /// As [`portrait`].
@@ -105,10 +107,11 @@ pub fn sheet(
     tiled(&pictures, columns, cell, path)
 }
 
-/// Square images row by row in one: JPEG where the path ends so, else PNG.
+/// Square images of `cell` × `cell` pixels in a grid, row by row, as one image: JPEG if the path ends in .jpg or .jpeg,
+/// else PNG.
 ///
 /// # Errors
-/// When it cannot be encoded.
+/// When the image cannot be encoded.
 pub fn tiled(pictures: &[Vec<u8>], columns: usize, cell: u32, path: &Path) -> Result<Vec<u8>, WorkspaceError> {
     let columns = columns.clamp(1, pictures.len().max(1));
     let rows = pictures.len().div_ceil(columns);
@@ -131,10 +134,10 @@ pub fn tiled(pictures: &[Vec<u8>], columns: usize, cell: u32, path: &Path) -> Re
     encoded.map_err(|error| WorkspaceError::broken("the picture cannot be encoded", error))
 }
 
-/// The model of an object of a catalogue.
+/// Model of an object in a catalogue.
 ///
 /// # Errors
-/// When there is none of that uid.
+/// When the catalogue has no object with this uid.
 pub fn model(catalogue: &genmanip_assets::Catalogue, uid: &str) -> Result<Arc<ObjectModel>, WorkspaceError> {
     catalogue.build(uid).map_err(|error| {
         WorkspaceError::input(format!("no object {uid}"))
@@ -143,8 +146,8 @@ pub fn model(catalogue: &genmanip_assets::Catalogue, uid: &str) -> Result<Arc<Ob
     })
 }
 
-/// An object as Wavefront OBJ with its materials (`mtl` is the name of that file), parts at their places for joints
-/// at 0; metres, z up.
+/// Texts of a Wavefront OBJ file and of its material file, whose name is `mtl`. Joints are at 0; units are metres, z is
+/// up.
 pub fn obj(model: &ObjectModel, mtl: &str) -> (String, String) {
     let (mut text, mut materials) = (format!("# {}\nmtllib {mtl}\n", model.card.name), String::new());
     let mut offset = 1;
@@ -181,10 +184,10 @@ pub fn obj(model: &ObjectModel, mtl: &str) -> (String, String) {
     (text, materials)
 }
 
-/// An object that stands alone in a scene of the simulator, as MJCF.
+/// MJCF of a simulator scene that contains only this object.
 ///
 /// # Errors
-/// When the simulator refuses it.
+/// When the simulator cannot build the scene.
 pub fn mjcf(model: &Arc<ObjectModel>) -> Result<String, WorkspaceError> {
     let object = genmanip_sim::SceneObject {
         name: model.card.uid.clone(),
@@ -198,7 +201,7 @@ pub fn mjcf(model: &Arc<ObjectModel>) -> Result<String, WorkspaceError> {
     Ok(scene.mjcf().to_owned())
 }
 
-/// All hashes of an object.
+/// Hashes of an object in a catalogue.
 ///
 /// # Errors
 /// As [`model`].

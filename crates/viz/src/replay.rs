@@ -1,4 +1,4 @@
-//! Replaying recorded episodes: do their commands lead to the identical final state?
+//! Replay of recorded episodes: checks whether the recorded commands lead to the identical final state.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,7 +18,7 @@ use genmanip_workspace::documents;
 use genmanip_workspace::worlds;
 use genmanip_workspace::{Cause, WorkspaceError};
 
-/// Moments of a film strip.
+/// Number of images in a film strip. Chosen by hand.
 const STRIP_FRAMES: usize = 8;
 
 /// Result of replaying an episode.
@@ -26,30 +26,31 @@ const STRIP_FRAMES: usize = 8;
 pub struct Replayed {
     /// Id of the episode.
     pub episode: String,
-    /// Kind of its task; `None` when it cannot be read.
+    /// Kind of the episode's task; `None` if the episode cannot be read.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<TaskKind>,
-    /// Control steps.
+    /// Number of recorded control steps; 0 if the episode cannot be read.
     pub frames: usize,
     /// True if the final state equals the recorded one bit for bit; `None` if not checked or not replayable.
     pub identical: Option<bool>,
-    /// Largest difference between the final states, mixed units; `None` when that was not checked or cannot be.
+    /// Largest absolute difference of a number in the two final states, mixed units; `None` if not checked or not
+    /// comparable.
     pub largest_difference: Option<f64>,
-    /// Why the episode cannot be replayed.
+    /// Reason why the episode cannot be replayed; `None` if it can.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub damaged: Option<String>,
-    /// The film strip, if one was drawn.
+    /// Path of the film strip; `None` if none was drawn.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub strip: Option<String>,
 }
 
 impl Replayed {
-    /// True if the episode replays without a fault.
+    /// True if the episode is undamaged and its final state, if checked, is identical.
     pub fn is_sound(&self) -> bool {
         self.damaged.is_none() && self.identical != Some(false)
     }
 
-    /// The final state in words.
+    /// Result of the replay in words.
     pub fn describe(&self) -> String {
         match (&self.damaged, self.identical, self.largest_difference) {
             (Some(why), _, _) => format!("damaged: {why}"),
@@ -61,15 +62,15 @@ impl Replayed {
     }
 }
 
-/// Replays the recorded episodes at a path: an episode's folder, a store, or a run; rows in the order of their ids, the
-/// same for any number of workers.
+/// Replays the recorded episodes at a path: an episode's folder, a store, or a run. The result has one row per episode,
+/// in the order of their ids, the same for any number of workers.
 ///
-/// With `strip`, also draws each as a film strip into that file (with the id in its name if there are several);
-/// without `check` that is all that is done. Of several episodes a damaged one is a row, and the others are replayed.
-/// `each` gets a row as soon as it and those before it are there.
+/// With `strip`, also draws each episode as a film strip into that file (with the id in the file name if there are
+/// several episodes); without `check`, nothing else is done. Among several episodes a damaged one is reported in its
+/// row, and the others are replayed. `each` is called with a row as soon as that row and all before it are complete.
 ///
 /// # Errors
-/// When there is no episode, the only one is damaged, or the physics are not those it was recorded with.
+/// When there is no episode, the only one is damaged, or the physics differ from those it was recorded with.
 pub fn check(
     path: &Path,
     check: bool,
@@ -105,7 +106,8 @@ pub fn check(
     Ok(rows)
 }
 
-/// Replays `count` of the recorded episodes of a store, evenly chosen; rows in the order of their ids.
+/// Replays `count` of the recorded episodes of a store, evenly spaced by id; one row per episode, in the order of their
+/// ids.
 ///
 /// # Errors
 /// When the store cannot be read, or an object is not the one an episode was recorded with.
@@ -118,7 +120,7 @@ pub fn sample(
     let LocatedEpisodes { store, ids, .. } = locate(store)?;
     let count = count.min(ids.len());
     let chosen: Vec<&String> = (0..count).filter_map(|place| ids.get(place * ids.len() / count)).collect();
-    // Damage is a row, however few there are.
+    // A damaged episode is reported in its row even if it is the only one.
     let replaying = Replaying { store: &store, is_only: false, check: true, strip: None, progress };
     progress.begin("replaying", chosen.len());
     let replay = |id: &&String| {
@@ -132,7 +134,7 @@ pub fn sample(
     Ok(rows)
 }
 
-/// Options for each replayed episode.
+/// Settings shared by all replayed episodes.
 struct Replaying<'a> {
     store: &'a EpisodeStore,
     is_only: bool,
@@ -175,8 +177,8 @@ impl Replaying<'_> {
     }
 }
 
-/// The rows as a table; above [`MAX_ROWS`], unless `each` is asked for, a row per kind and the episodes that need
-/// attention.
+/// Text table of the rows. With more than [`MAX_ROWS`] rows and without `each`, one row per task kind, and the episodes
+/// that need attention.
 pub fn table(rows: &[Replayed], each: bool) -> String {
     const HEAD: [&str; 3] = ["episode", "frames", "final state"];
     let line = |row: &Replayed| vec![row.episode.clone(), row.frames.to_string(), row.describe()];
@@ -212,7 +214,7 @@ pub fn table(rows: &[Replayed], each: bool) -> String {
     format!("{}\n{}each with --each\n", text_table(&kinds), attention(&HEAD, &unsound))
 }
 
-/// The recorded episodes at a path, each with its stage: an episode's folder, a store, or a run.
+/// Reads the recorded episodes at a path (an episode's folder, a store, or a run), each with its stage.
 ///
 /// # Errors
 /// As [`check`].
@@ -226,13 +228,13 @@ pub fn recorded(path: &Path) -> Result<Vec<(Stage, Episode)>, WorkspaceError> {
         .collect()
 }
 
-/// Error of a recorded episode that cannot be read.
+/// Error for a recorded episode that cannot be read.
 pub fn unreadable(id: &str, error: DataError) -> WorkspaceError {
     WorkspaceError::broken(format!("cannot replay {id}"), error)
         .or_hint("collect again with --repair: it is set aside and made anew")
 }
 
-/// The stage of a recorded episode, from the catalogue.
+/// Stage of a recorded episode, with objects built from the catalogue.
 ///
 /// # Errors
 /// When an object is not the one it was recorded with.
@@ -245,16 +247,16 @@ pub fn stage(episode: &Episode) -> Result<Stage, WorkspaceError> {
     })
 }
 
-/// A store and the episodes in it that a path means.
+/// Store of episodes, and those of its episodes that a path refers to.
 pub struct LocatedEpisodes {
-    /// The store.
+    /// Store that contains the episodes.
     pub store: EpisodeStore,
     /// Ids of recorded episodes, including damaged ones that are not in the index.
     pub ids: Vec<String>,
     strangers: Vec<String>,
 }
 
-/// Finds the store of a run, a store itself, or one episode in it.
+/// Finds the recorded episodes at a path: a run, a store, or the folder of one episode.
 pub fn locate(path: &Path) -> Result<LocatedEpisodes, WorkspaceError> {
     let unusable = |error| {
         WorkspaceError::input(format!("no episodes at {}", path.display()))
@@ -275,7 +277,7 @@ pub fn locate(path: &Path) -> Result<LocatedEpisodes, WorkspaceError> {
     Ok(LocatedEpisodes { store, ids, strangers })
 }
 
-/// Film strips are JPEG, whatever their name says; so it may say nothing else.
+/// Rejects a file name that does not end in `.jpg` or `.jpeg`, since film strips are always JPEG.
 fn check_ending(strip: &Path) -> Result<(), WorkspaceError> {
     match strip.extension().and_then(|ending| ending.to_str()) {
         Some("jpg" | "jpeg") => Ok(()),
@@ -302,7 +304,7 @@ mod tests {
         for (row, expected, is_sound) in [
             (of(Some(true), Some(0.0), None), "identical", true),
             (of(Some(false), Some(2e-3), None), "differs by 2e-3", false),
-            // Not the same bits, though no number differs.
+            // The bits differ although all numbers are equal.
             (of(Some(false), Some(0.0), None), "differs, but in no value: by the sign of a zero, or by a NaN", false),
             (of(None, None, Some("cut short")), "damaged: cut short", false),
             (of(None, None, None), "not checked", true),

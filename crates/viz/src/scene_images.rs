@@ -1,4 +1,4 @@
-//! Pictures of episodes and layouts: stills, film strips and drawings.
+//! Images of episodes and layouts: stills, film strips and diagrams.
 
 use crate::drawing::color_of_word;
 use crate::{DrawnEdge, EdgeRole, Footprint, PlaceWindow, Refusal, Svg, TopView, explain_svg};
@@ -13,13 +13,14 @@ use genmanip_rollout::images::{Exposure, StageRenderer};
 
 use genmanip_workspace::{Cause, WorkspaceError};
 
-/// Colour of support surfaces other than the table in drawings, sRGB: a shade darker than the table's.
+/// Colour in diagrams of support surfaces other than the table, sRGB: a shade darker than the table's.
 const SURFACE_COLOR: [u8; 3] = [226, 218, 205];
 
-/// `count` moments of an episode, seen by the `static` camera, as JPEG files; the painter is of the episode's stage.
+/// JPEG files of `count` evenly spaced moments of an episode, seen by the camera `static`; `painter` must be for the
+/// episode's stage.
 ///
 /// # Errors
-/// When the scenario has no such camera, or a frame cannot be drawn.
+/// When the scenario has no such camera, or a frame cannot be rendered.
 pub fn stills(
     painter: &mut StageRenderer,
     episode: &Episode,
@@ -32,7 +33,7 @@ pub fn stills(
         .collect()
 }
 
-/// `count` moments beside each other as one JPEG.
+/// One JPEG with `count` evenly spaced moments side by side, seen by the camera `static`.
 ///
 /// # Errors
 /// As [`stills`].
@@ -49,15 +50,15 @@ pub fn film_strip(stage: &Stage, episode: &Episode, count: usize) -> Result<Vec<
     jpeg(&episode.result.id, width * pictures.len() as u32, height, &rgb)
 }
 
-/// Renderer for the frames of a stage.
+/// Renderer for frames of a stage.
 ///
 /// # Errors
-/// When a mesh is broken.
+/// When a mesh of the stage is invalid.
 pub fn painter(stage: &Stage) -> Result<StageRenderer, WorkspaceError> {
     StageRenderer::new(stage).map_err(|error| not_drawn(&stage.scenario.id, error))
 }
 
-/// An episode or scenario that cannot be drawn.
+/// Error for an episode or scenario that cannot be rendered.
 pub fn not_drawn(id: &str, error: impl Into<Cause>) -> WorkspaceError {
     WorkspaceError::broken(format!("cannot draw {id}"), error).with_hint(
         "it was changed, or recorded with other objects or another robot; `genmanip replay --check` says what is sound",
@@ -96,7 +97,7 @@ fn jpeg(episode: &str, width: u32, height: u32, rgb: &[u8]) -> Result<Vec<u8>, W
         .map_err(|error| WorkspaceError::broken(format!("cannot encode a picture of {episode}"), error))
 }
 
-/// Contents of the top view of a layout.
+/// Top view of a layout, to be drawn.
 ///
 /// # Errors
 /// When an object is not in the catalogue.
@@ -111,7 +112,7 @@ pub fn top_view(scenario: &Scenario, catalogue: &dyn AssetSource) -> Result<TopV
     })
 }
 
-/// The task's graph beside its layout.
+/// Diagram of a scenario: the scene graph of its task beside the layout.
 ///
 /// # Errors
 /// When an object is not in the catalogue.
@@ -119,7 +120,8 @@ pub fn explained(scenario: &Scenario, catalogue: &dyn AssetSource) -> Result<Svg
     Ok(explain_svg(&scenario.task, &top_view(scenario, catalogue)?, None))
 }
 
-/// Why a task has no layout: what was placed, where the next object would have had to go, and which edges conflict.
+/// Diagram of a task without a layout: the objects placed in the furthest attempt, where each relation would allow the
+/// next object, and the conflicting relations.
 ///
 /// # Errors
 /// When an object is not in the catalogue.
@@ -165,13 +167,13 @@ pub fn explained_refusal(
     Ok(explain_svg(task, &picture, Some(&refusal)))
 }
 
-/// The reach that the maker of the world's robot publishes, m.
+/// Reach of the world's robot that its manufacturer publishes, m; empty if unknown.
 fn reach_m(world: &World) -> Vec<f64> {
     let robot = robots::named(&world.robot.name).ok();
     robot.and_then(|robot| robot.reach).map(|reach| reach.max_m).into_iter().collect()
 }
 
-/// Objects of a scenario or task, and the support surfaces other than the table, seen from above.
+/// Outlines, seen from above, of objects and of support surfaces other than the table.
 fn footprints(
     of: &str,
     objects: &[PlacedObject],

@@ -13,28 +13,30 @@ use genmanip_workspace::documents;
 use genmanip_workspace::worlds;
 use genmanip_workspace::worlds::CameraFile;
 
-/// White between the images of a sheet, pixels; chosen.
+/// Width of the white gaps between the images of a sheet, pixels. Chosen by hand.
 const GAP_PX: usize = 4;
-/// Quality of JPEG sheets, 1-100; chosen: compression is hardly seen.
+/// Quality of JPEG sheets, 1-100. Chosen by hand: artefacts are hardly visible.
 const JPEG_QUALITY: u8 = 88;
 
-/// A image that was written.
+/// Preview image that was written.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Preview {
-    /// Cameras in the image, row by row.
+    /// Names of the cameras in the image, row by row.
     pub cameras: Vec<String>,
     /// Path of the image file.
     pub file: PathBuf,
 }
 
-/// Draws what cameras see: the robot at home with open fingers over the table, the objects of a scenario at their start.
+/// Renders camera previews of a world or scenario: the robot at home with open fingers above the table, and the objects
+/// of a scenario at their initial poses.
 ///
-/// `out` with the ending .png, .jpg or .jpeg is one picture, a sheet where there are several cameras; without an ending
-/// it is a folder that gets NAME.png of each. Without names all cameras are drawn, without a size each at its own.
+/// If `out` ends in .png, .jpg or .jpeg, one image is written, with several cameras as a sheet; otherwise `out` is a
+/// folder that gets NAME.png for each camera. Empty `names` select all cameras; without `size_px` each camera has its
+/// own size.
 ///
 /// # Errors
-/// When the file is no world and no scenario, there is no such camera, an object or the robot is not that of this program, or an image cannot be drawn or
-/// written.
+/// When the file is neither a world nor a scenario, a camera is unknown, the program has another version of an object
+/// or the robot, or an image cannot be rendered or written.
 pub fn preview(
     file: &Path,
     names: &[String],
@@ -82,7 +84,7 @@ pub fn preview(
     }
 }
 
-/// The same through one camera, as a PNG file.
+/// Preview through one camera, as the bytes of a PNG file.
 ///
 /// # Errors
 /// As [`preview`].
@@ -96,7 +98,7 @@ fn png(camera: &Camera, picture: &FrameBuffers) -> Result<Vec<u8>, WorkspaceErro
         .map_err(|error| WorkspaceError::broken(format!("cannot encode the picture of camera {}", camera.name), error))
 }
 
-/// One image per camera, of objects from a source.
+/// Renders one image per camera; `source` provides the objects.
 pub fn draw(
     setting: &CameraFile,
     cameras: &[Camera],
@@ -127,7 +129,7 @@ pub fn draw(
     cameras.iter().zip(pictures).map(developed).collect::<Result<_, _>>().map_err(not_drawn)
 }
 
-/// Images row by row in one, as square as their number allows; each in a cell of the largest one's size.
+/// Images in a nearly square grid, row by row; each cell has the size of the largest image.
 fn sheet(pictures: &[FrameBuffers]) -> FrameBuffers {
     let columns = (1..=pictures.len()).find(|columns| columns * columns >= pictures.len()).unwrap_or(1);
     let rows = pictures.len().div_ceil(columns);

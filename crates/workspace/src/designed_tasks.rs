@@ -1,6 +1,6 @@
-//! Tasks of the rule-based designer, written into a folder as soon as each is composed.
+//! Composition of tasks by the rule-based designer; each is written into a folder at once.
 //!
-//! If a kind of task is exhausted, the tasks written so far stay valid.
+//! If a kind of task is exhausted, the tasks written before stay valid.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -16,27 +16,27 @@ use crate::Progress;
 use crate::WorkspaceError;
 use crate::documents;
 
-/// Row of [`design_into`]: a task file, or the reason that there is none.
+/// Row of [`design_into`]: a task file, or the reason why there is none.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct NewTask {
-    /// Id.
+    /// Id of the task, which is also the name of its file.
     pub task: String,
-    /// Kind.
+    /// Name of the task's kind.
     pub kind: &'static str,
     /// Instruction in English; `None` if there is no task.
     pub instruction: Option<String>,
     /// Path of the task file; `None` if there is no task.
     pub file: Option<String>,
-    /// Reason that there is no task.
+    /// Reason why no task could be composed; `None` if there is a task.
     pub refused: Option<String>,
 }
 
-/// Input of [`design_into`].
+/// Number, kinds and objects of the tasks that [`design_into`] composes.
 #[derive(Clone, Debug)]
 pub struct Design<'a> {
     /// Kinds of task, composed in rotation.
     pub kinds: &'a [TaskKind],
-    /// Number of tasks.
+    /// Number of tasks to compose.
     pub count: usize,
     /// Objects that the tasks may use.
     pub cards: &'a [ObjectCard],
@@ -44,14 +44,14 @@ pub struct Design<'a> {
     pub seed: Seed,
     /// Settings of the designer.
     pub settings: DesignSettings,
-    /// True if a task whose kind fails is composed of the next kind that succeeds.
+    /// True if a task whose kind fails is replaced by one of the next kind that succeeds.
     pub fill: bool,
-    /// Uid of an object that the goal of every task involves.
+    /// Uid of an object that the goal of every task involves. `None` for any objects.
     pub include: Option<&'a str>,
 }
 
-/// Composes tasks and writes each as a file of the folder. An existing file with the same content stays, so a call with
-/// a larger `count` extends the folder of a smaller one.
+/// Composes tasks and writes each as a file of the folder. An existing file with the same content is kept, so a call
+/// with a larger `count` extends the folder of a smaller one.
 ///
 /// A task that cannot be composed is a row with the reason, not an error.
 ///
@@ -78,7 +78,7 @@ pub fn design_into(folder: &Path, design: &Design, progress: &dyn Progress) -> R
     Ok(rows)
 }
 
-/// Composes `count` scenes for a sentence, each as a task with a file of the folder, like [`design_into`].
+/// Composes `count` scenes from a sentence, and writes each as a task file of the folder, like [`design_into`].
 ///
 /// # Errors
 /// When the sentence is not understood or no scene suits it, before anything is written; when a file cannot be written,
@@ -138,8 +138,8 @@ fn hint_for(error: &SentenceError) -> &'static str {
     }
 }
 
-/// The next task; with `include`, the next whose goal involves that object. The inner error is a task that could not be
-/// composed; the outer one ends the series.
+/// Next task of the series; with `include`, the next one whose goal involves that object. The inner error describes a
+/// task that could not be composed; the outer one ends the series.
 fn compose(series: &mut Series, include: Option<&str>) -> Result<Result<Task, Missing>, WorkspaceError> {
     let Some(uid) = include else { return Ok(series.compose()) };
     let involves = |task: &Task| {
@@ -162,12 +162,12 @@ fn compose(series: &mut Series, include: Option<&str>) -> Result<Result<Task, Mi
         .with_hint("offer fewer other objects with --objects, or choose another --kind"))
 }
 
-/// Number of tasks composed without the wanted object before the search ends; chosen: a goal involves about two
-/// objects, of 1,120 with all families, so one task in some 560 suits.
+/// Maximum number of tasks composed without the wanted object before the search ends. A goal involves about two of
+/// 1,120 objects (all families), so one task in about 560 involves a given object.
 const MOST_WITHOUT: usize = 10_000;
 
-/// Number of tasks composed before they are written in parallel, and number of writer threads; chosen: flushing many
-/// files at once takes a disk as long as flushing one, and a kill loses at most a second's work.
+/// Number of tasks composed before they are written in parallel, and (`WRITERS`) number of writer threads. Flushing
+/// many files at once takes a disk as long as flushing one, and a kill loses at most a second's work.
 const BATCH: usize = 128;
 const WRITERS: usize = 16;
 

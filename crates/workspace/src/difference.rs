@@ -2,8 +2,8 @@
 
 use serde_json::Value;
 
-/// First path at which two JSON values differ, with both values; `None` if they are equal. `place` is the path of the
-/// root.
+/// First path at which two JSON values differ, with both values as text; `None` if they are equal. `place` is the path
+/// of the root.
 pub fn first_difference(place: &str, known: &Value, asked: &Value) -> Option<String> {
     if known == asked {
         return None;
@@ -28,7 +28,7 @@ pub fn first_difference(place: &str, known: &Value, asked: &Value) -> Option<Str
     Some(deeper.unwrap_or_else(|| format!("{place} is {}, not {}", word(known), word(asked))))
 }
 
-/// The first three names, with the number of the others.
+/// The first three names, and the number of further ones, as text.
 pub fn listed(names: &[String]) -> String {
     let more = names.len().saturating_sub(3);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };

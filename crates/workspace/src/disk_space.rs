@@ -8,15 +8,15 @@ use crate::documents;
 use crate::error::WorkspaceError;
 use crate::progress::Progress;
 
-/// Number of finished attempts from which the disk space of the rest is estimated; chosen: one of each kind of task.
+/// Number of finished attempts from which the disk space of the rest is estimated: one of each kind of task.
 pub const SAMPLE: usize = 6;
-/// Minimum number of attempts for which the estimate is reported; chosen: shorter runs end soon.
+/// Minimum number of attempts for which the estimate is reported. Chosen by hand: shorter runs end soon.
 const TOLD: usize = 100;
 
 /// Estimate of the disk space that a run needs, made once [`SAMPLE`] attempts are finished.
 pub struct Estimate<'a> {
     folder: &'a Path,
-    /// Attempts to make.
+    /// Number of attempts that the run makes.
     attempts: usize,
     /// Copies of an attempt's files that the finished run holds: 2 with a dataset, else 1.
     copies: u64,
@@ -25,8 +25,8 @@ pub struct Estimate<'a> {
 }
 
 impl<'a> Estimate<'a> {
-    /// Estimate for `attempts` attempts of the run in `folder`; a dataset (`has_dataset`) stores their images a second
-    /// time.
+    /// Estimate for `attempts` attempts of the run in `folder`. With a data set (`has_dataset`) their images are stored
+    /// twice.
     pub fn new(folder: &'a Path, attempts: usize, has_dataset: bool) -> Self {
         let copies = if has_dataset { 2 } else { 1 };
         Self { folder, attempts, copies, made: AtomicUsize::new(0), bytes: AtomicU64::new(0) }
@@ -50,7 +50,7 @@ impl<'a> Estimate<'a> {
             return Ok(());
         }
         let left = (self.attempts - made) as u64;
-        // For the attempts of the sample only the dataset is still to be written.
+        // The sample's own files exist already; of these attempts only the copy in the data set is still to be written.
         let need = bytes / made as u64 * left * self.copies + bytes * (self.copies - 1);
         let Some(free) = free_mib(self.folder) else { return Ok(()) };
         let need = need >> 20;
@@ -108,7 +108,7 @@ mod tests {
             }
         };
         check(1_000, 1 << 10, None);
-        // No disk has a pebibyte: 94 attempts twice, and the six of the sample once more.
+        // No disk has a pebibyte. Needed: 94 attempts twice, and the six of the sample once more.
         check(100, 1 << 50, Some("the 94 attempts left will take some 208305913856 MiB"));
         check(SAMPLE, 1 << 50, None);
     }
@@ -117,7 +117,7 @@ mod tests {
     fn the_room_of_a_folder_that_is_not_there_is_that_of_the_one_above() {
         let folder = tempfile::tempdir().unwrap();
         let (here, below) = (free_mib(folder.path()).unwrap(), free_mib(&folder.path().join("a/b")).unwrap());
-        // Other programs write to the disk meanwhile.
+        // Tolerance, since other programs write to the disk meanwhile.
         assert!(here > 0 && here.abs_diff(below) < here / 10 + 64, "{here} {below}");
     }
 }

@@ -1,4 +1,4 @@
-//! Files and versioned documents that the user names: bounded reads, atomic writes.
+//! Files and versioned documents that the user names: size-limited reads and atomic writes.
 
 use std::path::{Path, PathBuf};
 
@@ -53,7 +53,7 @@ pub fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Absolute path of a folder or, if it does not exist, of its nearest existing parent.
+/// Absolute path of a folder or, if it does not exist, of its nearest existing ancestor; `None` if there is none.
 pub fn nearest_folder(path: &Path) -> Option<PathBuf> {
     let whole = std::path::absolute(path).ok()?;
     whole.ancestors().find(|ancestor| ancestor.is_dir()).map(Path::to_owned)
@@ -82,7 +82,7 @@ pub(crate) fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String, WorkspaceEr
     String::from_utf8(bytes).map_err(|error| WorkspaceError::file("read", path, error.utf8_error()).with_hint(hint))
 }
 
-/// Removes temporary files of killed processes from a folder; does nothing if there is no folder.
+/// Removes temporary files of killed processes from a folder; does nothing if the folder does not exist.
 ///
 /// # Errors
 /// When a file cannot be removed.

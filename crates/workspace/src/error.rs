@@ -8,7 +8,7 @@ use genmanip_core::{DocumentError, names::near_misses};
 use genmanip_data::DataError;
 use genmanip_rollout::RolloutError;
 
-/// The error behind an error.
+/// Underlying error of another error.
 pub type Cause = Box<dyn std::error::Error + Send + Sync>;
 
 /// Error of a request by a user or a program; [`WorkspaceError::hint`] says how to fix it.
@@ -20,17 +20,17 @@ pub enum WorkspaceError {
     File {
         /// Attempted operation: `read`, `list` or `write`.
         action: &'static str,
-        /// The file or folder.
+        /// File or folder of the attempted operation.
         path: PathBuf,
         /// Error of the system or of the reader.
         source: Cause,
-        /// Suggested fix.
+        /// Advice on how to fix the error; `None` if there is none.
         hint: Option<String>,
     },
     /// A file exceeds the size limit of its kind.
     #[error("{} is larger than {} may be: {}", path.display(), limit.what, limit.human_readable())]
     TooLarge {
-        /// The file.
+        /// File that is too large.
         path: PathBuf,
         /// Kind of file and its size limit.
         limit: Limit,
@@ -38,9 +38,9 @@ pub enum WorkspaceError {
     /// A file is not a valid document of the expected schema.
     #[error("{} is no valid {schema} file", path.display())]
     Document {
-        /// The file.
+        /// File that is not valid.
         path: PathBuf,
-        /// Expected schema.
+        /// Name of the expected schema.
         schema: &'static str,
         /// Parse or validation error.
         source: DocumentError,
@@ -52,7 +52,7 @@ pub enum WorkspaceError {
         what: &'static str,
         /// Plural of `what`.
         plural: &'static str,
-        /// The name.
+        /// Name as given.
         got: String,
         /// Known names with similar spelling, best match first.
         near: Vec<String>,
@@ -62,17 +62,17 @@ pub enum WorkspaceError {
     /// The user's input exists but is unsuitable.
     #[error("{what}")]
     Input {
-        /// Description of the problem.
+        /// Description of what is unsuitable.
         what: String,
         /// Underlying error, if any.
         source: Option<Cause>,
-        /// Expected input, or a suggested fix.
+        /// Expected input, or a suggested fix. `None` if there is none.
         hint: Option<String>,
     },
     /// The folder holds a run with other inputs, settings or seed.
     #[error("{} holds another run ({difference})", path.display())]
     AnotherRun {
-        /// The folder.
+        /// Folder of the run.
         path: PathBuf,
         /// First difference, see [`difference`](crate::difference).
         difference: String,
@@ -80,7 +80,7 @@ pub enum WorkspaceError {
     /// The folder holds results or episodes of an evaluation with other inputs or settings.
     #[error("{} holds another evaluation ({difference})", path.display())]
     AnotherEvaluation {
-        /// The folder.
+        /// Folder of the evaluation.
         path: PathBuf,
         /// First difference, see [`difference`](crate::difference).
         difference: String,
@@ -88,35 +88,35 @@ pub enum WorkspaceError {
     /// The folder holds no run.
     #[error("no run at {}", path.display())]
     NoRun {
-        /// The folder.
+        /// Folder that holds no run.
         path: PathBuf,
     },
     /// A remote policy cannot be reached; the request may be retried.
     #[error("policy {policy} cannot be reached: {reason}")]
     Unreachable {
-        /// Policy with its arguments.
+        /// Policy with its arguments, as the user named it.
         policy: String,
         /// Reason given by the client or the server.
         reason: String,
     },
-    /// A mistake of a policy's program: its episode is not run, and may be once the mistake is corrected.
+    /// A mistake in a policy's program: its episode was not run, and can be once the mistake is corrected.
     #[error("{policy}: {what}")]
     Mistaken {
-        /// Policy, and the episode that it did not run.
+        /// Policy, and the episode that was not run.
         policy: String,
-        /// The mistake with its place.
+        /// Description of the mistake, with its place in the program.
         what: String,
-        /// Remedy.
+        /// Advice on how to fix the mistake.
         hint: String,
     },
     /// Unexpected failure of a stage: a defect, or a fault of its environment.
     #[error("{what}")]
     Broken {
-        /// Operation that failed.
+        /// Description of the operation that failed.
         what: String,
-        /// Underlying error.
+        /// Underlying error; `None` for a detected inconsistency.
         source: Option<Cause>,
-        /// Suggested fix.
+        /// Suggested fix. `None` if there is none.
         hint: Option<String>,
     },
 }
@@ -187,7 +187,7 @@ impl WorkspaceError {
         hint(self)
     }
 
-    /// The error's own hint.
+    /// Hint that the error itself gives, without those of its sources.
     fn own_hint(&self) -> Option<String> {
         match self {
             Self::File { hint, .. } | Self::Input { hint, .. } | Self::Broken { hint, .. } => hint.clone(),
@@ -217,7 +217,8 @@ impl WorkspaceError {
     }
 }
 
-/// Suggested fix of an error: that of a full disk anywhere in its chain of sources, else the first hint of the chain.
+/// Advice on how to fix an error: for a full disk if one is anywhere in the chain of sources, else the first hint of
+/// the chain. `None` if there is none.
 pub fn hint(error: &(dyn std::error::Error + 'static)) -> Option<String> {
     let chain = || std::iter::successors(Some(error), |error| error.source());
     let is_full = |error: &std::io::Error| matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded);
@@ -230,11 +231,11 @@ pub fn hint(error: &(dyn std::error::Error + 'static)) -> Option<String> {
     })
 }
 
-/// Error that stopped work on many episodes.
+/// Error that stopped the processing of many episodes.
 pub enum Stopped {
     /// Error of a file, a service or a setting.
     Run(WorkspaceError),
-    /// Error of an episode.
+    /// Error of running an episode.
     Episode(RolloutError),
 }
 

@@ -1,14 +1,14 @@
 //! Errors, files, documents and progress, shared by everything that works on folders.
 //!
-//! - [`WorkspaceError`]: why a request could not be met, with a hint.
-//! - [`documents`]: bounded reads and atomic writes of files and versioned documents.
-//! - [`task_files`], [`task_faults`], [`Tasks`]: tasks from files, everything wrong with them, and lists of any length.
-//! - [`designed_tasks`], [`task_checks`]: tasks of the rule-based designer into a folder, and all faults of task files.
+//! - [`WorkspaceError`]: the reason why a request failed, with a hint.
+//! - [`documents`]: size-limited reads and atomic writes of files and versioned documents.
+//! - [`task_files`], [`task_faults`], [`Tasks`]: tasks from files, their faults, and lists of any length.
+//! - [`designed_tasks`], [`task_checks`]: tasks composed by the rule-based designer, and the flaws of task files.
 //! - [`scenarios`], [`worlds`]: scenarios, worlds, robots and planners by file or name.
 //! - [`robots`]: robot files of the user, registered by name.
 //! - [`Ledger`](resume_ledger::Ledger): finished items, one JSON line each, so that a killed call continues.
-//! - [`shard`]: the part of a run that one of several machines does.
-//! - [`disk_space`]: free disk space, and an estimate of what a run needs.
+//! - [`shard`]: the part of a run that one of several machines processes.
+//! - [`disk_space`]: free disk space, and an estimate of the space that a run needs.
 //! - [`Progress`]: progress callbacks; stages report, callers print.
 //! - [`text_table`]: aligned tables of plain text.
 

@@ -13,14 +13,14 @@ use serde::{Deserialize, Serialize};
 use crate::documents;
 use crate::error::WorkspaceError;
 
-/// One finished item.
+/// Ledger line of one finished item.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Entry {
-    /// Name, unique within a ledger.
+    /// Name of the item, unique within a ledger.
     pub name: String,
     /// Hash of all inputs of the item.
     pub key: String,
-    /// Reason that the item has no file; `None` if it has one.
+    /// Reason why the item has no file; `None` if it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
 }
@@ -58,7 +58,7 @@ impl Ledger {
         Ok(Self { path: path.to_owned(), known, file: Mutex::new(file) })
     }
 
-    /// Entry of an item that an earlier call finished.
+    /// Entry of an item that an earlier call finished. `None` if none did.
     pub fn known(&self, name: &str) -> Option<&Entry> {
         self.known.get(name)
     }

@@ -1,4 +1,4 @@
-//! Robot files of the user, registered by name for the whole program.
+//! Robot files of the user, registered by name for the whole process.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -71,7 +71,7 @@ pub fn empty_stage(world: World) -> Result<Stage, WorkspaceError> {
         .map_err(|error| WorkspaceError::input(format!("robot `{}` cannot be set up", robot.name)).because(error))
 }
 
-/// Id of the scenario without objects.
+/// Id of the scenario without objects in [`empty_stage`].
 const EMPTY: &str = "empty";
 
 fn unsuited(path: &Path, error: impl Into<Cause>) -> WorkspaceError {

@@ -14,7 +14,7 @@ use crate::error::WorkspaceError;
 /// Maximum number of shards of a run: a folder with as many subfolders can still be listed quickly.
 pub const MAX_SHARDS: usize = 100_000;
 
-/// One of `count` shards.
+/// One of `count` shards of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Shard {
     index: usize,
@@ -36,12 +36,12 @@ impl Shard {
         }
     }
 
-    /// Index, from 0.
+    /// Index of the shard, from 0.
     pub fn index(self) -> usize {
         self.index
     }
 
-    /// Number of shards.
+    /// Number of shards of the run.
     pub fn count(self) -> usize {
         self.count
     }
@@ -51,7 +51,7 @@ impl Shard {
         piece % self.count == self.index
     }
 
-    /// Name of its folder, `shard-07-of-10`; zero-padded, so that names sort by index.
+    /// Name of the shard's folder, such as `shard-07-of-10`; zero-padded, so that names sort by index.
     pub fn name(self) -> String {
         let digits = (self.count - 1).to_string().len();
         format!("shard-{:0digits$}-of-{}", self.index, self.count)
@@ -67,7 +67,7 @@ impl fmt::Display for Shard {
 /// The user's choice of a shard: `2/10`, `auto` or `auto/10`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShardChoice {
-    /// An explicit shard.
+    /// A shard given by index and number, as `2/10`.
     One(Shard),
     /// Index from the environment of a cluster job; number of shards from it too, unless given.
     Auto(Option<usize>),
@@ -130,7 +130,7 @@ impl ShardChoice {
                 return Err(wrong(what.into(), "say it with --shard auto/N, N being the completions of the job"));
             }
         };
-        // An array with gaps, as `--array=3,7`, counts only its own tasks.
+        // A job array with gaps, such as `--array=3,7`, states only the number of its own tasks.
         let last = if said.is_none() && slurm.is_some() { number("SLURM_ARRAY_TASK_MAX")? } else { None };
         if let Some(last) = last.filter(|last| last + 1 != count) {
             let what = format!("the array has {count} tasks and its last is {last}, not {}", count.saturating_sub(1));
@@ -142,13 +142,13 @@ impl ShardChoice {
     }
 }
 
-/// `shard.json` in a run folder: the shard that the folder holds.
+/// Contents of `shard.json` in a run folder: the shard that the folder holds.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Manifest {
-    /// The shard.
+    /// Index and number of the shard in the folder.
     #[serde(flatten)]
     pub shard: Shard,
-    /// Hash of `run.json`, the record of the whole run, beside it.
+    /// Hash of `run.json` in the same folder, which records the whole run.
     pub run: String,
 }
 

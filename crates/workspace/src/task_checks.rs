@@ -16,17 +16,17 @@ use crate::task_files;
 /// Result of the check of one file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FileCheck {
-    /// Path of the file as given; `FILE:LINE` for an entry of a list.
+    /// Path of the file as given; `FILE:LINE` for a line of a list.
     pub file: String,
-    /// `valid`, `repaired` or `rejected`.
+    /// Verdict on the file: `valid`, `repaired` or `rejected`.
     pub verdict: &'static str,
-    /// Names of the flaws, repaired or not.
+    /// Names of all flaws, whether repaired or not.
     pub flaws: Vec<String>,
     /// Repairs made, in words.
     pub repairs: Vec<String>,
     /// Details, one per flaw.
     pub details: Vec<FlawDetail>,
-    /// Repaired or valid task document; `None` if rejected.
+    /// Valid or repaired task document; `None` if rejected.
     pub task: Option<Value>,
 }
 
@@ -35,7 +35,7 @@ pub struct FileCheck {
 pub struct FlawDetail {
     /// Name of the flaw.
     pub flaw: String,
-    /// JSON path, or line and column.
+    /// JSON path, or line and column of a syntax error.
     pub path: String,
     /// Expected and found values, in words.
     pub message: String,
@@ -43,12 +43,12 @@ pub struct FlawDetail {
     pub hint: String,
 }
 
-/// Requests against which bare answers are checked.
+/// Request against which bare answers (without their request) are checked.
 #[derive(Clone, Copy, Debug)]
 pub struct BareAnswers<'a> {
     /// Offered objects, see [`task_files::select_objects`].
     pub objects: &'a str,
-    /// World file whose additional support surfaces were offered too.
+    /// World file whose additional support surfaces were offered too; `None` for none.
     pub world: Option<&'a Path>,
     /// Requested kind of task.
     pub kind: &'a str,
@@ -119,7 +119,7 @@ fn of_text(file: &Path, text: &str) -> Result<FileCheck, WorkspaceError> {
 pub fn check_task(file: &Path, task: Task) -> FileCheck {
     let faults = task_faults::faults(&task);
     if faults.is_empty() {
-        // Checked as an answer too, so that a document passes the same rules as the answers of language models.
+        // Also checked as an answer, so that a document obeys the same rules as the answers of language models.
         let report = check_answer(&as_answer(&task).to_string(), &request_of(&task));
         let mut checked = FileCheck::of(file, AnswerReport { task: report.task.map(|_| task), ..report });
         for detail in &mut checked.details {

@@ -8,20 +8,21 @@ use genmanip_layout::references;
 /// Maximum length of a task id, characters; an attempt's number is appended to it.
 pub const MAX_ID_LENGTH: usize = 120;
 
-/// Maximum numbers of nodes, and of edges or conditions: several times what fits on a table, and rendered quickly.
+/// Maximum number of nodes, and of edges or conditions: several times as many as fit on a table, and still rendered
+/// quickly.
 const MAX_NODES: usize = 64;
 const MAX_CONDITIONS: usize = 256;
 
 /// One fault of a task document.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// Name of the fault, as in [`genmanip_tasks::answer::FlawKind`] if that has one.
+    /// Name of the fault; one of [`genmanip_tasks::answer::FlawKind`] where that has a suitable kind.
     pub flaw: &'static str,
-    /// JSON path.
+    /// JSON path of the faulty value, starting with `$.`.
     pub place: String,
-    /// Description of the fault.
+    /// Description of the fault, for the author of the document.
     pub message: String,
-    /// Suggested fix.
+    /// Advice on how to fix the fault.
     pub hint: String,
 }
 

@@ -151,7 +151,7 @@ pub fn designed_tasks(count: usize, seed: u64, catalogue: &Catalogue) -> Result<
     Ok(batch.tasks)
 }
 
-/// Task of a text; `path` is its location in messages.
+/// Task of a text; messages name it by `path`.
 fn task_of_text(path: &Path, text: &str) -> Result<Task, WorkspaceError> {
     let value = json::parse(text).map_err(|error| {
         let hint = if let DocumentError::NotJson { hint, .. } = &error { *hint } else { "" };
@@ -178,10 +178,10 @@ fn task_of_text(path: &Path, text: &str) -> Result<Task, WorkspaceError> {
     })
 }
 
-/// Task of a parsed document, without [`task_faults`].
+/// Task of a parsed document, without the checks of [`task_faults`].
 ///
 /// # Errors
-/// [`WorkspaceError::Document`].
+/// [`WorkspaceError::Document`] if the document does not follow the schema.
 pub fn task_of_document(path: &Path, value: Value) -> Result<Task, WorkspaceError> {
     Task::from_value(value).map_err(|error| not_a_document::<Task>(path, error))
 }
@@ -208,7 +208,8 @@ pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, Workspace
     Ok(check_answer(&recorded.response, &request))
 }
 
-/// Objects by a text: uids separated by commas, or a search query for `catalogue` if no part is or looks like a uid.
+/// Objects selected by a text: uids separated by commas, or a search query for `catalogue` if no part is or resembles a
+/// uid.
 ///
 /// # Errors
 /// When a uid is unknown, or nothing fits the query.
@@ -233,8 +234,8 @@ pub fn select_objects(text: &str, catalogue: &Catalogue) -> Result<Vec<ObjectCar
     Ok(found.iter().map(|one| one.card.clone()).collect())
 }
 
-/// Checks a bare answer; `objects` as in [`select_objects`]. `min_objects` is 2 by default, or 1 if one object was
-/// offered.
+/// Checks a bare answer (one without its request); `objects` as in [`select_objects`]. `min_objects` is 2 by default,
+/// or 1 if one object was offered.
 ///
 /// # Errors
 /// When the file cannot be read, the kind is unknown, or an offered object is not in the catalogue.
@@ -257,7 +258,7 @@ pub fn check_bare(
         between: false,
         source: format!("answer {}", path.file_name().unwrap_or_default().to_string_lossy()),
     };
-    // The check itself rejects a larger answer and needs only its size.
+    // A larger answer is replaced by blanks: the check rejects it by its length alone.
     let bytes = match files::read(path, Limit { what: "an answer", bytes: MAX_ANSWER_BYTES as u64 }) {
         Err(DataError::TooLarge { .. }) => vec![b' '; MAX_ANSWER_BYTES + 1],
         bytes => bytes.map_err(|error| unreadable(path, error))?,

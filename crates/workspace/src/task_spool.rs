@@ -11,21 +11,22 @@ use tempfile::SpooledTempFile;
 
 use crate::error::WorkspaceError;
 
-/// Total text length above which tasks are spooled to a file, bytes; chosen: some 3,000 tasks.
+/// Total text length above which tasks are spooled to a file, bytes: some 3,000 tasks. Chosen by hand.
 const MAX_IN_MEMORY_BYTES: usize = 32 << 20;
 
-/// Tasks of a run: few in memory, many in an anonymous temporary file, removed with the last clone. Clones share it.
+/// Tasks of a run: few are held in memory, many in an anonymous temporary file, which is removed with the last clone.
+/// Clones share the tasks.
 #[derive(Clone)]
 pub struct Tasks(Arc<Spooled>);
 
-/// In-memory entry of a task.
+/// Entry of a task that is always in memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TaskEntry {
-    /// Id.
+    /// Id of the task.
     pub id: String,
-    /// Kind.
+    /// Kind of the task.
     pub kind: TaskKind,
-    /// Byte offset of its text in the spool.
+    /// Byte offset of the task's text in the spool.
     start: u64,
     length: usize,
 }
@@ -63,7 +64,7 @@ impl Spool {
         Ok(())
     }
 
-    /// Returns all appended tasks.
+    /// All appended tasks, in the order of their addition.
     pub fn finish(self) -> Tasks {
         let Self { texts, entries, .. } = self;
         Tasks(Arc::new(Spooled { texts: Mutex::new(texts), entries }))

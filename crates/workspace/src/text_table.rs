@@ -1,4 +1,4 @@
-//! Plain-text tables.
+//! Plain-text tables for terminals.
 
 /// Maximum rows on a terminal; longer tables are summarised and show the rows that need attention.
 pub const MAX_ROWS: usize = 30;

@@ -18,8 +18,8 @@ use genmanip_sim::EngineSettings;
 use crate::documents::read_text;
 use crate::error::WorkspaceError;
 
-/// Height of the top-down camera above the highest surface (m), and width of its view over that of the surfaces;
-/// chosen.
+/// Height of the top-down camera above the highest surface (m), and (`AROUND`) ratio of its view's width to that of the
+/// surfaces. Chosen by hand.
 const ABOVE_M: f64 = 3.0;
 const AROUND: f64 = 1.15;
 
@@ -120,7 +120,7 @@ pub fn check(path: &Path) -> Result<Vec<WorldFault>, WorkspaceError> {
 /// File with cameras: a world or a scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraFile {
-    /// A world.
+    /// A world file.
     World(Box<World>),
     /// A scenario with its world.
     Scenario(Box<Scenario>),
@@ -172,7 +172,7 @@ impl CameraFile {
         let bounds = bounds.reduce(|all, bounds| all.union(&bounds)).unwrap_or(genmanip_core::Aabb::EMPTY);
         let (center, size) = (bounds.center(), bounds.size());
         let high = bounds.max.z.max(0.0) + ABOVE_M;
-        // Image rows are parallel to the y axis of the world.
+        // Image rows are parallel to the world's y axis.
         let (width, height) = (720, 720);
         let fov = 2.0 * (AROUND * size.x.max(size.y) / 2.0 / ABOVE_M).atan();
         let (eye, target) = (DVec3::new(center.x, center.y, high), DVec3::new(center.x, center.y, 0.0));
@@ -180,7 +180,7 @@ impl CameraFile {
     }
 }
 
-/// Requested change of a camera; absent values stay unchanged.
+/// Requested change of a camera; fields that are `None` stay unchanged.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CameraChange {
     /// Name of a preset, see [`genmanip_core::camera::PRESETS`].
@@ -189,20 +189,20 @@ pub struct CameraChange {
     pub size_px: Option<[u32; 2]>,
     /// Vertical field of view, rad.
     pub vertical_fov_rad: Option<f64>,
-    /// Position of the camera and the point that it looks at, in the frame of its mount, m.
+    /// Position of the camera and the point at the centre of its image, in the frame of its mount, m.
     pub view: Option<[DVec3; 2]>,
-    /// True to mount it on the hand, without `view` at the pose of the robot's wrist camera.
+    /// True to mount the camera on the hand; without `view`, at the pose of the robot's wrist camera.
     pub on_hand: bool,
     /// Name of a sensor preset, see [`genmanip_core::sensor::SENSORS`], or `none`.
     pub sensor: Option<String>,
-    /// Exposure time, s.
+    /// Exposure time in the camera's sensor model, s.
     pub shutter_s: Option<f64>,
     /// Lens distortion; all zeros for none.
     pub distortion: Option<Distortion>,
 }
 
 impl CameraChange {
-    /// Returns the changed camera; `before` is the current one, if any.
+    /// The camera with this change applied; `before` is the current camera, `None` for a new one.
     fn applied(&self, name: &str, before: Option<&Camera>, robot: &RobotModel) -> Result<Camera, WorkspaceError> {
         let needs = |what: &str| WorkspaceError::input(format!("camera `{name}` needs {what}"));
         let known = CameraPreset::names();
@@ -261,13 +261,14 @@ impl CameraChange {
 /// Edit of the cameras of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraEdit {
-    /// Adds a camera.
+    /// Adds a camera of this name, which must be new.
     Add(String, CameraChange),
-    /// Changes an existing camera.
+    /// Changes the existing camera of this name.
     Set(String, CameraChange),
-    /// Puts a calibrated camera in the place of the one of that name, whose sensor model stays, or adds it.
+    /// Replaces the camera of the same name by a calibrated one but keeps its sensor model, or adds the calibrated
+    /// camera.
     Put(Box<Camera>),
-    /// Removes a camera.
+    /// Removes the camera of this name.
     Remove(String),
 }
 

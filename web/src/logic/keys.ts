@@ -18,6 +18,7 @@ export const BINDINGS: Binding[] = [
   { group: "Scenario", action: "edges", keys: ["u"], words: "edit the scene graph" },
   { group: "Scenario", action: "new", keys: ["Shift+a"], words: "new scenario from a sentence" },
   { group: "Scenario", action: "difference", keys: ["Shift+c"], words: "what differs from an earlier revision" },
+  { group: "Scenario", action: "questions", keys: ["Shift+q"], words: "answer the questions of an agent" },
   { group: "Scenario", action: "snapshot", keys: ["Ctrl+s"], words: "name this revision" },
   { group: "Object", action: "object.next", keys: ["n"], words: "select the next object" },
   { group: "Object", action: "object.previous", keys: ["Shift+n"], words: "select the previous object" },

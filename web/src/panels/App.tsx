@@ -3,6 +3,7 @@
 import { useEffect } from "preact/hooks";
 import { connect, open, resolve } from "../state/connection.ts";
 import { redo, undo } from "../state/edits.ts";
+import * as questions from "../state/questions.ts";
 import * as store from "../state/store.ts";
 import { summary } from "../logic/verdict.ts";
 import { operationWords, valueWords } from "../logic/operations.ts";
@@ -15,6 +16,7 @@ import { EdgesDialog, GoalDialog } from "./GoalDialogs.tsx";
 import { HistoryTab } from "./HistoryTab.tsx";
 import { NewDialog } from "./NewDialog.tsx";
 import { ObjectsTab } from "./ObjectsTab.tsx";
+import { QuestionsDialog } from "./QuestionsDialog.tsx";
 import { RunsTab } from "./RunsTab.tsx";
 import { BalanceDialog, SheetDialog } from "./ReviewDialogs.tsx";
 import { ReviewTab } from "./ReviewTab.tsx";
@@ -84,6 +86,11 @@ function Header() {
       )}
       {others.length > 0 && <span class="chip presence">also here: {others.join(", ")}</span>}
       <div class="buttons">
+        {questions.isAsked.value && (
+          <button type="button" title={withKeys("Answer in place of a model", "questions")} onClick={() => (store.dialog.value = "questions")}>
+            Questions{questions.open.value.length > 0 && <span class="open-questions">{questions.open.value.length}</span>}
+          </button>
+        )}
         <button type="button" title={withKeys("Undo", "undo")} aria-label="Undo" disabled={!state?.can_undo && store.waiting.value === 0} onClick={undo}>
           <Icon name="undo" />
         </button>
@@ -256,6 +263,8 @@ function OpenDialog() {
       return <AuthorDialog onClose={close} />;
     case "sheet":
       return <SheetDialog onClose={close} />;
+    case "questions":
+      return <QuestionsDialog onClose={close} />;
     case "balance":
       return <BalanceDialog onClose={close} />;
     default:

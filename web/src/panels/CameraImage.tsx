@@ -1,9 +1,11 @@
-// The image of the data set from our renderer, with the visible share of each object.
+// The image of the data set from our renderer: of the scenario with the visible share of each object, else of the episode
+// that is played back.
 
-import { signal, useSignal } from "@preact/signals";
+import { effect, signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { nameOf } from "../logic/operations.ts";
-import { cameraImage } from "../state/requests.ts";
+import * as playback from "../state/playback.ts";
+import { cameraImage, stateImage } from "../state/requests.ts";
 import * as store from "../state/store.ts";
 import { withKeys } from "./widgets.tsx";
 
@@ -22,17 +24,50 @@ export function CameraImage() {
   const key = store.scene.value?.key;
   const revision = store.confirmed.value?.revision;
   const isOnline = store.isOnline.value;
+  const episode = playback.episode.value?.episode.episode;
+  const wanted = `${key} ${camera?.name} ${episode ?? revision}`;
+  const put = (loaded: Blob, ofShares: Record<string, number>) => {
+    if (image.peek()) URL.revokeObjectURL(image.peek()!.url);
+    image.value = { url: URL.createObjectURL(loaded), of: wanted };
+    shares.value = ofShares;
+    failure.value = null;
+  };
   useEffect(() => {
-    if (!key || !camera || revision === undefined || !isOnline) return;
+    if (!key || !camera || episode === undefined || !isOnline) return;
+    const abort = new AbortController();
+    let [shown, isLoading] = [-1, false];
+    // One image after the other: playing faster than they come skips some.
+    const follow = async () => {
+      if (isLoading) return;
+      isLoading = true;
+      try {
+        while (!abort.signal.aborted && shown !== playback.state.peek()) {
+          const next = playback.state.peek();
+          put(await stateImage(key, episode, camera.name, next, abort.signal), {});
+          shown = next;
+        }
+      } catch (error) {
+        if (!abort.signal.aborted) failure.value = (error as Error).message;
+      } finally {
+        isLoading = false;
+      }
+    };
+    const stop = effect(() => {
+      void playback.state.value;
+      void follow();
+    });
+    return () => {
+      stop();
+      abort.abort();
+    };
+  }, [key, camera?.name, episode, isOnline]);
+  useEffect(() => {
+    if (!key || !camera || revision === undefined || episode !== undefined || !isOnline) return;
     const abort = new AbortController();
     const load = async () => {
       try {
         const loaded = await cameraImage(key, camera.name, revision, abort.signal);
-        const url = URL.createObjectURL(loaded.image);
-        if (image.peek()) URL.revokeObjectURL(image.peek()!.url);
-        image.value = { url, of: `${key} ${camera.name} ${revision}` };
-        shares.value = loaded.shares;
-        failure.value = null;
+        put(loaded.image, loaded.shares);
       } catch (error) {
         if (!abort.signal.aborted) failure.value = (error as Error).message;
       }
@@ -43,8 +78,8 @@ export function CameraImage() {
       clearTimeout(timer);
       abort.abort();
     };
-  }, [key, camera?.name, revision, isOnline]);
-  const isCurrent = image.value?.of === `${key} ${camera?.name} ${revision}` && store.waiting.value === 0;
+  }, [key, camera?.name, revision, episode, isOnline]);
+  const isCurrent = image.value?.of === wanted && store.waiting.value === 0;
   const seen = Object.entries(shares.value);
   return (
     <section class="image" aria-label="Image of the data set">

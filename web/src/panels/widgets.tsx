@@ -72,12 +72,14 @@ export function NumberField({ label, name, value, digits, unit, step, disabled, 
 interface DialogProps {
   title: string;
   wide?: boolean;
+  /** As large as the window. */
+  full?: boolean;
   onClose: () => void;
   children: ComponentChildren;
 }
 
 /** Modal dialogue: the browser keeps the focus in it and gives it back. */
-export function Dialog({ title, wide, onClose, children }: DialogProps) {
+export function Dialog({ title, wide, full, onClose, children }: DialogProps) {
   const own = useRef<HTMLDialogElement>(null);
   const isLeaving = useRef(false);
   // Before the next key: an effect after painting would let it reach the page below.
@@ -94,7 +96,7 @@ export function Dialog({ title, wide, onClose, children }: DialogProps) {
     };
   }, []);
   return (
-    <dialog ref={own} class={wide ? "wide" : ""} aria-labelledby="dialog-title" onClose={() => isLeaving.current || onClose()}>
+    <dialog ref={own} class={full ? "full" : wide ? "wide" : ""} aria-labelledby="dialog-title" onClose={() => isLeaving.current || onClose()}>
       <header>
         <h2 id="dialog-title">{title}</h2>
         <button type="button" class="quiet" aria-label="Close" onClick={onClose}>

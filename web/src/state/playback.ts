@@ -25,7 +25,8 @@ export const isPlaying = signal(false);
 /** Simulated seconds per second. */
 export const speed = signal(1);
 
-const state = computed(() => (episode.value ? stateAt(episode.value.track, time_s.value) : 0));
+/** Index of the state that is shown. */
+export const state = computed(() => (episode.value ? stateAt(episode.value.track, time_s.value) : 0));
 
 /** Robot and objects at the time that is shown; null while no episode is open. */
 export const posed = computed<Posed | null>(() => {

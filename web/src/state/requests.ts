@@ -57,7 +57,7 @@ async function refusalOf(response: Response): Promise<Refusal> {
 
 const scenarioPath = (key: string) => `/api/scenarios/${encodeURIComponent(key)}`;
 
-export const session = () => json<{ version: string; author: string; needs_token: boolean }>("/api/session");
+export const session = () => json<{ version: string; author: string; needs_token: boolean; asks: boolean }>("/api/session");
 export const scenarioRows = () => json<ScenarioRow[]>("/api/scenarios");
 export const history = (key: string) => json<HistoryLine[]>(`${scenarioPath(key)}/history`);
 export const settle = (key: string, objects: string[]) => json<Operation>(`${scenarioPath(key)}/settle`, { objects });
@@ -106,6 +106,13 @@ export async function cameraImage(
   if (!response.ok) throw new Error((await refusalOf(response)).message);
   const shares = JSON.parse(response.headers.get("x-visible-shares") ?? "{}") as Record<string, number>;
   return { image: await response.blob(), shares };
+}
+
+/** The data set's image of a camera at a state of an episode. */
+export async function stateImage(key: string, episode: string, camera: string, state: number, signal: AbortSignal): Promise<Blob> {
+  const response = await request(`${scenarioPath(key)}/episodes/${episode}/images/${encodeURIComponent(camera)}?state=${state}`, { signal });
+  if (!response.ok) throw new Error((await refusalOf(response)).message);
+  return response.blob();
 }
 
 /** Sends one entry; `state` comes with an applied one, `error` with a refused one. */

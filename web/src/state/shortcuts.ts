@@ -6,6 +6,7 @@ import { moved, turned, type Vector } from "../logic/pose.ts";
 import { open } from "./connection.ts";
 import * as edits from "./edits.ts";
 import * as playback from "./playback.ts";
+import * as questions from "./questions.ts";
 import * as reviews from "./reviews.ts";
 import * as store from "./store.ts";
 import { toggleTheme } from "./theme.ts";
@@ -226,6 +227,8 @@ export function run(action: string, fine = false): boolean {
     case "sheet":
     case "balance":
       return show(action, true);
+    case "questions":
+      return show(action, questions.isAsked.peek());
     default:
       return false;
   }

@@ -60,7 +60,8 @@ export type DialogName =
   | "camera"
   | "author"
   | "sheet"
-  | "balance";
+  | "balance"
+  | "questions";
 
 export interface Notice {
   id: number;

@@ -1,6 +1,6 @@
-//! Injected errors: plausible wrong answers of the oracle, for testing the failure attribution.
+//! Injected errors: plausible wrong answers of the oracle, which test the failure attribution.
 //!
-//! They derive from the oracle's correct answer and never use the attribution code under test.
+//! They are derived from the oracle's correct answer, and never by the attribution code under test.
 
 use genmanip_agent::ask::{Marks, Question, QuestionKind};
 use genmanip_agent::grid::Cell;
@@ -17,10 +17,10 @@ use crate::annotator::distance;
 const PROSE: &str = "I would say it is the one in the middle, but please look for yourself.";
 /// Table height in the world frame, m.
 const TABLE_M: f64 = 0.0;
-/// Clearances accepted for a wrong placement, the same as for a correct one.
+/// Levels of clearance that are accepted for a wrong placement.
 const ROOMS: [Room; 2] = [Room::Ample, Room::Little];
 
-/// Wrong answer that causes a failure of `class`; `None` if this question allows none.
+/// Wrong answer that causes a failure of `class`; `None` if this question allows no such answer.
 pub(super) fn answer(oracle: &Oracle, class: FailureClass, question: &Question) -> Option<String> {
     let answer = match (class, question.stage) {
         (FailureClass::Format, _) => return Some(PROSE.into()),
@@ -75,7 +75,7 @@ fn is_reference(step: &Move, object: usize, scene: &PosedScene) -> bool {
     step.atoms.iter().flat_map(genmanip_layout::references).any(|id| scene.index_of(id) == Some(object))
 }
 
-/// Variants of the move with another first reference, whose name differs from the correct one.
+/// Variants of the move whose first reference is another object with a different name.
 fn to_others(oracle: &Oracle, step: &Move, scene: &PosedScene) -> Vec<Move> {
     let stage = oracle.truth.stage();
     let Some(Atom::Relation { reference, .. }) = step.atoms.first() else { return Vec::new() };
@@ -97,7 +97,7 @@ fn to_others(oracle: &Oracle, step: &Move, scene: &PosedScene) -> Vec<Move> {
     (0..scene.objects().len()).filter(fits).map(aimed).collect()
 }
 
-/// The mask of a thing that need not move.
+/// Answer with the mask of an object that need not move; `None` if there is none.
 fn other_mask(oracle: &Oracle, question: &Question) -> Option<serde_json::Value> {
     let (Some(step), Marks::Masks(drawn)) = (oracle.step(&question.instruction), &question.marks) else { return None };
     let known = oracle.truth.masks(&question.view)?;
@@ -105,11 +105,11 @@ fn other_mask(oracle: &Oracle, question: &Question) -> Option<serde_json::Value>
         oracle.truth.undone(&oracle.truth.scene()).iter().flatten().map(|step| step.object).collect();
     let others = known.iter().filter(|(object, _)| *object != step.object && !wanted.contains(object));
     let masks: Vec<usize> = others.filter_map(|(_, mask)| best_mask(drawn, mask)).collect();
-    // The answer names the correct object with the wrong mask.
+    // The answer states the name of the correct object, but the number of the wrong mask.
     masks.get(oracle.draw(question, masks.len())).map(|&mask| oracle.named(mask, step.object))
 }
 
-/// Move of the sub-task, if its object is the picked one.
+/// Move of the sub-task; `None` if the agent picked another object.
 fn taken_step(oracle: &Oracle, question: &Question) -> Option<Move> {
     let Marks::Grid { moved, .. } = &question.marks else { return None };
     let step = oracle.step(&question.instruction)?;
@@ -117,14 +117,14 @@ fn taken_step(oracle: &Oracle, question: &Question) -> Option<Move> {
     (object == step.object).then_some(step)
 }
 
-/// True if a move would be completed with its object at rest over a point.
+/// True if the move would be completed with the centre of its object's underside at a point (world frame, m).
 fn would_do(oracle: &Oracle, step: &Move, point: DVec3, scene: &PosedScene) -> bool {
     let mut after = scene.clone();
     let Some(bounds) = scene.bounds(step.object) else { return false };
     after.shift(step.object, point - bounds.center().with_z(bounds.min.z));
     let relations = &oracle.truth.stage().relations;
     let holds = |atom: &Atom| match atom {
-        // The resting pose is unknown; a point above the support counts as reached.
+        // The resting pose is unknown, so any point above the support counts as reached.
         Atom::Relation { relation, reference, .. } if relation.is_support() => {
             let carrier = after.index_of(reference).and_then(|carrier| after.bounds(carrier));
             carrier.is_some_and(|carrier| {
@@ -136,8 +136,8 @@ fn would_do(oracle: &Oracle, step: &Move, point: DVec3, scene: &PosedScene) -> b
     step.atoms.iter().all(holds)
 }
 
-/// Cell that completes the move for a wrong reference nearer than the correct one; a cell nearer to the correct
-/// reference would also count as a wrong location there.
+/// Answer with a cell that completes the move for a wrong reference. The cell is nearer to the wrong reference than to
+/// the correct one; otherwise it would also count as a wrong location at the correct reference.
 fn other_reference(oracle: &Oracle, question: &Question) -> Option<serde_json::Value> {
     let step = taken_step(oracle, question)?;
     let scene = oracle.truth.scene();
@@ -156,7 +156,7 @@ fn other_reference(oracle: &Oracle, question: &Question) -> Option<serde_json::V
     Some(oracle.sent_to(question, *chosen, None))
 }
 
-/// Cell in a wrong relation to the correct reference.
+/// Answer with a cell in a wrong relation to the correct reference.
 fn other_relation(oracle: &Oracle, question: &Question) -> Option<serde_json::Value> {
     let step = taken_step(oracle, question)?;
     let scene = oracle.truth.scene();
@@ -178,7 +178,7 @@ fn other_relation(oracle: &Oracle, question: &Question) -> Option<serde_json::Va
             },
             state @ Atom::State { .. } => state.clone(),
         };
-        // Of several conditions, the instruction states the first.
+        // Only the first of several conditions is kept, which is the one that the instruction states.
         Move { object: step.object, atoms: step.atoms.iter().take(1).map(atom).collect() }
     };
     let others: Vec<Move> = confused.iter().map(other).collect();
@@ -187,7 +187,7 @@ fn other_relation(oracle: &Oracle, question: &Question) -> Option<serde_json::Va
     Some(oracle.sent_to(question, *chosen, None))
 }
 
-/// Cells that complete one of `others` but no unfinished move of the goal.
+/// Cells that complete one of `others`, but neither `step` nor an unfinished goal move of its object.
 fn cells_of(oracle: &Oracle, question: &Question, step: &Move, others: &[Move], scene: &PosedScene) -> Vec<Cell> {
     let Marks::Grid { targets, .. } = &question.marks else { return Vec::new() };
     let undone = oracle.truth.undone(scene);
@@ -202,7 +202,7 @@ fn cells_of(oracle: &Oracle, question: &Question, step: &Move, others: &[Move], 
     others.iter().filter_map(fits).collect()
 }
 
-/// Correct path with an intermediate cell that the arm cannot reach at the requested height.
+/// Correct path with an additional cell that the arm cannot reach at the height [`HIGHEST_M`].
 fn out_of_reach(oracle: &Oracle, question: &Question) -> Option<serde_json::Value> {
     let Marks::Grid { grid, .. } = &question.marks else { return None };
     let goal = oracle.cell(question)?;

@@ -1,4 +1,4 @@
-//! Oracle: a model with access to the ground truth, which isolates errors of the rest of the agent.
+//! Oracle: a model with access to the ground truth, which isolates errors of the agent's other components.
 //!
 //! It answers only with marks of the image: -1 if no mask matches the object with an IoU of 0.5.
 //! It reveals nothing else to the agent.
@@ -21,20 +21,20 @@ use serde_json::json;
 
 use super::GroundTruth;
 
-/// Minimum IoU (intersection over union) with the object's ground-truth mask.
+/// Minimum IoU (intersection over union) of a proposed mask with the object's ground-truth mask. Chosen by hand.
 const SAME_MASK: f64 = 0.5;
-/// Margin (m) above which a placement scores no better.
+/// Goal margin (m) above which a placement's score does not grow; its clearance counts up to twice as much.
 const AMPLE_M: f64 = 0.03;
-/// Clearance (m) below which a placement counts as occupied.
+/// Clearance (m) to other objects below which a placement counts as occupied.
 const TAKEN_M: f64 = 0.01;
-/// Radius (m) within which tried grasps count towards a point.
+/// Radius (m) within which tried grasps count towards the score of a point.
 const NEAR_POINT_M: f64 = 0.03;
-/// Height (m) of a grid path above the table, and at its ends.
+/// Height (m) of a grid path: at its middle cell, and at its ends.
 const CARRY_M: f64 = 0.28;
 const END_M: f64 = 0.2;
-/// Maximum path height in an answer, m.
+/// Maximum path height that an answer may state, m; the height at the detour cell of a deliberately wrong path.
 const HIGHEST_M: f64 = 0.5;
-/// Minimum share of a cell's pixels on the support object.
+/// Minimum share of a cell's pixels that show the support object.
 const ON_THING: f64 = 0.3;
 
 /// Injected error rate per question kind, 0 to 1.
@@ -43,25 +43,25 @@ pub type ErrorRates = BTreeMap<QuestionKind, f64>;
 /// Error injection of the oracle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ErrorInjection {
-    /// Error rate per question kind.
+    /// Error rate per question kind, 0-1; 0 if absent.
     pub rates: ErrorRates,
-    /// Failure class to inject once per episode, at the first question that allows it.
+    /// Failure class to inject once per episode, at the first question that allows it; `None` to use `rates` instead.
     pub once: Option<FailureClass>,
 }
 
-/// The oracle of one episode.
+/// Oracle of one episode.
 pub struct Oracle {
     truth: GroundTruth,
     planner: Arc<Planner>,
-    /// Precomputed grasps with trial results, per object.
+    /// Precomputed grasps with trial results, by object index.
     grasps: Vec<Vec<VerifiedGrasp>>,
     dials: ErrorInjection,
-    /// Move of each sub-task text produced by this oracle.
+    /// Move that each sub-task text of this oracle describes.
     subtasks: Arc<Mutex<BTreeMap<String, Move>>>,
 }
 
 impl Oracle {
-    /// Oracle of one episode; `grasps` are precomputed grasps with trial results, per object.
+    /// Oracle of one episode; `grasps` are precomputed grasps with trial results, by object index.
     pub fn new(
         truth: GroundTruth,
         planner: &Arc<Planner>,
@@ -71,7 +71,7 @@ impl Oracle {
         Self { truth, planner: Arc::clone(planner), grasps, dials, subtasks: Arc::default() }
     }
 
-    /// Copy without error injection that shares this oracle's sub-task texts.
+    /// Copy without error injection; it shares the map of sub-task texts with this oracle.
     #[must_use]
     pub fn honest(&self) -> Self {
         Self {
@@ -83,14 +83,15 @@ impl Oracle {
         }
     }
 
-    /// Error class to inject into this answer: once per episode, or sampled by episode seed and number of the ask.
+    /// Failure class of the error to inject into this answer: once per episode, or sampled by episode seed and question
+    /// number; `None` for a correct answer.
     fn flaw(&self, question: &Question) -> Option<FailureClass> {
         if let Some(class) = self.dials.once {
-            // Wrong grasps are injected by the grasp source.
+            // The grasp source injects wrong grasps.
             if class == FailureClass::GraspProposal {
                 return None;
             }
-            // A format error is asked again; all repetitions count as one error.
+            // The agent asks again after a format error; all repetitions count as one error.
             let goes_on = class == FailureClass::Format && !question.refused.is_empty();
             return (goes_on || self.truth.injected().is_empty()).then_some(class);
         }
@@ -108,24 +109,25 @@ impl Oracle {
         })
     }
 
-    /// Random number below a bound, from a stream specific to this ask.
+    /// Random number below `bound` (0 or more), from a stream specific to this question.
     fn draw(&self, question: &Question, bound: usize) -> usize {
         let seed = self.truth.now().seed.unwrap_or(genmanip_core::Seed::new(0));
         seed.fork("oracle choice").fork_index(question.ask as u64).rng().random_range(0..bound.max(1))
     }
 
-    /// Move described by a sub-task.
+    /// Move described by a sub-task text; `None` if this oracle did not write it.
     fn step(&self, subtask: &str) -> Option<Move> {
         self.subtasks.lock().unwrap_or_else(PoisonError::into_inner).get(subtask).cloned()
     }
 
-    /// Shortest non-empty plan of unfinished moves among the alternatives.
+    /// Shortest non-empty plan of unfinished moves among the goal alternatives; empty if every move is finished.
     fn plan(&self, scene: &PosedScene) -> Vec<Move> {
         let plans = self.truth.undone(scene);
         plans.into_iter().filter(|plan| !plan.is_empty()).min_by_key(Vec::len).unwrap_or_default()
     }
 
-    /// Sub-task texts of a plan; they are stored, so that later questions map back to the moves.
+    /// JSON answer with the sub-task texts of a plan; the texts are stored, so that later questions can be mapped to
+    /// the moves.
     fn worded(&self, plan: Vec<Move>) -> serde_json::Value {
         let mut known = self.subtasks.lock().unwrap_or_else(PoisonError::into_inner);
         let mut subtasks = Vec::new();
@@ -173,7 +175,7 @@ impl Oracle {
         self.named(number, step.object)
     }
 
-    /// Answer with a mask number, and the name and colour of an object.
+    /// JSON answer with a mask number, and the name and colour of an object.
     fn named(&self, mask: usize, object: usize) -> serde_json::Value {
         let card = &self.truth.stage().models[object].card;
         let color = card.colors.first().cloned().unwrap_or_default();
@@ -188,7 +190,7 @@ impl Oracle {
         }
     }
 
-    /// Score and index of each part, by the tried grasps near it.
+    /// Score (sum of success rates of tried grasps near its pixels) and index of each part.
     fn parts(&self, question: &Question) -> Vec<(f64, usize)> {
         let (Marks::Masks(parts), Some(step)) = (&question.marks, self.step(&question.instruction)) else {
             return Vec::new();
@@ -200,7 +202,7 @@ impl Oracle {
         parts.iter().map(speaks).zip(0..).collect()
     }
 
-    /// Sum of the success rates of the tried grasps of an object near a point.
+    /// Sum of the success rates of an object's tried grasps within [`NEAR_POINT_M`] of a point in the world frame (m).
     fn grasps_near(&self, object: usize, point: DVec3) -> f64 {
         let scene = self.truth.scene();
         let Some(posed) = scene.objects().nth(object) else { return 0.0 };
@@ -219,7 +221,7 @@ impl Oracle {
         json!({"selected_point": best + 1, "reason": "most tried grasps are near it"})
     }
 
-    /// Score and index of each point: nearby tried grasps first, then closeness to the object's centre.
+    /// Score and index of each candidate point: first by nearby tried grasps, then by closeness to the object's centre.
     fn points(&self, question: &Question) -> Vec<((f64, f64), usize)> {
         let Marks::Points(points) = &question.marks else { return Vec::new() };
         let known = self.truth.masks(&question.view).unwrap_or_default();
@@ -234,23 +236,23 @@ impl Oracle {
         points.iter().map(|&pixel| worth(pixel)).zip(0..).collect()
     }
 
-    /// Best cell for the sub-task of a question.
+    /// Best target cell for the sub-task of a question; `None` if there is none or the sub-task is unknown.
     fn cell(&self, question: &Question) -> Option<Cell> {
         let Marks::Grid { moved, .. } = &question.marks else { return None };
         let step = self.step(&question.instruction)?;
-        // A wrongly picked object still needs a target.
+        // If the agent picked another object than asked, that object is placed.
         let object = self.taken(question, moved).unwrap_or(step.object);
         let rooms = [Room::Ample, Room::Little, Room::Any];
         self.cell_for(question, &self.truth.about(&step, object), &rooms)
     }
 
-    /// Object whose ground-truth mask has the highest IoU with `moved`.
+    /// Index of the object whose ground-truth mask has the highest IoU with `moved`; `None` if no object is visible.
     fn taken(&self, question: &Question, moved: &Mask) -> Option<usize> {
         let known = self.truth.masks(&question.view).unwrap_or_default();
         known.iter().max_by(|a, b| a.1.iou(moved).total_cmp(&b.1.iou(moved))).map(|(object, _)| *object)
     }
 
-    /// Best cell for a move, from the first clearance level in `rooms` with a candidate.
+    /// Best target cell for a move, from the first clearance level in `rooms` that has a candidate.
     fn cell_for(&self, question: &Question, step: &Move, rooms: &[Room]) -> Option<Cell> {
         let Marks::Grid { grid, targets, .. } = &question.marks else { return None };
         let scene = self.truth.scene();
@@ -275,7 +277,7 @@ impl Oracle {
         worth.into_iter().max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))).map(|(_, cell)| cell)
     }
 
-    /// Answer that places the picked object in a cell.
+    /// Answer that places the picked object in cell `goal`; a grid path also passes the cell `detour`, if given.
     fn sent_to(&self, question: &Question, goal: Cell, detour: Option<Cell>) -> serde_json::Value {
         match &question.marks {
             Marks::Grid { grid, moved, .. } if question.stage == QuestionKind::GridPath => {
@@ -293,7 +295,7 @@ impl Oracle {
             QuestionKind::GrabPoint => self.grab_point(question),
             QuestionKind::PointToPoint | QuestionKind::GridPath => match self.cell(question) {
                 Some(cell) => self.sent_to(question, cell, None),
-                // No suitable cell: an invalid label, which the agent rejects.
+                // Without a suitable cell the answer is an invalid label, which the agent rejects.
                 None => json!({"selected_point": {"type": "grid", "label": "none"}}),
             },
             QuestionKind::Check => {
@@ -316,7 +318,8 @@ fn checked(finished: bool, score: f64, remaining: serde_json::Value) -> serde_js
     json!({"scene_description": format!("score {score:.2}"), "finished": finished, "remaining": remaining})
 }
 
-/// Grid path from the object's cell to the goal, via the middle cell if far, and via an optional detour.
+/// Grid path from the object's cell to the goal, via the middle cell if they are more than 3 cells apart, and via
+/// `detour` if given.
 fn path(grid: &Grid, moved: &Mask, goal: Cell, detour: Option<Cell>) -> serde_json::Value {
     let width = moved.width as usize;
     let count = moved.indices().count().max(1) as f64;
@@ -334,7 +337,7 @@ fn path(grid: &Grid, moved: &Mask, goal: Cell, detour: Option<Cell>) -> serde_js
     json!({ "path": path })
 }
 
-/// Index of the mask with the highest IoU with an object's mask, if at least [`SAME_MASK`].
+/// Index of the mask in `drawn` with the highest IoU with an object's mask; `None` if all are below [`SAME_MASK`].
 fn best_mask(drawn: &[Mask], mask: &Mask) -> Option<usize> {
     let overlaps = drawn.iter().map(|other| other.iou(mask)).enumerate();
     overlaps.filter(|(_, iou)| *iou >= SAME_MASK).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
@@ -345,9 +348,9 @@ fn best_mask(drawn: &[Mask], mask: &Mask) -> Option<usize> {
 enum Room {
     /// Clearance of at least [`TAKEN_M`], inside the workspace.
     Ample,
-    /// Any positive clearance.
+    /// Any clearance that is not negative.
     Little,
-    /// Best candidate, even if the goal does not hold there.
+    /// Any clearance, even if the goal does not hold there.
     Any,
 }
 
@@ -360,7 +363,7 @@ struct Placed<'a> {
 }
 
 impl Placed<'_> {
-    /// Score of a point on the table, by its margins (m); `None` if it is unsuitable.
+    /// Score of a point on the table (world frame, m), from goal margin and clearance; `None` if it is unsuitable.
     fn worth(&self, point: DVec3, room: Room) -> Option<f64> {
         let stage = self.oracle.truth.stage();
         let bounds = self.scene.bounds(self.object)?;
@@ -394,7 +397,7 @@ impl Placed<'_> {
         Some(margin.min(AMPLE_M) + 0.5 * clear.min(2.0 * AMPLE_M))
     }
 
-    /// Scored cells on the support object; the score grows with closeness to a goal pose.
+    /// Cells on the support object, each with a score that grows with closeness to a goal pose.
     fn on(&self, grid: &Grid, targets: &BTreeMap<Cell, DVec3>, carrier: Option<&Mask>) -> Vec<(f64, Cell)> {
         let stage = self.oracle.truth.stage();
         let upright: Vec<DQuat> = self.scene.objects().map(|object| object.pose.rotation).collect();

@@ -1,7 +1,7 @@
 //! Parsing and validation of answers: lenient format, drawn marks only, one-sentence error messages.
 //!
-//! Prose, code fences, additional keys, numbers as text and a list around the answer are read past; a number that is not
-//! there is never made up, and of two different answers none is taken.
+//! Prose, code fences, additional keys, numbers as text and a list around the answer are ignored or unwrapped. A
+//! missing number is never guessed, and of two different answers neither is accepted.
 
 use genmanip_core::lenient_json::{self, Wanted};
 use serde::de::DeserializeOwned;
@@ -15,32 +15,32 @@ use crate::grid::{Cell, Grid};
 
 /// Maximum length of an answer (bytes), about a hundred times a long path.
 const MAX_ANSWER_BYTES: usize = 64 << 10;
-/// Maximum number of JSON values of an answer.
+/// Maximum number of JSON values of an answer. Bounds the time for invalid answers.
 const MAX_VALUES: usize = 4096;
-/// Maximum number of lists of one and objects with one key around an answer.
+/// Maximum number of nested single-item lists and single-key objects around an answer. Chosen by hand.
 const MAX_WRAPPINGS: usize = 3;
-/// Maximum number of sub-tasks and of path cells.
+/// Maximum number of sub-tasks, and of cells of a path. Chosen by hand.
 const MAX_ITEMS: usize = 24;
-/// Allowed path heights above the table (m).
+/// Allowed path heights above the table (m). Chosen by hand.
 const HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.1..=0.5;
 
 /// Maximum turn of a gripper or object (degrees).
 const MAX_TURN_DEG: f64 = 360.0;
 
-/// A valid answer.
+/// Valid answer to a question, by its kind.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
-    /// Of [`QuestionKind::Decompose`].
+    /// Answer to [`QuestionKind::Decompose`].
     Decompose(DecomposeAnswer),
-    /// Of [`QuestionKind::Object`] and [`QuestionKind::Part`].
+    /// Answer to [`QuestionKind::Object`] or [`QuestionKind::Part`].
     Mark(MarkAnswer),
-    /// Of [`QuestionKind::GrabPoint`].
+    /// Answer to [`QuestionKind::GrabPoint`].
     GrabPoint(GrabPointAnswer),
-    /// Of [`QuestionKind::GridPath`].
+    /// Answer to [`QuestionKind::GridPath`].
     Path(PathAnswer),
-    /// Of [`QuestionKind::PointToPoint`].
+    /// Answer to [`QuestionKind::PointToPoint`].
     Point(PointAnswer),
-    /// Of [`QuestionKind::Check`].
+    /// Answer to [`QuestionKind::Check`].
     Check(CheckAnswer),
 }
 
@@ -62,7 +62,7 @@ pub struct MarkAnswer {
     pub color: String,
 }
 
-/// A chosen grab point.
+/// Answer that names one of the drawn grab points.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GrabPointAnswer {
     /// Index of the point, from 0.
@@ -81,7 +81,7 @@ pub struct PathAnswer {
 /// One cell of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathCell {
-    /// The cell.
+    /// Cell that the path passes.
     pub cell: Cell,
     /// Height of the carried object above the table (m).
     pub height_m: f64,
@@ -92,22 +92,22 @@ pub struct PathCell {
 /// The grid cell of the placement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointAnswer {
-    /// The cell.
+    /// Chosen cell.
     pub cell: Cell,
     /// Yaw of the object relative to how it lies, counterclockwise seen from above (degrees); `None` if it was not
     /// asked for or not given.
     pub turn_deg: Option<f64>,
 }
 
-/// Verdict on task completion.
+/// Answer on whether the task is complete.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CheckAnswer {
     /// Scene description given by the model.
     pub scene_description: String,
-    /// Verdict of the model.
+    /// True if the model considers the task finished.
     #[serde(deserialize_with = "flag")]
     pub finished: bool,
-    /// Remaining sub-tasks, if the model lists them.
+    /// Remaining sub-tasks; empty if the model lists none.
     #[serde(default)]
     pub remaining: Vec<String>,
 }
@@ -115,7 +115,7 @@ pub struct CheckAnswer {
 /// Parses and validates an answer.
 ///
 /// # Errors
-/// Describes the problem in words for the model.
+/// Description of the problem, written for the model.
 pub fn parse(question: &Question, text: &str) -> Result<Answer, Rejection> {
     if text.len() > MAX_ANSWER_BYTES {
         let size = text.len();
@@ -138,7 +138,7 @@ pub fn parse(question: &Question, text: &str) -> Result<Answer, Rejection> {
     }
 }
 
-/// The answer of a value, or of the only item of a list or object.
+/// Answer parsed from a value, or from the only item of a list or object.
 fn unwrapped(question: &Question, value: &Value, wrappings: usize) -> Result<Answer, Rejection> {
     let direct = answer(question, value);
     let inner = match value {
@@ -244,7 +244,7 @@ struct PathItemWire {
     claw_orientation: f64,
 }
 
-/// A number, also as text.
+/// Deserialises a number, also from text.
 fn number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
     let value = Value::deserialize(deserializer)?;
     let number = match &value {
@@ -254,12 +254,12 @@ fn number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
     number.filter(|number| number.is_finite()).ok_or_else(|| unexpected(&value, "a number"))
 }
 
-/// A number, also as text, if there is one.
+/// Deserialises a number, also from text; `None` for null.
 fn optional_number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
     number(deserializer).map(Some)
 }
 
-/// A whole number, also as text or with zeros behind the point.
+/// Deserialises an integer, also from text or with a fraction of zeros (`3.0`).
 fn whole_number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<i64, D::Error> {
     let value = Value::deserialize(deserializer)?;
     let whole = |number: f64| (number.fract() == 0.0 && number.abs() < 1e15).then_some(number as i64);
@@ -270,7 +270,7 @@ fn whole_number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<i64, D::Er
     number.ok_or_else(|| unexpected(&value, "a whole number"))
 }
 
-/// A truth value, also as text.
+/// Deserialises a truth value, also from text.
 fn flag<'de, D: Deserializer<'de>>(deserializer: D) -> Result<bool, D::Error> {
     let value = Value::deserialize(deserializer)?;
     let flag = match &value {
@@ -308,7 +308,7 @@ fn check_subtasks(subtasks: &[String], fewest: usize) -> Result<(), Rejection> {
     Ok(())
 }
 
-/// Index of a numbered mark.
+/// Index from 0 of a mark by the number drawn on the image; rejects numbers of no mark.
 fn drawn(number: i64, count: usize, what: &str) -> Result<usize, Rejection> {
     let index = usize::try_from(number).ok().and_then(|number| number.checked_sub(1)).filter(|index| *index < count);
     index.ok_or_else(|| Rejection::Undrawn(format!("{what} {number} is not drawn, there are 1 to {count}")))

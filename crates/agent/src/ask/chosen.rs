@@ -1,4 +1,4 @@
-//! Image of an answer for the transcript: the chosen mark, and the place that it means.
+//! Image of an answer for the transcript: the chosen mark, and the place that it refers to.
 
 use genmanip_core::RgbdImage;
 
@@ -7,11 +7,11 @@ use super::question::{Marks, Question};
 use crate::grid::{Cell, Grid};
 use crate::image::{Color, RgbImage, WHITE, marks};
 
-/// Name of the image.
+/// Name of the image of an answer.
 pub(super) const CHOSEN: &str = "chosen";
-/// Colour of what was chosen.
+/// Colour of the chosen mark.
 const COLOR: Color = [228, 26, 28];
-/// Opacity of a chosen mask or cell.
+/// Opacity of the tint of a chosen mask or cell.
 const FILL: f64 = 0.35;
 
 /// The view with the answer drawn into it; `None` for an answer in words.
@@ -54,7 +54,7 @@ fn tinted(image: &mut RgbImage, grid: &Grid, cell: Cell) {
     image.rectangle([left, top], [right, bottom], COLOR, FILL);
 }
 
-/// A disc at a place, if the view shows it.
+/// Draws a disc at a world point, if the view shows it.
 fn place(image: &mut RgbImage, view: &RgbdImage, point: Option<glam::DVec3>) {
     if let Some(pixel) = point.and_then(|point| view.pixel_of(point)) {
         disc(image, pixel.to_array());

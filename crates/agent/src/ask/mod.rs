@@ -1,9 +1,9 @@
 //! Questions to a vision-language model: prompt, validation of the answer, transcript.
 //!
-//! A question is sent with images and the marks drawn on them. Only an answer that names drawn marks is accepted; its
-//! format may have slips. An invalid answer is returned to the model with an explanation, up to a fixed number of retries;
-//! then the stage fails; one that was cut off fails at once. No mark is ever
-//! chosen by default.
+//! A question is sent with images and the marks drawn on them. Only an answer that names drawn marks is accepted; small
+//! errors of format are tolerated. An invalid answer is returned to the model with an explanation, up to a fixed number
+//! of retries, after which the stage fails. An answer that was cut off fails at once. No mark is ever chosen by
+//! default.
 
 mod answer;
 mod chosen;
@@ -39,13 +39,13 @@ const CUT_OFF: &str = "the model was stopped at its limit of tokens: raise `max_
 /// Retry limits for invalid answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RetryLimits {
-    /// Maximum retries.
+    /// Maximum number of retries.
     pub most: usize,
-    /// Retry after the answer that no mark fits. False if another view can be shown instead.
+    /// True to retry after the answer that no mark fits; false if another view can be shown instead.
     pub not_found: bool,
 }
 
-/// Asks a question up to `1 + reasks.most` times until the answer is valid.
+/// Asks a question up to `1 + reasks.most` times, until the answer is valid.
 ///
 /// # Errors
 /// Reports why the last answer was invalid; the cause [`StageCause::Service`] means that the service did not answer.
@@ -59,8 +59,8 @@ pub fn ask(
     answer
 }
 
-/// Asks independent questions concurrently, then retries those with invalid answers. Asks are numbered in question
-/// order.
+/// Asks independent questions concurrently, then repeats each question whose answer was invalid. Ask indices follow the
+/// order of the questions.
 pub fn ask_each<const COUNT: usize>(
     model: &dyn VisionModel,
     mut questions: [Question; COUNT],

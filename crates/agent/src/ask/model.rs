@@ -23,14 +23,14 @@ pub trait VisionModel: Send + Sync {
     }
 }
 
-/// Reply of a model.
+/// Reply of a model to a question.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ModelReply {
-    /// Reply text.
+    /// Text of the reply, not yet validated.
     pub text: String,
-    /// Token usage, if the service reports it.
+    /// Token usage, if the service reports it; `None` otherwise.
     pub usage: Option<Usage>,
-    /// True if the model was stopped at its limit of tokens: asking again would not help.
+    /// True if the model was stopped at its token limit: asking again would not help.
     pub cut_off: bool,
 }
 
@@ -68,11 +68,11 @@ impl From<ChatError> for ServiceError {
 
 /// Adapter of a [`ChatModel`]: live, recorded, or a person behind a folder.
 pub struct ChatService {
-    /// The chat model.
+    /// Backend that answers chat requests.
     pub chat: Arc<dyn ChatModel>,
     /// Model name on the server.
     pub model: String,
-    /// Additional request fields.
+    /// Additional fields of the request, such as `temperature`.
     pub parameters: Map<String, Value>,
 }
 

@@ -15,11 +15,11 @@ use super::question_kind::{PromptStamp, QuestionKind};
 /// All prompts of the agent.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PromptSet {
-    /// In the order of [`QuestionKind::ALL`].
+    /// Prompts in the order of [`QuestionKind::ALL`].
     prompts: Vec<Prompt>,
-    /// For [`PromptVariant::Turned`].
+    /// Prompt of [`PromptVariant::Turned`].
     turned: Prompt,
-    /// For [`PromptVariant::FineCell`].
+    /// Prompt of [`PromptVariant::FineCell`].
     fine_cell: Prompt,
 }
 
@@ -33,7 +33,7 @@ struct Prompt {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("prompt {file}: {message}")]
 pub struct PromptError {
-    /// The file.
+    /// File name of the prompt.
     pub file: String,
     /// Description of the error.
     pub message: String,
@@ -46,7 +46,7 @@ struct Head {
     version: u32,
 }
 
-/// Placeholder values; unused ones are empty.
+/// Values of the placeholders; empty where a prompt does not use one.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Inputs<'a> {
     pub instruction: &'a str,
@@ -68,10 +68,10 @@ const BUILT_IN: [(&str, &str); 7] = [
 /// Variant of a question.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum PromptVariant {
-    /// As published.
+    /// The prompt as published.
     #[default]
     Plain,
-    /// [`QuestionKind::PointToPoint`] with a turn of the object.
+    /// [`QuestionKind::PointToPoint`] that also asks for the yaw change of the object.
     Turned,
     /// [`QuestionKind::PointToPoint`] on a finer grid.
     FineCell,

@@ -1,4 +1,4 @@
-//! Questions to a model.
+//! Questions to a vision-language model.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -21,9 +21,9 @@ pub struct Question {
     pub stage: QuestionKind,
     /// Index of the ask in the episode, retries included, from 0.
     pub ask: usize,
-    /// Identity of the prompt.
+    /// Identity of the prompt that the text was made from.
     pub prompt: PromptStamp,
-    /// Text of the question.
+    /// Text of the question, as sent to the model.
     pub text: String,
     /// Instruction: the whole task, or the sub-task.
     pub instruction: String,
@@ -33,9 +33,9 @@ pub struct Question {
     pub marks: Marks,
     /// RGB-D image of the view; not sent to the model.
     pub view: Arc<RgbdImage>,
-    /// Ask for reasoning before the answer.
+    /// True to ask for reasoning before the answer.
     pub reasoning: bool,
-    /// Rejected answers so far.
+    /// Rejected answers to this question so far.
     pub refused: Vec<RejectedAnswer>,
 }
 
@@ -50,14 +50,14 @@ const REASON: &str = "\n\nPut one more field first into the JSON object: `reason
 pub struct QuestionImage {
     /// Name of the image, e.g. `masks`.
     pub name: &'static str,
-    /// The image.
+    /// Pixels of the image.
     pub picture: Arc<RgbImage>,
 }
 
 /// The marks that an answer may name.
 #[derive(Clone, Debug)]
 pub enum Marks {
-    /// None: the answer is in words.
+    /// No marks: the answer is in words.
     None,
     /// Masks, numbered from 1 in this order.
     Masks(Arc<[Mask]>),
@@ -65,13 +65,13 @@ pub enum Marks {
     Points(Vec<usize>),
     /// A grid and the placement targets of its cells; cells without a target cannot receive the object.
     Grid {
-        /// The grid.
+        /// Grid drawn on the image.
         grid: Grid,
         /// Rest position of the object's footprint centre per cell, world frame.
         targets: BTreeMap<Cell, DVec3>,
         /// Mask of the moved object.
         moved: Mask,
-        /// True if the answer also says how far the object is turned.
+        /// True if the answer also states the yaw change of the object.
         turns: bool,
     },
 }

@@ -24,11 +24,11 @@ pub enum QuestionKind {
 }
 
 impl QuestionKind {
-    /// All kinds.
+    /// All kinds, in pipeline order.
     pub const ALL: [Self; 7] =
         [Self::Decompose, Self::Object, Self::Part, Self::GrabPoint, Self::GridPath, Self::PointToPoint, Self::Check];
 
-    /// Name in files.
+    /// Name of the kind in transcripts and recorded answers.
     pub fn name(self) -> &'static str {
         AgentStage::from(self).name()
     }
@@ -48,7 +48,7 @@ impl From<QuestionKind> for AgentStage {
     }
 }
 
-/// Identity of a prompt.
+/// Identity of a prompt, to detect changes of its text.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PromptStamp {

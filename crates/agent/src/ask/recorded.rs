@@ -22,9 +22,9 @@ const THUMBNAIL: [usize; 2] = [16, 9];
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecordedAnswers {
-    /// Id of the scenario.
+    /// Id of the scenario of the episode.
     pub scenario: String,
-    /// Answers by ask index.
+    /// Answers in the order of their ask index.
     pub answers: Vec<RecordedAnswer>,
 }
 
@@ -32,7 +32,7 @@ impl Document for RecordedAnswers {
     const SCHEMA: &'static str = "genmanip.agent_answers/1";
 }
 
-/// One answer with the question it belongs to.
+/// Recorded answer with the question it belongs to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecordedAnswer {
@@ -40,9 +40,9 @@ pub struct RecordedAnswer {
     pub ask: usize,
     /// Kind of question.
     pub stage: QuestionKind,
-    /// The prompt, with its version.
+    /// Identity of the prompt, with its version.
     pub prompt: PromptStamp,
-    /// Text of the question.
+    /// Text of the question, as it was sent.
     pub text: String,
     /// True if reasoning was requested.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -50,13 +50,13 @@ pub struct RecordedAnswer {
     /// Previously rejected answers with the reasons.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub refused: Vec<[String; 2]>,
-    /// Drawn marks: centre (column, row) and area of each mask, or the points (px).
+    /// Drawn marks (px): centre (column, row) and area of each mask, or column, row and 1 of each point.
     pub marks: Vec<[f64; 3]>,
-    /// Thumbnails of the images.
+    /// Thumbnails of the images that were sent.
     pub pictures: Vec<Thumbnail>,
-    /// Answer text.
+    /// Text of the answer, as the model gave it.
     pub answer: String,
-    /// Token usage, if the service reported it.
+    /// Token usage, if the service reported it; `None` otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub usage: Option<Usage>,
     /// True if the model was stopped at its limit of tokens.
@@ -79,9 +79,9 @@ pub struct Thumbnail {
 /// Tolerated differences between a question and its recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
-    /// Mean difference of thumbnail cell colours, of 255.
+    /// Maximum mean difference of thumbnail cell colours, on a scale of 0 to 255.
     pub mean: f64,
-    /// Maximum difference of one cell's colour, of 255.
+    /// Maximum difference of the colour of one cell, on a scale of 0 to 255.
     pub largest: f64,
     /// Maximum distance of a mark (px).
     pub mark_px: f64,
@@ -104,25 +104,25 @@ pub enum Mismatch {
     /// No answer was recorded for this ask.
     #[error("ask {ask} ({}) of {scenario} is not recorded", stage.name())]
     Missing {
-        /// The scenario.
+        /// Id of the scenario of the episode.
         scenario: String,
-        /// Ask index.
+        /// Index of the ask without an answer.
         ask: usize,
-        /// Kind of question.
+        /// Kind of the question.
         stage: QuestionKind,
     },
     /// The recording belongs to a different question.
     #[error("ask {ask} of {scenario} was recorded for another {what}: {recorded}, not {asked}")]
     Other {
-        /// The scenario.
+        /// Id of the scenario of the episode.
         scenario: String,
-        /// Ask index.
+        /// Index of the ask that differs.
         ask: usize,
         /// Differing property, e.g. `prompt`.
         what: &'static str,
-        /// Recorded value.
+        /// Value of the property in the recording.
         recorded: String,
-        /// Current value.
+        /// Value of the property in the question.
         asked: String,
     },
 }
@@ -146,7 +146,7 @@ impl RecordedAnswer {
         }
     }
 
-    /// First difference from a question as name, recorded value, current value; `None` within tolerance.
+    /// First difference from a question as name, recorded value and current value; `None` if all are within tolerance.
     fn difference(&self, question: &Question, tolerance: &Tolerance) -> Option<(&'static str, String, String)> {
         let current = Self::new(question, &ModelReply { text: String::new(), usage: None, cut_off: false });
         let differs = |what, recorded: String, asked: String| (recorded != asked).then_some((what, recorded, asked));
@@ -256,7 +256,7 @@ impl Thumbnail {
     }
 }
 
-/// Drawn marks: centre and area of each mask, the points, or the mask of the object moved over the grid.
+/// Marks of a question for [`RecordedAnswer::marks`]; for a grid, the mask of the moved object.
 fn marks(question: &Question) -> Vec<[f64; 3]> {
     let middle = |mask: &Mask| {
         let (mut x, mut y, mut count) = (0.0, 0.0, 0.0);

@@ -16,7 +16,7 @@ pub enum Rejection {
     /// The answer says that no mark fits.
     #[error("it says that no numbered {0} fits; look again, one of them may")]
     NotFound(String),
-    /// The object cannot be placed there.
+    /// The object cannot be placed at the named place.
     #[error("{0}")]
     Unusable(String),
 }
@@ -33,11 +33,11 @@ impl Rejection {
     }
 }
 
-/// A rejected answer.
+/// An answer that was rejected, to be quoted in the next question.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RejectedAnswer {
-    /// The answer, truncated.
+    /// Text of the answer, truncated.
     pub answer: String,
-    /// Reason for the rejection.
+    /// Reason for the rejection, to be quoted with the answer.
     pub rejection: Rejection,
 }

@@ -1,6 +1,6 @@
-//! Truncated answers.
+//! Truncation of answers for transcripts and retries.
 
-/// Maximum length of an answer in transcripts and retries (bytes).
+/// Maximum length of a truncated answer (bytes). Chosen by hand.
 const MAX_KEPT_BYTES: usize = 2000;
 
 /// Truncates an answer to [`MAX_KEPT_BYTES`].

@@ -12,20 +12,20 @@ use super::question::Question;
 use super::question_kind::{PromptStamp, QuestionKind};
 use crate::image::RgbImage;
 
-/// Beginning of the description of a pick.
+/// First words of the description of a pick, by which picks are counted.
 pub(crate) const TAKES: &str = "takes ";
 
 /// Transcript of one episode.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Transcript {
-    /// Task instruction.
+    /// Instruction of the whole task.
     pub instruction: String,
-    /// `paper` or `full`.
+    /// Name of the settings' preset: `paper` or `full`.
     pub preset: String,
     /// Events in chronological order.
     pub moments: Vec<TranscriptEvent>,
-    /// Failure that ended the episode, if any.
+    /// Failure that ended the episode; `None` if there was none.
     pub failure: Option<FailedStage>,
 }
 
@@ -40,7 +40,7 @@ impl Transcript {
         self.moments.iter().filter(is_pick).count()
     }
 
-    /// Description of the last robot action.
+    /// Description of the last robot action; `None` before the first one.
     pub fn last_act(&self) -> Option<String> {
         self.moments.iter().rev().find_map(|moment| match moment {
             TranscriptEvent::Acted { what, .. } => Some(what.clone()),
@@ -59,7 +59,7 @@ pub enum TranscriptEvent {
     Acted {
         /// Time since the start of the episode (s).
         time_s: f64,
-        /// Description of the action.
+        /// Description of the action, or of the failure to plan it.
         what: String,
     },
 }
@@ -74,19 +74,19 @@ pub struct Exchange {
     pub stage: QuestionKind,
     /// Identity of the prompt.
     pub prompt: PromptStamp,
-    /// Instruction of the question.
+    /// Instruction in the question: the whole task, or the sub-task.
     pub instruction: String,
     /// File names of the images sent.
     pub pictures: Vec<String>,
-    /// File name of the image of the answer, if it names a mark: the chosen mark and the place that it means.
+    /// File name of the image that shows the chosen mark and the place that it refers to; `None` for answers in words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub chosen: Option<String>,
-    /// Answer, truncated.
+    /// Text of the answer, truncated.
     pub answer: String,
-    /// Reason for rejecting the answer.
+    /// Reason for rejecting the answer; `None` if it was accepted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
-    /// Token usage, if the service reports it.
+    /// Token usage, if the service reports it; `None` otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub usage: Option<Usage>,
 }
@@ -119,7 +119,7 @@ impl TranscriptRecorder {
         self.lock().pictures.clone()
     }
 
-    /// An independent copy.
+    /// Independent copy with the events so far.
     pub(crate) fn copied(&self) -> Self {
         Self(Arc::new(Mutex::new(self.lock().clone())))
     }

@@ -5,7 +5,8 @@ use super::{BLACK, Color, RgbImage, WHITE};
 /// Dots per letter, across and down.
 pub(super) const LETTER: [f64; 2] = [5.0, 7.0];
 
-/// Bitmap rows of a character from the top, leftmost dot in the highest of five bits; `None` if it is not in the font.
+/// Bitmap rows of a character from the top, leftmost dot in the highest of five bits; `None` if the font lacks the
+/// character.
 fn rows(letter: char) -> Option<[u8; 7]> {
     Some(match letter {
         '0' => [0x0e, 0x11, 0x13, 0x15, 0x19, 0x11, 0x0e],

@@ -10,7 +10,7 @@ use super::{BLACK, Color, RgbImage, WHITE};
 use crate::grid::Grid;
 use crate::segmentation::Mask;
 
-/// Explanation of the arrows in prompts.
+/// Sentence that explains the arrows in prompts.
 pub const ARROWS: &str = "The camera faces the robot. Arrows in the picture show the robot's own directions: LEFT and \
 RIGHT are the robot's left and right, FAR points away from the robot, NEAR towards it. Words like left, right, front \
 and behind in the task mean the robot's directions, not those of the picture: front, or in front of, means the far \
@@ -104,21 +104,21 @@ fn tint(image: &mut RgbImage, mask: &Mask, color: Color, fill: f64) {
     }
 }
 
-/// Pixel coordinates of [`Mask::middle`].
+/// Pixel coordinates of [`Mask::middle`]. `None` for an empty mask.
 fn anchor(mask: &Mask) -> Option<[f64; 2]> {
     let width = mask.width as usize;
     mask.middle().map(|index| [(index % width) as f64, (index / width) as f64])
 }
 
-/// True if the label is on its object.
+/// True if the label lies on its object.
 fn is_on(mask: &Mask, middle: [f64; 2], anchor: [f64; 2]) -> bool {
     let index = middle[1].max(0.0) as usize * mask.width as usize + middle[0].max(0.0) as usize;
     middle == anchor || mask.pixels.get(index) == Some(&true)
 }
 
-/// Maximum share of an object that its label may hide.
+/// Maximum share of an object that its label may hide. Chosen by hand.
 const MAX_HIDDEN_SHARE: f64 = 0.2;
-/// Directions and steps of the search for a free label position.
+/// Number of directions and (`STEPS`) of steps of the search for a free label position.
 const DIRECTIONS: usize = 16;
 const STEPS: usize = 12;
 
@@ -247,7 +247,7 @@ pub fn grid(image: &RgbImage, grid: &Grid, grab: [f64; 2]) -> RgbImage {
     marked
 }
 
-/// Side of an enlarged grid (px), about.
+/// Approximate side of an enlarged grid (px). Chosen by hand.
 const ENLARGED_PX: u32 = 576;
 
 /// Enlarges the part of an image that a grid covers; draws the grid and, if it lies inside, a cross at the grab point.
@@ -286,7 +286,7 @@ fn cross(image: &mut RgbImage, at: [f64; 2]) {
     }
 }
 
-/// Length of an arrow in the world (m).
+/// Length of an arrow in the world (m). Chosen by hand.
 const ARROW_M: f64 = 0.11;
 /// Position of the arrows as a share of the image's width and height: a lower corner, away from the table's centre.
 const ARROWS_AT: [f64; 2] = [0.9, 0.86];
@@ -306,7 +306,7 @@ pub fn arrows(image: &mut RgbImage, view: &RgbdImage, table_m: f64) {
         if length < 1.0 {
             continue;
         }
-        // Fixed length in pixels; only the direction is perspective.
+        // The length is fixed in pixels; only the direction follows the perspective.
         let step = step / length;
         let tip = start + step * (16.0 * size);
         let side = step.perp() * (3.0 * size);

@@ -10,14 +10,14 @@ pub struct RgbImage {
     pub width: u32,
     /// Height (px).
     pub height: u32,
-    /// Pixel colours.
+    /// Pixel colours: three bytes (sRGB) per pixel, row by row.
     pub rgb: Vec<u8>,
 }
 
-/// Maximum image side that is decoded (px).
+/// Maximum image side that is decoded (px). Bounds memory for hostile files.
 pub const MAX_SIDE: u32 = 8192;
 
-/// An sRGB colour.
+/// 8-bit sRGB colour: red, green, blue.
 pub type Color = [u8; 3];
 
 /// Colour of labels and outlines.
@@ -121,7 +121,7 @@ impl RgbImage {
         }
     }
 
-    /// Fills an anti-aliased disc.
+    /// Fills an anti-aliased disc; centre and radius in pixels.
     pub fn disc(&mut self, center: [f64; 2], radius: f64, color: Color) {
         self.line(center, center, 2.0 * radius, color);
     }
@@ -154,7 +154,7 @@ impl RgbImage {
         }
     }
 
-    /// Bilinear sample.
+    /// Bilinear interpolation of the colour at a position (px).
     fn bilinear(&self, x: f64, y: f64) -> [f64; 3] {
         let (left, top) = (x.floor(), y.floor());
         let (right, low) = (x - left, y - top);

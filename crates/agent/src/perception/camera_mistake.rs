@@ -1,44 +1,45 @@
 //! Plausibility of a camera: depth, intrinsics and extrinsics must show a table at z = 0 together.
 //!
-//! Wrong units, axes or quaternions place every object elsewhere, and a model's answers cannot show it. The usual
-//! mistakes are tried in turn, and the one that brings a horizontal surface to z = 0 is named.
+//! Wrong units, axes or quaternions shift every object, and a model's answers would not reveal it. The usual mistakes
+//! are tried in turn; the check names the one whose correction brings a horizontal surface to z = 0.
 
 use std::fmt;
 
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
 use genmanip_core::{Intrinsics, Pose, RgbdImage};
 
-/// Samples along the longer side of the image.
+/// Samples along the longer side of the image. Chosen by hand.
 const SAMPLES: u32 = 64;
 /// Distance of the samples between which normals are measured [samples]. Chosen: 1/16 of the image, so that sensor noise
 /// turns normals by less than [`MIN_NORMAL_Z`] allows.
 const BASELINE: usize = 4;
 /// Cosine of the maximum tilt of a horizontal surface, 20 degrees.
 const MIN_NORMAL_Z: f64 = 0.94;
-/// Maximum height of the table above or below z = 0 (m).
+/// Maximum height of the table above or below z = 0 (m). Chosen by hand.
 const TABLE_M: f64 = 0.03;
-/// Maximum horizontal distance of the table's points from the robot's base (m).
+/// Maximum horizontal distance of the table's points from the robot's base (m). Chosen by hand.
 const REACH_M: f64 = 1.5;
 /// Minimum extent of the table's points (m): a scene that is a thousand times too small is near z = 0 as a whole.
 const MIN_TABLE_M: f64 = 0.2;
 /// Minimum share of the measured samples on the table in a plausible image. Chosen low: objects may cover most of it.
 const MIN_SHARE: f64 = 0.05;
-/// Minimum share on the table that makes a mistake likely, and its minimum ratio to the share without the mistake.
+/// Minimum share of samples on the table that makes a mistake likely, and (`LIKELY_RATIO`) minimum ratio to the share
+/// without correction. Chosen by hand.
 const LIKELY_SHARE: f64 = 0.15;
 const LIKELY_RATIO: f64 = 2.0;
-/// Minimum share of samples with a measured depth.
+/// Minimum share of samples with a measured depth. Chosen by hand.
 const MIN_MEASURED: f64 = 0.05;
-/// Bin of the height of the largest horizontal surface (m).
+/// Bin size of the histogram of heights of horizontal surfaces (m).
 const BIN_M: f64 = 0.02;
 
-/// Reason why an image and its camera cannot belong together.
+/// Reason why an image and its camera parameters do not belong together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraMistake {
     /// Share of the samples with depth that lie on a horizontal surface near z = 0.
     pub table_share: f64,
-    /// Height of the largest horizontal surface (m); `None` if none is seen.
+    /// Height of the largest horizontal surface (m); `None` if none is visible.
     pub surface_height_m: Option<f64>,
-    /// Likely mistake, with its remedy.
+    /// Likely mistake, with its remedy; `None` if no usual mistake explains the image.
     pub likely: Option<&'static str>,
 }
 
@@ -87,7 +88,7 @@ pub fn camera_mistake(image: &RgbdImage) -> Option<CameraMistake> {
     })
 }
 
-/// Views after the remedy of each usual mistake.
+/// Views with each usual mistake corrected, and the description of the mistake.
 fn likely_mistakes(given: &View) -> impl Iterator<Item = (View, &'static str)> {
     let pose = given.world_from_camera;
     let posed = |pose: Pose, mistake| (View { world_from_camera: pose, ..given.clone() }, mistake);
@@ -132,14 +133,14 @@ fn likely_mistakes(given: &View) -> impl Iterator<Item = (View, &'static str)> {
     .chain(is_other_size.then_some((projected, "the intrinsics belong to an image of another size")))
 }
 
-/// Samples of a depth image, with camera.
+/// Sampled depth image with its camera parameters.
 #[derive(Clone)]
 struct View {
     intrinsics: Intrinsics,
     world_from_camera: Pose,
-    /// Pixels between samples.
+    /// Distance between samples, pixels.
     stride: u32,
-    /// Samples per row.
+    /// Number of samples per row.
     columns: usize,
     /// Depth of the samples, row by row (m); `None` where nothing was measured.
     depth_m: Vec<Option<f64>>,
@@ -172,7 +173,7 @@ impl View {
         }
     }
 
-    /// World point of a sample.
+    /// Point of a sample in the world frame; `None` without depth.
     fn point(&self, row: usize, column: usize) -> Option<DVec3> {
         let depth_m = (*self.depth_m.get(row * self.columns + column)?)?;
         let pixel = f64::from(self.stride) * DVec2::new(column as f64, row as f64);

@@ -11,7 +11,7 @@ pub struct HeightMap {
     low: DVec2,
     columns: usize,
     rows: usize,
-    /// Heights in row-major order; NaN without points.
+    /// Heights in row-major order, world z (m); NaN for cells without points.
     heights: Vec<f32>,
 }
 
@@ -50,7 +50,7 @@ impl HeightMap {
         self.within(center, half).reduce(f64::max)
     }
 
-    /// Quantile of the cell heights over a rectangle; `None` without points.
+    /// Quantile `share` (0 to 1) of the cell heights over a rectangle; `None` without points.
     pub fn quantile(&self, center: DVec2, half: DVec2, share: f64) -> Option<f64> {
         let mut heights: Vec<f64> = self.within(center, half).collect();
         heights.sort_by(f64::total_cmp);

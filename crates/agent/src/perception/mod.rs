@@ -22,25 +22,26 @@ use self::stray_points::without_stray_points;
 use crate::image::RgbImage;
 use crate::segmentation::{Mask, SegmentError, SegmentQuestion, Segmenter};
 
-/// Maximum depth difference between two views of one point [m]: a pixel's width on a slanted surface plus some noise.
+/// Maximum depth difference between two views of one point [m]: about the depth range of one pixel on a slanted
+/// surface, plus noise.
 const DEPTH_TOLERANCE_M: f64 = 0.01;
-/// Minimum share of a mask's visible points inside a mask of another view for the two to match.
+/// Minimum share of a mask's visible points inside a mask of another view for the two to match. Chosen by hand.
 const MIN_OVERLAP: f64 = 0.5;
-/// Minimum number of common points for two masks to match.
+/// Minimum number of common points for two masks to match. Chosen by hand.
 const MIN_COMMON_POINTS: usize = 5;
 
-/// One camera's segmented image.
+/// Segmented image of one camera.
 #[derive(Clone, Debug)]
 pub struct View {
     /// Camera name.
     pub camera: String,
     /// Colour and depth image.
     pub image: Arc<RgbdImage>,
-    /// Object masks.
+    /// Masks of the objects in the image.
     pub masks: Arc<[Mask]>,
 }
 
-/// Segmented images of all cameras at one moment; the first one is shown to models.
+/// Segmented images of all cameras at one moment.
 #[derive(Clone, Debug)]
 pub struct SegmentedViews {
     /// Views; the first one is shown to models.
@@ -81,7 +82,7 @@ impl SegmentedViews {
         Ok(Self { views, matches })
     }
 
-    /// View shown to models.
+    /// View shown to models; `None` without views.
     pub fn shown(&self) -> Option<&View> {
         self.views.first()
     }
@@ -96,8 +97,8 @@ impl SegmentedViews {
         Self { views, matches }
     }
 
-    /// Points of an object from all cameras, by its mask in the first view, world frame, without stray ones on what lies
-    /// behind it.
+    /// Points of an object from all cameras, by its mask in the first view; world frame. Outliers on the background
+    /// behind the object are removed.
     pub fn points(&self, mask: usize) -> Vec<DVec3> {
         let mut points = Vec::new();
         let mut shown = None;
@@ -171,7 +172,8 @@ fn match_masks(views: &[View]) -> Vec<Vec<Option<usize>>> {
     first.masks.iter().map(|mask| others.iter().map(|other| partner(mask, other)).collect()).collect()
 }
 
-/// Mask of `other` that contains most of the points of `mask` visible in `other`.
+/// Mask of `other` that contains most of the points of `mask` visible in `other`. `None` if no mask contains enough of
+/// them.
 fn best_overlap(view: &View, mask: &Mask, other: &View) -> Option<usize> {
     let seen: Vec<usize> = view.points(mask).filter_map(|point| other.pixel_of(point)).collect();
     let votes = other.masks.iter().map(|mask| seen.iter().filter(|&&index| mask.pixels[index]).count());

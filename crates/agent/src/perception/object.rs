@@ -3,18 +3,18 @@
 use genmanip_core::{Aabb, Piece, Pose, Shape};
 use glam::{DVec2, DVec3};
 
-/// Sampled directions for the vertices of the hull.
+/// Number of sampled directions for the vertices of the hull. Chosen by hand.
 const HULL_DIRECTIONS: usize = 80;
-/// Sampled horizontal directions for the vertices of the base.
+/// Number of sampled horizontal directions for the vertices of the base. Chosen by hand.
 const BASE_DIRECTIONS: usize = 16;
-/// Objects visible down to this height stand on the table (m).
+/// Maximum height of an object's lowest visible point for the object to count as standing on the table (m).
 const ON_TABLE_M: f64 = 0.012;
-/// Minimum height of the body of a flat object (m).
+/// Minimum height of the body of a flat object (m). Chosen by hand.
 const MIN_HEIGHT_M: f64 = 0.004;
 /// Gap between the body and its support (m): points are less accurate, and a body that touched its support would be in
 /// collision.
 const ABOVE_BASE_M: f64 = 0.002;
-/// Share of outliers at each end of each axis, excluded from the extent: stray pixels at edges.
+/// Share of points at each end of each axis that are excluded from the extent as outliers: stray pixels at edges.
 const OUTLIER_SHARE: f64 = 0.002;
 
 /// An object to be moved. Its frame is upright, at the centre of its footprint, at the height of its support.
@@ -48,7 +48,8 @@ impl ObservedObject {
         });
         let base = match bounds.min.z - table_height < ON_TABLE_M {
             true => table_height,
-            // It stands on something: the lowest other point within 1 cm of its bounds counts as the support's height.
+            // The object stands on something else: the lowest other point within 1 cm of its bounds counts as the
+            // support's height.
             false => under.map(|point| point.z).fold(bounds.min.z, f64::min).max(table_height),
         };
         let center = bounds.center().truncate();

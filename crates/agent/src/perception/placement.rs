@@ -10,7 +10,7 @@ use super::{HeightMap, ObservedObject, SegmentedViews, View};
 use crate::grid::{Cell, Grid};
 use crate::segmentation::Mask;
 
-/// Settings for converting a named grid cell into a place.
+/// Settings of the conversion from grid cells to places.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CellSettings {
@@ -21,7 +21,7 @@ pub struct CellSettings {
     pub thing_share: f64,
     /// Clearance around the placed object (m).
     pub clearance_m: f64,
-    /// Candidate points along each side of a cell.
+    /// Number of candidate points along each side of a cell.
     pub samples: usize,
 }
 
@@ -38,7 +38,7 @@ impl Default for CellSettings {
     }
 }
 
-/// A placement target.
+/// Place for the moved object, in 3D.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlacementTarget {
     /// Rest position of the object's footprint centre, world frame (m).
@@ -49,7 +49,7 @@ pub struct PlacementTarget {
     pub hollow: bool,
     /// Height of the receiver's rim, world z (m).
     pub rim_m: f64,
-    /// Number of things that stand close to the object on the table; 0 on a receiver.
+    /// Number of objects on the table close to the place; 0 for a place on a receiver.
     pub neighbours: usize,
 }
 
@@ -82,7 +82,7 @@ struct Resolver<'a> {
     around: HeightMap,
 }
 
-/// An object that may receive another.
+/// An object that may receive the moved object.
 struct Receiver {
     /// Heights of its observed points, world z (m).
     heights: HeightMap,
@@ -95,25 +95,25 @@ struct Receiver {
     hollow: bool,
 }
 
-/// Gap up to which a thing stands close to a place (m); chosen: half the width of a cell.
+/// Maximum gap between an object and a place close to it (m). Chosen by hand: half the width of a cell.
 const NEIGHBOUR_M: f64 = 0.05;
 /// Corners of the reachable part of the table, world xy (m).
 const REACH_M: [DVec2; 2] = [DVec2::new(-0.2, -1.0), DVec2::new(1.2, 1.0)];
 /// Clearance levels that rank candidate points (m); more clearance is no better.
 const CLEARANCE_LEVELS_M: [f64; 4] = [0.01, 0.006, 0.003, 0.0];
-/// Points lower than this above the target are not obstacles (m).
+/// Height above the target below which points do not count as obstacles (m). Chosen by hand.
 const MIN_OBSTACLE_HEIGHT_M: f64 = 0.006;
 /// A receiver longer than this multiple of the moved object holds two of them.
 const HOLDS_TWO_RATIO: f64 = 2.2;
-/// Usable share of the free extent on a receiver.
+/// Usable share of the free extent on a receiver. Chosen by hand.
 const USABLE_SHARE: f64 = 0.8;
-/// Maximum number of alternative points per cell, and their minimum distance (m).
+/// Maximum number of alternative points per cell, and (`MIN_ALTERNATIVE_DISTANCE_M`) minimum distance between them (m).
 const MAX_ALTERNATIVES: usize = 3;
 const MIN_ALTERNATIVE_DISTANCE_M: f64 = 0.012;
 
 /// Minimum depth of the middle below the rim of a hollow receiver (m); deeper than plates and boards.
 const MIN_HOLLOW_DEPTH_M: f64 = 0.025;
-/// Height of the rim band as a share of the receiver's height, and its minimum (m).
+/// Height of the rim band as a share of the receiver's height, and (`MIN_RIM_M`) its minimum (m). Chosen by hand.
 const RIM_SHARE: f64 = 0.25;
 const MIN_RIM_M: f64 = 0.015;
 
@@ -163,7 +163,7 @@ impl<'a> Resolver<'a> {
             .collect()
     }
 
-    /// Target at the measured point of a pixel, without snapping.
+    /// Target at the measured point of a pixel, without snapping; `None` without depth.
     fn measured(&self, pixel: usize) -> Option<PlacementTarget> {
         let point = self.view.image.point(pixel)?;
         let point = if self.view.masks.get(self.moved).is_some_and(|mask| mask.pixels[pixel]) {
@@ -178,7 +178,7 @@ impl<'a> Resolver<'a> {
         Some(PlacementTarget { point, others: Vec::new(), hollow, rim_m, neighbours: 0 })
     }
 
-    /// Intersection of a pixel's ray with the table plane.
+    /// Intersection of a pixel's view ray with the table plane; `None` if there is none.
     fn table_point(&self, pixel: usize) -> Option<DVec3> {
         let width = self.view.image.width() as usize;
         on_plane(&self.view.image, [(pixel % width) as f64, (pixel / width) as f64], self.table_m)
@@ -237,7 +237,8 @@ impl<'a> Resolver<'a> {
         Some(PlacementTarget { point, others: alternatives(&free), hollow, rim_m, neighbours: 0 })
     }
 
-    /// Number of things with a gap of at most [`NEIGHBOUR_M`] to the object at a point of the table, by their boxes.
+    /// Number of objects whose bounding boxes are at most [`NEIGHBOUR_M`] from the moved object at a point of the
+    /// table.
     fn neighbours(&self, point: DVec3) -> usize {
         let gap = |other: &Receiver| {
             let apart = (other.middle - point.truncate()).abs() - other.half - self.object.half;
@@ -246,7 +247,7 @@ impl<'a> Resolver<'a> {
         self.receivers.iter().flatten().filter(|other| gap(other) <= NEIGHBOUR_M).count()
     }
 
-    /// True if no other object is in the way of the moved object at this point.
+    /// True if no other object obstructs the moved object at this point.
     fn is_free(&self, point: DVec3, on: Option<usize>) -> bool {
         let half = self.object.half + self.settings.clearance_m;
         let others = self.receivers.iter().enumerate().filter(|(index, _)| Some(*index) != on);
@@ -308,7 +309,7 @@ impl Receiver {
     }
 }
 
-/// Intersection of a pixel's ray with the horizontal plane at `height_m`; `None` if there is none.
+/// Intersection of a pixel's view ray with the horizontal plane at `height_m`; `None` if there is none.
 pub fn on_plane(image: &RgbdImage, pixel: [f64; 2], height_m: f64) -> Option<DVec3> {
     let camera = image.world_from_camera.position;
     let ray = image.world_from_camera.transform_vector(image.intrinsics.unproject(DVec2::from_array(pixel), 1.0));

@@ -2,11 +2,11 @@
 
 use genmanip_core::RgbdImage;
 
-/// Filter radius (px), a window of 9 × 9. Chosen: errors of stereo cameras are correlated over about three pixels, so
-/// that a window holds nine independent ones, and their mean has a third of the error.
+/// Filter radius (px), a window of 9 × 9. Errors of stereo cameras are correlated over about three pixels, so a window
+/// holds nine independent ones, and their mean has a third of the error.
 const RADIUS: usize = 4;
-/// Maximum inverse-depth difference within one surface, in standard deviations of a single depth (three of the
-/// difference).
+/// Maximum inverse-depth difference within one surface, in standard deviations of a single depth; that is about three
+/// standard deviations of the difference.
 const SAME_SURFACE: f32 = 4.5;
 /// Standard deviation after smoothing divided by that before, on surfaces without edges.
 pub const RESIDUAL_NOISE: f64 = 1.0 / 3.0;

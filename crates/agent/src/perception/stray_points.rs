@@ -1,19 +1,19 @@
-//! Removal of points that belong to what lies behind an object: its outline in an image is never exact to the pixel.
+//! Removal of background points from the points of an object: the outline of a mask is never exact to the pixel.
 
 use std::collections::BTreeMap;
 
 use glam::{DVec3, IVec3};
 
-/// Edge of the voxels by which points are connected (m); chosen: twice the distance of neighbouring pixels on a surface
-/// seen at a slant. Points in neighbouring voxels are connected.
+/// Edge of the voxels by which points are clustered (m); points in neighbouring voxels are connected. Chosen by hand:
+/// twice the distance of neighbouring pixels on a slanted surface.
 const VOXEL_M: f64 = 0.008;
-/// Share of the shown camera's points that a cluster of the object has at least.
+/// Minimum share of the shown camera's points for a cluster to be kept. Chosen by hand.
 const SHOWN_SHARE: f64 = 0.05;
-/// Share of all points that a cluster which the shown camera does not see has at least.
+/// Minimum share of all points for a cluster to be kept that the shown camera does not see. Chosen by hand.
 const HIDDEN_SHARE: f64 = 0.2;
 
-/// The points without small clusters apart from the others; the first `shown` points are those of the camera that is
-/// shown to models. A part cut off by what stands before it stays if it is large enough.
+/// Points without small isolated clusters; the first `shown` points are those of the camera whose image is shown to
+/// models. A part of the object that an occluder cuts off is kept if it is large enough.
 pub(super) fn without_stray_points(points: Vec<DVec3>, shown: usize) -> Vec<DVec3> {
     let mut voxels: BTreeMap<[i32; 3], Vec<usize>> = BTreeMap::new();
     let voxel = |point: DVec3| (point / VOXEL_M).floor().as_ivec3();

@@ -18,7 +18,7 @@ const TABLE_HALF_M: DVec3 = DVec3::new(1.2, 1.2, 0.02);
 /// Arm joint positions and gripper opening.
 #[derive(Clone, Debug)]
 pub(super) struct ArmState {
-    /// Joint positions (rad).
+    /// Arm joint positions (rad).
     pub arm: Vec<f64>,
     /// Gripper opening (m).
     pub width_m: f64,

@@ -13,9 +13,9 @@ use crate::image::marks;
 use crate::perception::{ObservedObject, PlacementTarget, SegmentedViews, View, on_plane, targets};
 use crate::settings::{Asks, PathKind};
 
-/// Cells of the finer grid along each side of a coarse one: 2 to 3 cm on the table as `overview` sees it.
+/// Cells of the fine grid along each side of a coarse cell: 2 to 3 cm on the table as the camera `overview` sees it.
 const FINE_PARTS: u32 = 4;
-/// Number of things close to a place from which its coarse cell is too large.
+/// Minimum number of objects close to a coarse cell for which it is refined. Chosen by hand.
 const CROWDED: usize = 2;
 
 /// Answers to the placement questions.
@@ -23,12 +23,12 @@ const CROWDED: usize = 2;
 pub(super) struct Placement {
     /// Answer on the coarse grid.
     pub answer: Answer,
-    /// Cell of the finer grid around the coarse one, if it was asked for.
+    /// Cell of the fine grid around the coarse cell; `None` if it was not asked for.
     pub fine: Option<Cell>,
 }
 
 impl Placement {
-    /// Turn of the object that the answer asks for (degrees).
+    /// Yaw change of the object that the answer asks for (degrees); `None` if it gives none.
     pub fn turn_deg(&self) -> Option<f64> {
         match &self.answer {
             Answer::Point(answer) => answer.turn_deg,
@@ -51,7 +51,7 @@ pub(super) struct Places<'a> {
 }
 
 impl Places<'_> {
-    /// The coarse grid.
+    /// Coarse grid over the whole image.
     pub fn grid(&self) -> Grid {
         Grid::usual(self.view.image.width(), self.view.image.height())
     }
@@ -63,7 +63,7 @@ impl Places<'_> {
     }
 }
 
-/// The placement question, and the one for the cell of a finer grid.
+/// The placement question, and the follow-up question for a cell of the fine grid.
 pub(super) struct PlacementQuestion<'a> {
     pub places: Places<'a>,
     /// Targets of the coarse cells.
@@ -114,7 +114,7 @@ impl PlacementQuestion<'_> {
         }
     }
 
-    /// True if the answer also says how far the object is turned; a path has its own turns.
+    /// True if the question also asks for the object's yaw; a path already contains yaws.
     fn asks_turn(&self) -> bool {
         self.places.agent.settings.asks == Asks::Needed && self.stage() == QuestionKind::PointToPoint
     }
@@ -145,8 +145,8 @@ impl PlacementQuestion<'_> {
         }
     }
 
-    /// The placement on the finer grid around its coarse cell, where that matters; asks for the cell unless it is known.
-    /// Without a valid answer the coarse target stays.
+    /// Placement refined to a cell of the fine grid, where the coarse cell is ambiguous; asks for the fine cell unless
+    /// it is known. Without a valid answer, the coarse target is kept.
     pub fn refined(
         &self,
         placement: Placement,
@@ -177,12 +177,12 @@ impl PlacementQuestion<'_> {
         Ok((Placement { fine, ..placement }, found))
     }
 
-    /// True if the coarse cell is too large to say what is meant: between things, or close to several of them.
+    /// True if the coarse cell is ambiguous: it lies between objects, or close to several of them.
     fn needs_fine_cell(&self, target: &PlacementTarget) -> bool {
         let is_on_table = !target.hollow && target.rim_m <= self.places.agent.settings.table_m;
         let is_between = self.subtask.to_lowercase().split(|c: char| !c.is_alphabetic()).any(|word| word == "between");
         let settings = &self.places.agent.settings;
-        // Recorded answers of all questions have none to this one.
+        // Answers recorded with `Asks::Every` contain none to this question.
         let is_asked = settings.fine_cells && settings.asks == Asks::Needed;
         is_asked && is_on_table && (is_between || target.neighbours >= CROWDED)
     }

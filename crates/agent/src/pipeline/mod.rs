@@ -28,10 +28,10 @@ use crate::segmentation::{RobotSilhouette, Segmenter};
 use crate::services::GraspSource;
 use crate::settings::{AgentSettings, Asks};
 
-/// External services of the agent.
+/// Models and services that the agent queries.
 #[derive(Clone)]
 pub struct Services {
-    /// The vision-language model.
+    /// Vision-language model that answers the questions.
     pub model: Arc<dyn VisionModel>,
     /// Source of segmentation masks.
     pub segmenter: Arc<dyn Segmenter>,
@@ -59,12 +59,12 @@ pub struct Agent {
     /// Index of the current sub-task.
     current: usize,
     rounds: usize,
-    /// Picks started for the current sub-task, and in the whole episode.
+    /// Number of picks started for the current sub-task, and (`all_picks`) in the whole episode.
     picks: usize,
     all_picks: u64,
     /// Failures at the current sub-task, one sentence each, for the next questions.
     tried: Vec<String>,
-    /// Valid answers to the placement questions of the current sub-task.
+    /// Valid answers to the placement questions of the current sub-task. `None` before they are answered.
     placement: Option<Placement>,
     phase: Phase,
 }
@@ -73,7 +73,7 @@ pub struct Agent {
 enum Phase {
     /// The gripper is empty; the next object is to be picked.
     ReadyToPick,
-    /// A pick was executed.
+    /// A pick was executed; the gripper width shows later if it holds the object.
     Picked(Box<HeldObject>),
     /// A placement of an object of this name was executed.
     Placed(String),
@@ -161,7 +161,7 @@ impl Agent {
         self.settings.cameras.iter().map(image).collect()
     }
 
-    /// Segments the current images.
+    /// Segments the current images of all cameras.
     fn segment(&self, observation: &Observation, state: &ArmState) -> Result<SegmentedViews, Stop> {
         let images = self.images(observation)?;
         let robot = |(_, image): &(String, Arc<RgbdImage>)| self.silhouette.pixels(&state.arm, state.width_m, image);
@@ -203,7 +203,7 @@ impl Agent {
         }
     }
 
-    /// Paragraph about the failures at the sub-task so far, for a question about it; empty without one.
+    /// Paragraph on earlier failures at the sub-task, appended to a question about it; empty if there are none.
     fn told_of_failures(&self, stage: QuestionKind) -> String {
         let is_of_subtask = match stage {
             QuestionKind::Decompose | QuestionKind::Check => false,
@@ -219,7 +219,7 @@ impl Agent {
         format!("\n\nTried before, and failed:\n- {}", self.tried.join("\n- "))
     }
 
-    /// Turns to another sub-task.
+    /// Makes another sub-task the current one.
     fn begin_subtask(&mut self, current: usize) {
         (self.current, self.picks, self.placement) = (current, 0, None);
         self.tried.clear();
@@ -253,7 +253,7 @@ impl Agent {
         if self.subtasks.is_empty() {
             self.decompose(&view)?;
         }
-        // Answers to keep from a pick that could not be planned.
+        // Answers to reuse after a pick that could not be planned.
         let mut answered: Option<Subtask> = None;
         let mut camera = 0;
         loop {
@@ -305,7 +305,7 @@ impl Agent {
         }
     }
 
-    /// After a placement, checks the task or goes on with the next sub-task.
+    /// After a placement, checks the task or continues with the next sub-task.
     fn placed(&mut self, name: &str, observation: &Observation, state: &ArmState) -> Result<ActionChunk, Stop> {
         match self.subtasks.get(self.current + 1) {
             Some(next) if self.settings.asks == Asks::Needed && !names(next, name) => {
@@ -335,7 +335,7 @@ impl Agent {
         self.begin_subtask(self.current + 1);
         let left = self.subtasks.len().saturating_sub(self.current);
         if left > 0 && self.settings.asks == Asks::Needed && !remaining.is_empty() {
-            // More sub-tasks than were left are a new round.
+            // If the check lists more sub-tasks than remained, they count as a new round.
             let rounds = self.rounds + usize::from(remaining.len() > left);
             if rounds <= self.settings.rounds {
                 (self.subtasks, self.current, self.rounds) = (remaining, 0, rounds);
@@ -421,7 +421,7 @@ impl Policy for Agent {
         self.next(observation).map_err(|stop| match stop {
             Stop::Failed(failure) => {
                 self.transcribed.failed(&failure);
-                // A service failure is not a failure at the task.
+                // A failure of a service is no failure of the agent at the task.
                 if failure.cause == StageCause::Service {
                     return PolicyError::Unreachable(failure.to_string());
                 }
@@ -432,7 +432,7 @@ impl Policy for Agent {
     }
 }
 
-/// True if a sub-task names an object: the last word of its name, which is the noun.
+/// True if a sub-task mentions an object, judged by the last word of the object's name, which is the noun.
 fn names(subtask: &str, object: &str) -> bool {
     let words = |text: &str| -> Vec<String> {
         let words = text.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !word.is_empty());
@@ -459,7 +459,7 @@ impl From<PolicyError> for Stop {
     }
 }
 
-/// Inputs of a [`Question`].
+/// Inputs from which a [`Question`] is made.
 struct QuestionDraft<'a> {
     stage: QuestionKind,
     instruction: &'a str,
@@ -467,7 +467,7 @@ struct QuestionDraft<'a> {
     start_point: &'a str,
     pictures: Vec<QuestionImage>,
     marks: Marks,
-    /// True if there is no other view to show when the model answers that nothing fits.
+    /// True if there is no other view to show when the model answers that no mark fits.
     is_last_view: bool,
     variant: PromptVariant,
 }
@@ -499,7 +499,7 @@ mod tests {
         check("Put the spoon on the mug's saucer.", "mug", true);
         check("Put the spoon on the plate.", "mug", false);
         check("Put the smug cat on the plate.", "mug", false);
-        // An object without a name may be any.
+        // An object without a name may be the one meant.
         check("Put the spoon on the plate.", "", true);
     }
 }

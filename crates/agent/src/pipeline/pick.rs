@@ -13,7 +13,7 @@ use super::{Agent, place};
 use crate::perception::SegmentedViews;
 use crate::services::{GraspError, GraspQuestion};
 
-/// A planned pick.
+/// A planned pick as commands, with the grasp.
 pub(super) struct Pick {
     /// Joint and gripper commands for reach, approach, close and lift.
     pub commands: Vec<Vec<f32>>,
@@ -110,8 +110,9 @@ fn near_grab_point(agent: &Agent, views: &SegmentedViews, subtask: &Subtask) -> 
     };
     let object_from_world = subtask.object.pose.inverse();
     let (mut count, mut near) = (0, Vec::new());
-    // Deep in a container the walls hide the object's sides from every camera, and all unobserved space counts as
-    // occupied. If that rejects every grasp, only observed points count; the motions are checked against those.
+    // Deep in a container, the walls occlude the object's sides from every camera, and unobserved space counts as
+    // occupied. If that rejects every grasp, only observed points count as obstacles; the motions are checked against
+    // those.
     for question in [question, GraspQuestion { scene: &[], ..question }] {
         let found = agent.services.grasps.grasps(&question).map_err(failed)?;
         count += found.len();
@@ -135,8 +136,8 @@ fn near_grab_point(agent: &Agent, views: &SegmentedViews, subtask: &Subtask) -> 
     Ok(near)
 }
 
-/// Plans a straight lift with the attached object. If its hull collides with its support or container, plans with the
-/// gripper alone.
+/// Plans a straight lift with the attached object. If the object's hull collides with its support or container at the
+/// start, plans with the gripper alone.
 fn lift(query: &PickQuery, grasp: &FeasibleGrasp) -> Result<Path, genmanip_motion::PlanError> {
     query.lift(grasp).or_else(|failure| {
         let from = query.planner.tcp_pose(&grasp.config);

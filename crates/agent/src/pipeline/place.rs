@@ -30,7 +30,7 @@ pub(super) struct HeldObject {
 type Planned = (Vec<Path>, Release, Pose);
 
 impl HeldObject {
-    /// True if the fingers stay wider than commanded, so that something is between them.
+    /// True if the fingers stay wider than commanded, so an object must be between them.
     pub(super) fn is_grasped(&self, state: &ArmState, motion: &MotionSettings) -> bool {
         let commanded = hold_width(&self.grasp, motion);
         // Thin objects are narrower than the margin.
@@ -44,8 +44,8 @@ pub(super) fn hold_width(grasp: &FeasibleGrasp, motion: &MotionSettings) -> f64 
 }
 
 /// Goal poses of the held object at rest: for each yaw change (that of the path's last cell, else the answered one and
-/// `turns_deg` in order), on the target point and on its alternatives. All are tried low before any is tried from higher
-/// up, so that a long object finds the long side of a box.
+/// `turns_deg` in order), on the target point and on its alternatives. All are tried from low heights before any is
+/// tried from a greater height, so that a long object is aligned with the long side of a box.
 pub(super) fn release_goals(agent: &Agent, subtask: &Subtask) -> Vec<PlaceGoal> {
     let turns: Vec<f64> = match subtask.path.last() {
         Some((_, last)) => vec![last.yaw_deg],
@@ -169,7 +169,8 @@ fn plan_motions(
         searches: motion.searches,
         searches_per_goal: SEARCHES_PER_PLACE,
     };
-    // As before `asks` existed, so that recorded answers meet the same scenes: each goal from all heights, one by one.
+    // `Asks::Every` keeps the original order, so that recorded answers meet the same scenes: each goal from all
+    // heights, one by one.
     let at_once = match agent.settings.asks {
         Asks::Needed => release_goals.len().max(1),
         Asks::Every => 1,

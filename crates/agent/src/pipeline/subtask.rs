@@ -15,7 +15,7 @@ use crate::perception::{ObservedObject, PlacementTarget, SegmentedViews, View};
 use crate::segmentation::{Mask, SegmentQuestion};
 use crate::settings::Asks;
 
-/// Number of grab-point candidates sampled in a mask.
+/// Number of grab-point candidates sampled in a mask, as published.
 const POINTS: usize = 5;
 /// Pixels sampled per candidate; the one farthest from the candidates so far is kept (farthest-point sampling).
 const SAMPLES_PER_POINT: usize = 12;
@@ -31,13 +31,13 @@ pub(super) struct Subtask {
     pub around: Vec<DVec3>,
     /// Mask of the object or of the part to grasp, in the view shown to the model.
     pub grasp_mask: Mask,
-    /// Grab point, world frame; `None` if any grasp of the object will do.
+    /// Grab point, world frame; `None` if any grasp of the object is acceptable.
     pub grab: Option<DVec3>,
-    /// Pixels of the numbered grab points, and the chosen one, if the model was asked.
+    /// Pixel indices of the numbered grab points, and index of the chosen one; `None` if the model was not asked.
     points: Option<(Vec<usize>, usize)>,
     /// Answers to the placement questions.
     pub placement: Placement,
-    /// Placement target.
+    /// Placement target that the answers refer to, in 3D.
     pub target: PlacementTarget,
     /// Waypoints of the carry path without its start cell: points on the table below the path with heights and yaw; the
     /// last one is the placement. Empty when the model was asked for one cell only.
@@ -69,7 +69,7 @@ impl Subtask {
                 format!("too little is seen of {name} to take hold of it"),
             )
         })?;
-        // Pixels left over at the object's own outline are not obstacles to it.
+        // Remaining pixels at the object's own outline are not obstacles to it.
         let mut with_object = world.clone();
         let added = with_object.add(arm_state::OBJECT, &object.pieces, &object.pose);
         added
@@ -89,7 +89,7 @@ impl Subtask {
         let grab_question = GrabPointQuestion::new(view, &image, &grasp_mask, &name, seed)?;
         let placement_question = PlacementQuestion { places, targets: &targets, image: &image, name: &name, subtask };
         let middle = view.masks[mask].middle().unwrap_or(grab_question.points[0]);
-        // The place has not changed since the answer, unless it was the place that failed.
+        // The placement is still valid, unless the placement itself failed.
         let kept = agent
             .placement
             .clone()
@@ -119,7 +119,7 @@ impl Subtask {
         let point = |pixel: usize| view.image.point(pixel).unwrap_or(object.pose.position);
         let grab = match chosen {
             Some(chosen) => Some(point(grab_question.points[chosen])),
-            // The part to grasp was chosen.
+            // Centre of the part to grasp, which the model chose.
             None if settings.ctof => grasp_mask.middle().map(point),
             None => None,
         };
@@ -127,19 +127,19 @@ impl Subtask {
         Ok(Self { name, object, around, grasp_mask, grab, points, placement, target, path })
     }
 
-    /// Number of the chosen grab point, as the beginning of a sentence about it.
+    /// Number of the chosen grab point, as the beginning of a sentence about it; `None` if the model was not asked.
     pub(super) fn point_words(&self) -> Option<String> {
         self.points.as_ref().map(|(_, chosen)| format!("point {}: ", chosen + 1))
     }
 
-    /// Asks for another grab point on the same object, if one was asked for; the object and its placement stay as
-    /// answered.
+    /// Asks for another grab point on the same object, if one was asked for; the answers about object and placement are
+    /// kept.
     pub(super) fn regrasp(self, agent: &Agent, view: &View, seed: Seed) -> Result<Self, FailedStage> {
         let Some((points, _)) = &self.points else { return Ok(self) };
         let image = agent.annotated_view(view);
         let question = match agent.settings.asks {
             Asks::Every => GrabPointQuestion::new(view, &image, &self.grasp_mask, &self.name, seed)?,
-            // The same numbers, since the question says which one failed.
+            // The points keep their numbers, since the question names the one that failed.
             Asks::Needed => GrabPointQuestion { view, image: &image, name: &self.name, points: points.clone() },
         };
         let chosen = question.chosen(agent.ask(view, question.asked())?)?;
@@ -196,21 +196,21 @@ fn choose_part(agent: &Agent, view: &View, mask: usize, subtask: &str) -> Result
     }
 }
 
-/// True if the object has several parts that a grab point can tell apart: it is larger than the distance at which a
-/// grasp still counts as at the point.
+/// True if the object has several parts that a grab point can distinguish: it is larger than the distance within which
+/// a grasp counts as being at the grab point.
 fn parts_compete(agent: &Agent, view: &View, mask: usize, object: &ObservedObject) -> Result<bool, FailedStage> {
     let longest_m = 2.0 * object.half.extend(object.height_m / 2.0).length();
     Ok(longest_m > agent.settings.grasp_radius_m && parts(agent, view, &view.masks[mask])?.len() >= 2)
 }
 
-/// Parts of an object, by the segmentation source.
+/// Masks of an object's parts, from the segmentation source.
 fn parts(agent: &Agent, view: &View, whole: &Mask) -> Result<Vec<Mask>, FailedStage> {
     let question = SegmentQuestion { image: &view.image, ignore: &[], within: Some(whole) };
     let parts = agent.services.segmenter.segment(&question);
     parts.map_err(|error| FailedStage::new(AgentStage::Segmentation, StageCause::Service, error.to_string()))
 }
 
-/// The grab-point question.
+/// Question in which the model chooses a grab point.
 struct GrabPointQuestion<'a> {
     view: &'a View,
     image: &'a QuestionImage,

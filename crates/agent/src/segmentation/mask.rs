@@ -44,7 +44,7 @@ impl Mask {
         Self { width, height, pixels: labels.iter().map(|other| other == label).collect() }
     }
 
-    /// Number of pixels.
+    /// Number of pixels of the object.
     pub fn area(&self) -> usize {
         self.pixels.iter().filter(|is_inside| **is_inside).count()
     }

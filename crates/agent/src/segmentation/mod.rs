@@ -25,7 +25,7 @@ pub trait Segmenter: Send + Sync {
     fn segment(&self, question: &SegmentQuestion) -> Result<Vec<Mask>, SegmentError>;
 }
 
-/// Segmentation request.
+/// Request to segment an image.
 #[derive(Clone, Debug)]
 pub struct SegmentQuestion<'a> {
     /// Colour and depth image with its camera pose.
@@ -36,13 +36,13 @@ pub struct SegmentQuestion<'a> {
     pub within: Option<&'a Mask>,
 }
 
-/// Segmentation error.
+/// Reason why an image could not be segmented.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SegmentError {
     /// The image lacks a channel that the method needs.
     #[error("segmentation needs {needed} in the image: {found}")]
     Unsuited {
-        /// Required channels.
+        /// Names of the required channels.
         needed: String,
         /// Channels of the image.
         found: String,

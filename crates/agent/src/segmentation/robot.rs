@@ -4,7 +4,7 @@ use genmanip_core::{Pose, RgbdImage, RobotModel};
 use genmanip_motion::{GeometryError, triangulate};
 use glam::{DVec2, DVec3};
 
-/// Near plane (m).
+/// Depth of the near clipping plane (m).
 const NEAR_M: f64 = 0.02;
 
 /// Triangulated collision pieces of the robot, rasterised into a silhouette.

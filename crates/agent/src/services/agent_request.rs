@@ -7,10 +7,10 @@ use serde::{Deserialize, Serialize};
 use super::masks::decode_image;
 use crate::ActQuestion;
 
-/// Maximum length of an instruction (bytes).
+/// Maximum length of an instruction (bytes). Chosen by hand: bounds the cost of prompts.
 const MAX_INSTRUCTION: usize = 4096;
 
-/// Request body.
+/// Request body of `POST /agent`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ActRequest {

@@ -13,11 +13,11 @@ use serde_json::{Value, json};
 
 use super::{read, transport_error};
 
-/// Maximum number of grasps accepted.
+/// Maximum number of grasps in an answer. Bounds the time for invalid answers.
 const MAX_GRASPS: usize = 10_000;
 /// Maximum distance of a grasp from the camera (m); larger numbers are probably millimetres.
 const MAX_DISTANCE_M: f64 = 10.0;
-/// Maximum plausible gripper opening (m).
+/// Maximum plausible gripper opening (m). Larger numbers are probably millimetres.
 const MAX_WIDTH_M: f64 = 0.5;
 
 /// Grasp request: the target object and its surroundings, world frame.
@@ -25,11 +25,11 @@ const MAX_WIDTH_M: f64 = 0.5;
 pub struct GraspQuestion<'a> {
     /// Points on the target.
     pub points: &'a [DVec3],
-    /// Points of everything else.
+    /// Points of everything else that the cameras see.
     pub scene: &'a [DVec3],
     /// Pose of the camera that saw most of the target; axes x right, y down, z forward.
     pub world_from_camera: Pose,
-    /// Positions of all cameras that saw the target, including that one.
+    /// Positions of all cameras that saw the target, `world_from_camera` included.
     pub camera_positions: &'a [DVec3],
     /// Height of the target's support, world z (m).
     pub table_height: f64,
@@ -44,10 +44,10 @@ pub trait GraspSource: Send + Sync {
     fn grasps(&self, question: &GraspQuestion) -> Result<Vec<Grasp>, GraspError>;
 }
 
-/// Grasp source error.
+/// Reason why a source gives no grasps.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GraspError {
-    /// The points are unsuitable.
+    /// The points are unsuitable, for the given reason.
     #[error("{0}")]
     Unsuited(String),
     /// The service did not answer, or its answer is invalid.
@@ -96,8 +96,8 @@ pub struct GraspRequest {
     pub table_height: f64,
 }
 
-/// Response body; additional fields are ignored. A bare list, and lists named `grasp_groups`, of rows or of objects with
-/// `translation`, `rotation_matrix`, `score` and optional `width`, `height` and `depth` are read too.
+/// Response body; additional fields are ignored. A bare list is accepted too, and so are lists named `grasp_groups`, of
+/// rows or of objects with `translation`, `rotation_matrix`, `score` and optional `width`, `height` and `depth`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GraspReply {
     /// Rows of 17 numbers in GraspNet's format, in the camera frame; see [`GraspNetGrasp`].
@@ -105,7 +105,7 @@ pub struct GraspReply {
 }
 
 impl GraspRequest {
-    /// Builds the request.
+    /// Request body of a question, with points in the camera frame.
     pub fn of(question: &GraspQuestion) -> Self {
         let camera_from_world = question.world_from_camera.inverse();
         let seen = |points: &[DVec3]| {
@@ -122,7 +122,7 @@ impl GraspRequest {
     /// Decodes the points of target and surroundings, world frame.
     ///
     /// # Errors
-    /// Fails if a number is not finite.
+    /// If a number is not finite.
     pub fn read(&self) -> Result<[Vec<DVec3>; 2], String> {
         let Pose { position, rotation } = self.world_from_camera;
         let is_pose = position.is_finite() && rotation.is_finite() && (rotation.length() - 1.0).abs() < 1e-3;
@@ -150,14 +150,14 @@ impl GraspReply {
     }
 }
 
-/// Grasps from a service.
+/// [`GraspSource`] that requests grasps from a service.
 #[derive(Clone, Debug)]
 pub struct ServiceGrasps<S> {
     service: S,
 }
 
 impl<S: Service> ServiceGrasps<S> {
-    /// Wraps a service.
+    /// Source that sends its requests to `service`.
     pub fn new(service: S) -> Self {
         Self { service }
     }
@@ -185,22 +185,22 @@ struct GraspWire {
     width: f64,
     #[serde(default)]
     height: f64,
-    /// Distance of the fingertips ahead of the translation (m); without it, that is where they are.
+    /// Distance from the translation to the fingertips along the approach (m); 0 if missing.
     #[serde(default)]
     depth: f64,
 }
 
-/// Score of a grasp without one: the order of the answer counts.
+/// Score of a grasp whose answer gives none: the same for all, so that their order in the answer decides.
 fn unknown_score() -> f64 {
     0.0
 }
 
-/// Opening of a grasp without one (m): that of a common gripper.
+/// Opening of a grasp whose answer gives none (m): that of a common gripper.
 fn unknown_width() -> f64 {
     0.08
 }
 
-/// The answer as [`GraspReply`] has it: a list of rows.
+/// Converts an answer in any accepted form to the JSON of [`GraspReply`].
 fn normalised(answer: Value) -> Result<Value, String> {
     let mut answer = if answer.is_array() { json!({"grasps": answer}) } else { answer };
     if let (None, Some(groups)) = (answer.get("grasps"), answer.get("grasp_groups").cloned()) {

@@ -1,4 +1,4 @@
-//! Masks from a server.
+//! Segmentation masks from a server.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -15,10 +15,10 @@ use crate::segmentation::{Mask, SegmentError, SegmentQuestion, Segmenter};
 const MAX_MASKS: usize = 2000;
 /// IoU threshold of non-maximum suppression, as in SAM's mask generator.
 const SUPPRESSION_IOU: f64 = 0.8;
-/// Maximum image side (px).
+/// Maximum image side in a request (px).
 const MAX_SIDE: u32 = 8192;
 
-/// Request body.
+/// Request body of `POST /segment`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SegmentRequest {
@@ -31,7 +31,7 @@ pub struct SegmentRequest {
     /// Depth along the optical axis (m): 32-bit little-endian floats in the same order, 0 for none, in base64.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_m: Option<String>,
-    /// Pixels excluded from masks.
+    /// Pixels excluded from masks, e.g. those of the robot; none if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ignore: Option<RunLengths>,
     /// Pixels of an object to be segmented into parts; without it, the whole image is segmented into objects.
@@ -39,18 +39,18 @@ pub struct SegmentRequest {
     pub within: Option<RunLengths>,
 }
 
-/// Response body; additional fields are ignored. The bare list that SAM 2's mask generator returns is read too, with
-/// `predicted_iou` as score and compressed run lengths.
+/// Response body; additional fields are ignored. The bare list that SAM 2's mask generator returns is accepted too,
+/// with `predicted_iou` as score and compressed run lengths.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SegmentReply {
-    /// The masks.
+    /// Masks of the segmented objects or parts.
     pub masks: Vec<ScoredMask>,
 }
 
 /// A mask with its score.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ScoredMask {
-    /// Pixels of the mask.
+    /// Pixels of the mask, run-length encoded.
     pub segmentation: RunLengths,
     /// Confidence, higher is better; masks without a score keep the order of the response.
     #[serde(default)]
@@ -61,19 +61,19 @@ pub struct ScoredMask {
 /// alternately outside and inside, starting outside.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct RunLengths {
-    /// Rows and columns.
+    /// Number of rows, then of columns.
     pub size: [u32; 2],
-    /// Lengths of the runs.
+    /// Lengths of the runs, pixels; the first one may be 0.
     pub counts: Vec<u32>,
 }
 
 impl RunLengths {
-    /// Encodes a mask.
+    /// Run lengths of a mask.
     pub fn of(mask: &Mask) -> Self {
         Self::of_pixels(mask.width, mask.height, &mask.pixels)
     }
 
-    /// Encodes row-major pixels.
+    /// Run lengths of a mask given as row-major pixels.
     pub fn of_pixels(width: u32, height: u32, pixels: &[bool]) -> Self {
         let (mut counts, mut inside, mut run) = (Vec::new(), false, 0);
         for x in 0..width as usize {
@@ -118,7 +118,7 @@ impl RunLengths {
 }
 
 impl SegmentRequest {
-    /// Builds the request.
+    /// Request body of a question.
     pub fn of(question: &SegmentQuestion) -> Self {
         let image = question.image;
         let (width, height) = (image.width(), image.height());
@@ -180,14 +180,14 @@ pub(crate) fn decode_image(
     Ok(RgbdImage { rgb, ..RgbdImage::of_depth(intrinsics, world_from_camera, depth) })
 }
 
-/// Masks from a service.
+/// [`Segmenter`] that requests masks from a service.
 #[derive(Clone, Debug)]
 pub struct ServiceMasks<S> {
     service: S,
 }
 
 impl<S: Service> ServiceMasks<S> {
-    /// Wraps a service.
+    /// Segmenter that sends its requests to `service`.
     pub fn new(service: S) -> Self {
         Self { service }
     }
@@ -204,7 +204,8 @@ impl<S: Service> Segmenter for ServiceMasks<S> {
     }
 }
 
-/// The answer as [`SegmentReply`] has it: a bare list and compressed run lengths are rewritten.
+/// Converts an answer in any accepted form to the JSON of [`SegmentReply`]: a bare list and compressed run lengths are
+/// rewritten.
 fn normalised(answer: Value) -> Result<Value, String> {
     let mut answer = if answer.is_array() { json!({"masks": answer}) } else { answer };
     for (index, mask) in answer.get_mut("masks").and_then(Value::as_array_mut).into_iter().flatten().enumerate() {
@@ -222,8 +223,8 @@ fn normalised(answer: Value) -> Result<Value, String> {
     Ok(answer)
 }
 
-/// Run lengths from COCO's compressed text: groups of five bits, least significant first, from the fourth on as
-/// differences from the last but one.
+/// Run lengths from COCO's compressed text: groups of five bits, least significant first. From the fourth run on, each
+/// is stored as the difference from the run two before it.
 fn decompressed(text: &str) -> Result<Vec<i64>, String> {
     let mut counts: Vec<i64> = Vec::new();
     let (mut value, mut shift) = (0_i64, 0);
@@ -301,7 +302,7 @@ mod tests {
 
     #[test]
     fn runs_are_those_of_coco() {
-        // The middle column of three: two pixels outside, two inside, two outside.
+        // Three columns of two pixels: outside, inside, outside.
         let pixels = vec![false, true, false, false, true, false];
         let runs = RunLengths::of(&Mask { width: 3, height: 2, pixels });
         assert_eq!(runs, RunLengths { size: [2, 3], counts: vec![2, 2, 2] });
@@ -331,7 +332,7 @@ mod tests {
         assert_eq!(inside, [vec![1, 2, 4, 5], vec![3]]);
     }
 
-    /// As pycocotools writes them.
+    /// Compressed run lengths as pycocotools writes them.
     fn compressed(counts: &[u32]) -> String {
         let mut text = String::new();
         for (index, &count) in counts.iter().enumerate() {

@@ -17,7 +17,7 @@ pub use masks::ServiceMasks;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-/// Maximum number of characters of a parser message to report.
+/// Maximum number of characters of a parser message to report. Chosen by hand.
 const MAX_MESSAGE_CHARS: usize = 200;
 
 /// Deserialises a response; errors name the JSON path.

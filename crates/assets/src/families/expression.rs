@@ -1,4 +1,4 @@
-//! Expressions in family data: numbers, strings, colours, lists and records.
+//! Expressions in family data, whose values are numbers, strings, colours, lists and records.
 //!
 //! ```text
 //! h * 0.9    wide ? 0.08 : 0.06    color.hex    mix(a, '#ffffff', 0.3)    cm(h)
@@ -27,7 +27,7 @@ pub trait Scope {
 /// Evaluates an expression.
 ///
 /// # Errors
-/// Describes what was expected and quotes the remaining text.
+/// A message with what was expected and the remaining text.
 pub fn evaluate(text: &str, scope: &dyn Scope) -> Result<Value, String> {
     let mut parser = Parser { text, rest: text, scope };
     let value = parser.ternary().and_then(|value| match parser.peek() {
@@ -37,7 +37,7 @@ pub fn evaluate(text: &str, scope: &dyn Scope) -> Result<Value, String> {
     value.map_err(|error| format!("`{text}`: {error}"))
 }
 
-/// A JSON number; an integer if it is whole, so that it can be used as a count.
+/// JSON number, stored as an integer if it is whole, so that it can be used as a count.
 pub fn number(value: f64) -> Value {
     if value.fract() == 0.0 && value.abs() < 1e15 {
         return Value::from(value as i64);
@@ -248,11 +248,11 @@ impl<'a> Parser<'a> {
             ("abs", &[x], None) => x.abs(),
             ("floor", &[x], None) => x.floor(),
             ("round", &[x], None) => x.round(),
-            // Text for sentences: metres as whole centimetres or millimetres in digits, small counts as words.
+            // Texts for sentences: metres become whole centimetres or millimetres in digits, small counts become words.
             ("cm", &[x], None) => return Ok(Value::String(format!("{:.0}", x * 100.0))),
             ("mm", &[x], None) => return Ok(Value::String(format!("{:.0}", x * 1000.0))),
             ("count", &[x], None) => return Ok(Value::String(count_word(x))),
-            // An independent draw for each label and index.
+            // Each label and index draw an independent random number.
             ("draw", &[index, low, high], Some(label)) => {
                 let seed = self.scope.stream(label).fork_index(index.max(0.0) as u64);
                 low + (high - low) * seed.rng().random::<f64>()
@@ -278,7 +278,7 @@ impl<'a> Parser<'a> {
     }
 }
 
-/// `a red mug`, `an old mug`.
+/// Noun phrase with its indefinite article: `a red mug`, `an old mug`.
 fn with_article(text: &str) -> String {
     format!("{} {text}", if takes_an(text.trim_start()) { "an" } else { "a" })
 }
@@ -288,7 +288,7 @@ pub(super) fn takes_an(word: &str) -> bool {
     word.starts_with(['a', 'e', 'i', 'o', 'u', 'A', 'E', 'I', 'O'])
 }
 
-/// Capitalises every word.
+/// Text with a capital first letter in every word.
 fn title(text: &str) -> String {
     let mut start = true;
     text.chars()
@@ -313,7 +313,7 @@ fn blended(a: &str, b: &str, share: f64) -> Result<String, String> {
     Ok(format!("#{:02x}{:02x}{:02x}", channel(0), channel(1), channel(2)))
 }
 
-/// Formats a value for use in a sentence.
+/// Text of a value as it appears in a sentence.
 pub fn text_of(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),

@@ -1,4 +1,4 @@
-//! A family: generates objects with annotations from a seed and parameters.
+//! Family of objects: generates objects with annotations from a seed and parameters.
 
 use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
@@ -15,31 +15,31 @@ use super::expression::{Scope, evaluate, is_true, number, takes_an};
 use super::template::{Library, expand};
 use crate::recipe::Recipe;
 
-/// Maximum depth of parameter dependencies.
+/// Maximum depth of parameters that are defined by other parameters.
 const MAX_CHAIN: usize = 40;
 
-/// A family of objects, as defined in its data file.
+/// Family of objects, as defined in its data file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Family {
-    /// Name, e.g. `mug`; prefix of its objects' uids.
+    /// Name of the family, e.g. `mug`; prefix of its objects' uids.
     pub family: String,
     /// Version, incremented when the physics of its objects change.
     pub version: u32,
-    /// Earlier versions, so that old scenarios still open.
+    /// Earlier versions, so that old scenarios can still be opened.
     #[serde(default)]
     earlier: Vec<Earlier>,
-    /// Category path, general first.
+    /// Category path from general to specific, e.g. tableware, drinkware, mug.
     pub path: Vec<String>,
     /// True if the whole family is held out for testing.
     #[serde(default)]
     pub unseen: bool,
-    /// True if its objects have joints.
+    /// True if the objects have joints.
     #[serde(default)]
     pub articulated: bool,
-    /// Synonyms.
+    /// Synonyms of the category, for search and identification.
     pub synonyms: Vec<String>,
-    /// Everyday uses.
+    /// Everyday uses of the objects, for search.
     pub uses: Vec<String>,
     /// Accepted answers to "what is this?", besides category and synonyms.
     #[serde(default)]
@@ -51,28 +51,28 @@ pub struct Family {
     /// EXPRESSION}` (a colour of these palettes other than this word), `{"whole": [low, high]}` (an integer), or
     /// `=expressions`.
     vars: BTreeMap<String, Value>,
-    /// Templates of the description.
+    /// Templates of the objects' descriptions.
     card: CardTemplate,
     /// Templates of the recipe's parts.
     parts: Vec<Value>,
-    /// Templates of its links.
+    /// Templates of the moving links.
     #[serde(default)]
     links: Vec<Value>,
-    /// Templates of its joint states.
+    /// Templates of the joint states.
     #[serde(default)]
     states: Vec<Value>,
 }
 
-/// An earlier version of a family.
+/// Earlier version of a family, stored as the difference from the current one.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Earlier {
     version: u32,
-    /// Parameters with a different definition.
+    /// Parameters that were defined differently.
     vars: BTreeMap<String, Value>,
 }
 
-/// Templates of an object's description.
+/// Templates of an object's description, with expressions.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CardTemplate {
@@ -88,7 +88,7 @@ struct CardTemplate {
     friction: Value,
     #[serde(default)]
     container: bool,
-    /// True if it can be grasped by an 8 cm gripper.
+    /// True if an 8 cm gripper can grasp the object.
     #[serde(default = "yes")]
     grasp: Value,
     #[serde(default)]
@@ -99,7 +99,7 @@ struct CardTemplate {
     affordances: Vec<String>,
 }
 
-/// Evaluated description templates.
+/// Description templates after evaluation.
 #[derive(Deserialize)]
 struct Words {
     name: String,
@@ -116,12 +116,12 @@ struct Words {
 }
 
 impl Family {
-    /// Category: the last entry of the path.
+    /// Category of the objects: the last entry of the path.
     pub fn category(&self) -> &str {
         self.path.last().map_or("", String::as_str)
     }
 
-    /// The family in an earlier version; the current one if there is no such version.
+    /// Family as of an earlier version; the current one if there is no such version.
     pub fn in_version(&self, version: u32) -> Cow<'_, Self> {
         let Some(earlier) = self.earlier.iter().find(|earlier| earlier.version == version) else {
             return Cow::Borrowed(self);
@@ -131,17 +131,17 @@ impl Family {
         Cow::Owned(family)
     }
 
-    /// Names of its parameters.
+    /// Names of the family's parameters.
     pub fn parameters(&self) -> impl Iterator<Item = &String> {
         self.vars.keys()
     }
 
-    /// Root seed of an object, distinct for each family.
+    /// Root seed of an object's random streams, different for each family.
     pub(crate) fn stream(&self, seed: Seed) -> Seed {
         seed.fork(&self.family)
     }
 
-    /// The recipe of an object with all expressions evaluated.
+    /// Recipe of an object with all expressions evaluated.
     ///
     /// # Errors
     /// As [`Family::instance`].
@@ -155,7 +155,7 @@ impl Family {
         self.expand(params, seed, palettes, library).map(|(_, recipe)| recipe)
     }
 
-    /// Generates an object, with some parameters fixed.
+    /// Generates an object; `params` fixes some of its parameters.
     ///
     /// # Errors
     /// An invalid parameter, or an invalid template.
@@ -263,7 +263,7 @@ impl Family {
         }
     }
 
-    /// Uid: family name, seed, and a hash of the fixed parameters.
+    /// Uid of an object: family name and seed, with a hash of the fixed parameters if there are any.
     fn uid(&self, params: &BTreeMap<String, Value>, seed: Seed) -> String {
         let name = self.family.replace(' ', "-");
         if params.is_empty() {
@@ -275,7 +275,7 @@ impl Family {
     }
 }
 
-/// Parameter values of one object, fixed, sampled or derived on first use.
+/// Parameter values of one object; each is taken from the fixed ones, sampled or derived when it is first used.
 struct ParameterScope<'a> {
     family: &'a Family,
     params: &'a BTreeMap<String, Value>,
@@ -296,7 +296,7 @@ impl ParameterScope<'_> {
                 [low, high] if low.is_number() && high.is_number() => {
                     let (low, high) = (low.as_f64().unwrap_or(0.0), high.as_f64().unwrap_or(0.0));
                     let value = low + (high - low) * self.seed.fork(name).rng().random::<f64>();
-                    // Four decimals: 0.1 mm for lengths, which are in metres; ratios and angles likewise.
+                    // Rounded to four decimals: 0.1 mm for lengths, which are in metres.
                     return Ok(number((value * 1e4).round() / 1e4));
                 }
                 items => pick(items)?,
@@ -349,7 +349,7 @@ impl Scope for ParameterScope<'_> {
     }
 }
 
-/// Default friction: painted wood, plastic, glazed ware.
+/// Default friction coefficient: painted wood, plastic, glazed ware.
 fn default_friction() -> Value {
     number(0.55)
 }
@@ -387,12 +387,12 @@ fn tidy(text: &str) -> String {
     joined.replace(" ,", ",").replace(" .", ".")
 }
 
-/// Rounds to 0.1 mm.
+/// Size (m) rounded to 0.1 mm.
 fn rounded(size: DVec3) -> DVec3 {
     (size * 1e4).round() / 1e4
 }
 
-/// Plausibility check of a generated object; `None` if sound.
+/// Reason why a generated object is implausible (size, base height, mass); `None` if it is plausible.
 fn flaw_of(bounds: &Aabb, model: &ObjectModel) -> Option<String> {
     let size = bounds.size();
     let masses = model.links.iter().all(|link| link.mass.mass_kg > 0.0 && link.mass.inertia.is_finite());

@@ -1,6 +1,6 @@
 //! Families: data-driven parametric generators of objects.
 //!
-//! `data/families/*.json` has one record per family: parameters with their ranges, and templates of parts and
+//! Files `data/families/*.json` have one record per family: parameters with their ranges, and templates of parts and
 //! description.
 //! [`Families::instance`] turns a family and a seed into an object with annotations; the same seed gives the same
 //! object, and fixing a parameter does not change the others.
@@ -21,7 +21,7 @@ use template::Library;
 
 use crate::AssetError;
 
-/// Family files, one per general category.
+/// Names and texts of the family files, one per general category.
 const FILES: [(&str, &str); 10] = [
     ("tableware", include_str!("../../data/families/tableware.json")),
     ("kitchen", include_str!("../../data/families/kitchen.json")),
@@ -35,7 +35,7 @@ const FILES: [(&str, &str); 10] = [
     ("articulated", include_str!("../../data/families/articulated.json")),
 ];
 
-/// All families with their shared shapes and palettes.
+/// All families, with the shapes and colour palettes they share.
 #[derive(Debug)]
 pub struct Families {
     families: BTreeMap<String, Family>,
@@ -48,7 +48,7 @@ fn refused(family: &str, reason: String) -> AssetError {
 }
 
 impl Families {
-    /// The families that ship with the program.
+    /// Families that ship with the program.
     ///
     /// # Panics
     /// Never in a tested build: the data files are compiled in.
@@ -61,7 +61,7 @@ impl Families {
         })
     }
 
-    /// Families from named JSON texts, with shared shapes and palettes.
+    /// Parses families from JSON texts given as (name, text), with shared shapes and palettes.
     ///
     /// # Errors
     /// [`AssetError::Data`] with the position of the error.
@@ -81,17 +81,17 @@ impl Families {
         Ok(Self { families, palettes, library })
     }
 
-    /// All families by name.
+    /// All families in the order of their names.
     pub fn all(&self) -> impl Iterator<Item = &Family> {
         self.families.values()
     }
 
-    /// A family by its name.
+    /// Family with this name; `None` if there is none.
     pub fn get(&self, name: &str) -> Option<&Family> {
         self.families.get(name)
     }
 
-    /// Generates an object of a family, with some parameters fixed.
+    /// Generates an object of a family from a seed; `params` fixes some of its parameters.
     ///
     /// ```
     /// use genmanip_assets::Families;
@@ -112,7 +112,8 @@ impl Families {
         self.instance_of(family, u32::MAX, params, seed)
     }
 
-    /// [`Families::instance`] for an earlier version of the family; the current one if there is no such version.
+    /// [`Families::instance`] with an earlier version of the family; with the current version if `version` does not
+    /// exist.
     ///
     /// # Errors
     /// As [`Families::instance`].
@@ -127,7 +128,7 @@ impl Families {
         known.instance(params, seed, &self.palettes, &self.library).map_err(|reason| refused(family, reason))
     }
 
-    /// The recipe of an object with all expressions evaluated, and the seed of its remaining randomness.
+    /// Recipe of an object with all expressions evaluated, and the seed of its remaining randomness.
     ///
     /// # Errors
     /// As [`Families::instance_of`].
@@ -152,7 +153,7 @@ impl Families {
         })
     }
 
-    /// The card of a family's object.
+    /// Card of the object that a family generates from a seed; the object is generated for it.
     ///
     /// # Errors
     /// As [`Families::instance`].
@@ -160,12 +161,12 @@ impl Families {
         self.instance(family, &BTreeMap::new(), seed).map(|model| model.card)
     }
 
-    /// The first family of a category.
+    /// First family of a category; `None` if there is none.
     pub fn of_category(&self, category: &str) -> Option<&Family> {
         self.families.values().find(|family| family.category() == category)
     }
 
-    /// The family that generated an asset.
+    /// Family that generated an asset; `None` if no family did.
     pub fn of(&self, asset: &AssetRef) -> Option<&Family> {
         match asset {
             AssetRef::Generated { family, .. } => self.get(family),

@@ -19,7 +19,7 @@ const MAX_DEPTH: usize = 24;
 /// Maximum number of repetitions of a loop.
 const MAX_REPEATS: f64 = 200.0;
 
-/// A reusable shape or finish.
+/// Shape or finish that templates can use by its name.
 #[derive(Clone, Debug, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Shape {
@@ -29,18 +29,18 @@ pub struct Shape {
     /// Values derived from the arguments.
     #[serde(default)]
     pub vars: BTreeMap<String, Value>,
-    /// Body.
+    /// Template that the arguments are inserted into.
     #[serde(rename = "do")]
     pub body: Value,
 }
 
-/// The shared shapes by name.
+/// Shared shapes and finishes by name.
 pub type Library = BTreeMap<String, Shape>;
 
 /// Expands a template.
 ///
 /// # Errors
-/// The failing expression and its error.
+/// A message with the failing expression and its error.
 pub fn expand(template: &Value, scope: &dyn Scope, library: &Library) -> Result<Value, String> {
     Expander { library, depth: 0 }.value(template, scope)
 }
@@ -148,7 +148,7 @@ fn sentence(text: &str, scope: &dyn Scope) -> Result<String, String> {
     Ok(words + rest)
 }
 
-/// A scope with additional variables.
+/// Scope that adds variables to another scope.
 struct NestedScope<'a> {
     own: BTreeMap<String, Value>,
     outer: &'a dyn Scope,

@@ -11,7 +11,7 @@ use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 use crate::surface::{Detail, rounded_rectangle};
 
-/// A box with sharp or rounded edges, standing on the centre of its base: carton, book, cube, loaf.
+/// Box with sharp or rounded edges, standing on the centre of its base: carton, book, cube, loaf.
 ///
 /// Collision: an exact box for rounding up to 4 mm, otherwise a hull of bevelled rings.
 #[derive(Clone, Debug, Deserialize)]
@@ -20,48 +20,48 @@ pub struct Block {
     /// Name of the visual part.
     #[serde(default = "body")]
     pub name: String,
-    /// Extent along each axis, m.
+    /// Extent along the x, y and z axes, m.
     pub size: DVec3,
-    /// Centre of the base, m.
+    /// Centre of the base in the object's frame, m.
     #[serde(default)]
     pub at: DVec3,
-    /// Rotation about the centre of the base: roll, pitch, yaw about fixed axes, degrees.
+    /// Rotation about the centre of the base: roll, pitch and yaw about the fixed x, y and z axes, degrees.
     #[serde(default)]
     pub turn_deg: [f64; 3],
-    /// Edge radius, m.
+    /// Radius of the edges, m; 0 for sharp ones.
     #[serde(default)]
     pub round: f64,
-    /// Fraction of the rounding kept at the corners of the collider's top and bottom, 0-1; with 0 a corner is a single
-    /// vertex.
+    /// Fraction of the rounding that the vertical edges of the collider keep at its top and bottom, 0-1; with 0 a
+    /// corner is a single vertex.
     /// Small roundings crowd vertices: the physics engine keeps four contacts per face, and an object whose contacts
     /// all lie at two opposite corners never stops rocking.
     #[serde(default = "corner")]
     pub corner: f64,
-    /// True for a purely visual part.
+    /// True for a part that is rendered but does not collide.
     #[serde(default)]
     pub ghost: bool,
-    /// Finish of all sides.
+    /// Finish of all sides that `faces` does not list.
     pub finish: Finish,
-    /// Finish of single sides: front (-x), far (+x), left (+y), right (-y), top, bottom.
+    /// Finish of single sides instead of `finish`.
     #[serde(default)]
     pub faces: BTreeMap<Face, Finish>,
 }
 
-/// A side of a block.
+/// Side of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Face {
-    /// -x, towards the robot.
+    /// Side at -x, towards the robot.
     Front,
-    /// +x.
+    /// Side at +x, away from the robot.
     Far,
-    /// +y.
+    /// Side at +y, the robot's left.
     Left,
-    /// -y.
+    /// Side at -y, the robot's right.
     Right,
-    /// +z.
+    /// Side at +z.
     Top,
-    /// -z.
+    /// Side at -z.
     Bottom,
 }
 
@@ -90,7 +90,7 @@ impl Block {
         let object_from_block = Pose::new(self.at, turn) * Pose::from_position(DVec3::Z * half.z);
         let round = self.round.min(half.min_element());
         let side = |face: Face, detail: Detail| {
-            // A single chord makes edges as thin as a pixel look dotted.
+            // Edges of a single chord are as thin as a pixel, and look dotted.
             let steps = detail.chords(ROUND_STEPS, round, FRAC_PI_4).max(2);
             face_mesh(face, half, round, steps, &object_from_block)
         };
@@ -141,10 +141,10 @@ impl Block {
     }
 }
 
-/// Chords of a rounded edge's half (an eighth of a circle).
+/// Number of chords of half a rounded edge (an eighth of a circle) in full detail.
 const ROUND_STEPS: usize = 3;
 
-/// Mesh of one side with its half of the rounded edges, in `steps` chords each; planar texture coordinates.
+/// Mesh of one side with the adjacent halves of its rounded edges, each in `steps` chords; planar texture coordinates.
 fn face_mesh(face: Face, half: DVec3, round: f64, steps: usize, object_from_block: &Pose) -> TriMesh {
     let [u, v, normal] = face.axes();
     let (half_u, half_v, half_n) = (u.abs().dot(half), v.abs().dot(half), normal.abs().dot(half));
@@ -153,7 +153,8 @@ fn face_mesh(face: Face, half: DVec3, round: f64, steps: usize, object_from_bloc
             return vec![-extent, extent];
         }
         let core = extent - round;
-        // Equal angles over an eighth of a circle, projected from the centre of the rounding.
+        // Points at equal angles on an eighth of a circle, projected from the centre of the rounding onto the plane of
+        // the side.
         let bend = |i: usize| core + round * (FRAC_PI_4 * i as f64 / steps as f64).tan();
         let mut knots: Vec<f64> = (0..=steps).rev().map(|i| -bend(i)).collect();
         knots.extend((0..=steps).map(bend));

@@ -8,7 +8,7 @@ use crate::solid::Solid;
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Capsules {
-    /// Centres of the caps, m.
+    /// Centres of the hemispherical caps, m.
     pub path: Vec<DVec3>,
     /// Radius of each segment, m.
     pub radii: Vec<f64>,

@@ -8,16 +8,16 @@ use crate::finish::Finish;
 use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 
-/// A box that is open at the front (-x), with shelves: carcass of a cabinet, microwave.
+/// Box that is open at the front (-x), with shelves: carcass of a cabinet, microwave.
 ///
-/// Collision: a box per wall and shelf, of which only the floor touches the table. Cavity: the space above each shelf,
-/// unless drawers fill it.
+/// Collision: a box per wall and shelf, of which only the floor touches the table. Cavity: the space above each shelf
+/// and the floor, unless drawers fill it.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Case {
-    /// Outer extent, m.
+    /// Outer extent along x, y and z, m.
     pub size: DVec3,
-    /// Centre of the base, m.
+    /// Centre of the base in the object's frame, m.
     #[serde(default)]
     pub at: DVec3,
     /// Thickness of the left (+y), right (-y), bottom, top and back (+x) walls, m.
@@ -31,14 +31,14 @@ pub struct Case {
     /// True if drawers fill the case, so that it has no cavity of its own.
     #[serde(default)]
     pub drawers: bool,
-    /// Finish of the outside and of the walls' edges.
+    /// Colour and material of the outside and of the walls' edges.
     pub outside: Finish,
-    /// Finish of the inside.
+    /// Colour and material of the inside.
     pub inside: Finish,
 }
 
 impl Case {
-    /// Smallest and largest corner of the interior, ignoring shelves.
+    /// Lower and upper corner of the interior, shelves ignored.
     fn hollow(&self) -> [DVec3; 2] {
         let [left, right, bottom, top, back] = self.walls;
         let half = DVec3::new(self.size.x / 2.0, self.size.y / 2.0, 0.0);

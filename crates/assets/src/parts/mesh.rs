@@ -7,18 +7,18 @@ use crate::link_builder::LinkBuilder;
 use crate::solid::{Moments, Solid};
 use crate::surface::smooth;
 
-/// A triangle mesh, as imports write it: rendered, colliding as its convex hull, or both.
+/// Triangle mesh, as written by imports: rendered, colliding as its convex hull, or both.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mesh {
     /// Name of the visual part.
     #[serde(default = "body")]
     pub name: String,
-    /// Vertices, m.
+    /// Vertex positions in the object's frame, m.
     pub positions: Vec<DVec3>,
-    /// Three vertex indices per triangle, counter-clockwise seen from outside.
+    /// Triangles as three vertex indices each, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
-    /// Finish; not rendered without.
+    /// Finish; a mesh without one is not rendered.
     #[serde(default)]
     pub finish: Option<Finish>,
     /// True if the convex hull of the vertices collides; the mesh must then be closed and convex.
@@ -26,7 +26,7 @@ pub struct Mesh {
     pub solid: bool,
 }
 
-/// Maximum number of vertices and triangles of a mesh, and of vertices of one that collides.
+/// Maximum number of vertices and of triangles of a mesh; then the maximum number of vertices if the mesh collides.
 const MAX_VERTICES: usize = 50_000;
 const MAX_CORNERS: usize = 512;
 

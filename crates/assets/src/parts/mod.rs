@@ -1,4 +1,4 @@
-//! Kinds of parts: each builds a surface, exact convex pieces and, if hollow, a cavity.
+//! Kinds of parts: each builds a surface, exact convex collision pieces and, if hollow, a cavity.
 
 mod block;
 mod capsules;
@@ -28,29 +28,29 @@ pub use vessel::Vessel;
 
 use crate::link_builder::LinkBuilder;
 
-/// One part of an object, in metres in the object's frame.
+/// Part of an object; lengths are in metres, in the object's frame.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Part {
-    /// A hollow body of revolution, open at the top.
+    /// Hollow body of revolution, open at the top.
     Vessel(Vessel),
-    /// A solid body of revolution or a regular prism.
+    /// Solid body of revolution, or a regular prism.
     Turned(Turned),
-    /// A swept tube, round or flattened.
+    /// Swept tube, round or flattened.
     Tube(Tube),
-    /// A box with sharp or rounded edges.
+    /// Box with sharp or rounded edges.
     Block(Block),
-    /// A box without a lid.
+    /// Box without a lid.
     OpenBox(OpenBox),
-    /// A box that is open at the front.
+    /// Box that is open at the front.
     Case(Case),
-    /// An extruded convex polygon.
+    /// Extruded convex polygon.
     Prism(Prism),
-    /// A horizontal ring.
+    /// Horizontal ring.
     Ring(Ring),
-    /// Collision-only capsules.
+    /// Capsules that collide and are not rendered.
     Capsules(Capsules),
-    /// A triangle mesh.
+    /// Triangle mesh.
     Mesh(Mesh),
 }
 
@@ -80,7 +80,7 @@ impl Part {
         }
     }
 
-    /// Cavity of a part that is open at the top.
+    /// Cavity of a part that is open at the top; `None` for other parts.
     pub fn cavity(&self) -> Option<Piece> {
         match self {
             Self::Vessel(part) => Some(part.cavity()),

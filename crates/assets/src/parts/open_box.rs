@@ -8,13 +8,13 @@ use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 use crate::surface::{from_rings, rounded_rectangle};
 
-/// A box without a lid: basket, cardboard box, tray.
+/// Box without a lid: basket, cardboard box, tray.
 ///
-/// Collision: exact boxes for the floor and four walls. Cavity: the interior up to the rim.
+/// Collision: exact boxes for the floor and the four walls. Cavity: the interior up to the rim.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OpenBox {
-    /// Outer extent, m.
+    /// Outer extent along x, y and z, m.
     pub size: DVec3,
     /// Centre of the underside in the link's frame, m.
     #[serde(default)]
@@ -23,12 +23,12 @@ pub struct OpenBox {
     pub wall: f64,
     /// Thickness of the floor, m.
     pub floor: f64,
-    /// Radius of the vertical edges, visual only, m.
+    /// Radius of the vertical edges of the visual, m; the collision boxes have sharp edges.
     #[serde(default)]
     pub corner: f64,
-    /// Finish of the walls' outside; u wraps around once.
+    /// Finish of the walls' outside; u covers the circumference once.
     pub outside: Finish,
-    /// Finish of the walls' inside and, without its paint, of the rim.
+    /// Finish of the walls' inside; the rim has its material without its paint.
     pub inside: Finish,
     /// Finish of the floor and of the underside.
     pub bottom: Finish,
@@ -58,7 +58,7 @@ impl OpenBox {
         link.cavity.push(self.cavity());
     }
 
-    /// The interior up to the rim.
+    /// Interior up to the rim.
     pub(super) fn cavity(&self) -> Piece {
         let hollow =
             DVec3::new(self.size.x / 2.0 - self.wall, self.size.y / 2.0 - self.wall, (self.size.z - self.floor) / 2.0);

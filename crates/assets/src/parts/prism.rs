@@ -17,29 +17,29 @@ pub struct Prism {
     pub name: String,
     /// Extrusion direction; the polygon lies in the other two axes in cyclic order (x: yz, y: zx, z: xy).
     pub axis: PrismAxis,
-    /// Polygon vertices, counter-clockwise seen against the axis, m.
+    /// Vertices of the convex polygon, counter-clockwise seen against the axis, m.
     pub polygon: Vec<[f64; 2]>,
-    /// Lower and upper end along the axis, m.
+    /// Lower and upper end of the prism along the axis, m.
     pub span: [f64; 2],
-    /// Scale of the polygon at the upper end about its mean; 1 for a straight prism.
+    /// Factor on the polygon at the upper end, about its mean point; 1 for a straight prism.
     #[serde(default = "one")]
     pub taper: f64,
-    /// True for a purely visual part.
+    /// True for a part that is rendered but does not collide.
     #[serde(default)]
     pub ghost: bool,
-    /// Finish.
+    /// Colour and material of all sides.
     pub finish: Finish,
 }
 
-/// An axis of the object's frame.
+/// Axis of the object's frame along which a polygon is extruded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PrismAxis {
-    /// Polygon in (y, z).
+    /// Extrusion along x of a polygon in (y, z).
     X,
-    /// Polygon in (z, x).
+    /// Extrusion along y of a polygon in (z, x).
     Y,
-    /// Polygon in (x, y).
+    /// Extrusion along z of a polygon in (x, y).
     Z,
 }
 

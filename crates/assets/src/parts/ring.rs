@@ -10,27 +10,27 @@ use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 use crate::surface::{from_rings, smooth_curve};
 
-/// A horizontal ring around +z: doughnut, tape roll.
+/// Horizontal ring around +z: doughnut, tape roll.
 ///
 /// Collision: consecutive convex sectors of the cross-section. Four of them, a quarter turn apart, support the ring;
-/// the others keep clear of what is below and above.
+/// the others end `CLEARANCE` above its bottom and below its top, so that they touch nothing.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ring {
     /// Name of the visual part.
     #[serde(default = "body")]
     pub name: String,
-    /// Convex cross-section of (radius, height), counter-clockwise with the radius to the right, m.
+    /// Vertices (radius, height) of the convex cross-section, counter-clockwise with the radius to the right, m.
     pub section: Vec<[f64; 2]>,
-    /// Convex collision cross-section; `section` if empty.
+    /// Convex cross-section of the collision geometry; `section` if empty.
     #[serde(default)]
     pub solid: Vec<[f64; 2]>,
-    /// Number of sectors, a multiple of four.
+    /// Number of collision sectors, a multiple of four.
     pub sectors: usize,
     /// True to smooth the visual cross-section.
     #[serde(default)]
     pub smooth: bool,
-    /// True for a purely visual part.
+    /// True for a part that is rendered but does not collide.
     #[serde(default)]
     pub ghost: bool,
     /// Finish; u runs around the axis, v around the cross-section from its first point.

@@ -10,33 +10,33 @@ use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 use crate::surface::{Detail, from_rings, smooth_curve, tube_rings};
 
-/// A tube swept along a path: handle, banana, stem, tine.
+/// Tube swept along a path: handle, banana, stem, tine.
 ///
-/// Collision: a capsule per segment where the tube is round, otherwise a hull.
+/// Collision: a capsule for each round segment, a convex hull for each other one.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tube {
     /// Name of the visual part.
     #[serde(default = "handle")]
     pub name: String,
-    /// Stations of the centre line, m.
+    /// Points of the centre line (stations), m.
     pub path: Vec<DVec3>,
-    /// Half widths, horizontal and vertical, one pair for all stations or one per station, m.
+    /// Half widths of the cross-section (horizontal, vertical), m: one pair for all stations, or one per station.
     pub half_widths: Vec<[f64; 2]>,
-    /// True for a polygonal instead of a smooth centre line.
+    /// True for a centre line of straight segments instead of a smooth curve.
     #[serde(default)]
     pub straight: bool,
-    /// True for a purely visual part that is too small to matter.
+    /// True for a part that is rendered but does not collide, since it is too small to matter.
     #[serde(default)]
     pub ghost: bool,
-    /// Finish.
+    /// Colour and material of the surface.
     pub finish: Finish,
 }
 
-/// Sides of a collision cross-section, and minimum sides of a visual one.
+/// Number of sides of a collision cross-section, and minimum number for a visual one.
 const SIDES: usize = 12;
 
-/// Maximum sides of a purely visual cross-section.
+/// Maximum number of sides of the cross-section of a part that is rendered but does not collide.
 const MAX_GHOST_SIDES: usize = 28;
 
 impl Tube {
@@ -89,7 +89,7 @@ impl Tube {
     }
 }
 
-/// Closes both ends with a degenerate ring.
+/// Closes both ends with a ring of equal points.
 fn close_ends(rings: &mut Vec<Vec<DVec3>>) {
     let center = |ring: &[DVec3]| ring.iter().sum::<DVec3>() / ring.len().max(1) as f64;
     if let (Some(first), Some(last)) = (rings.first().cloned(), rings.last().cloned()) {

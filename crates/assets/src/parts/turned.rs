@@ -19,40 +19,40 @@ pub struct Turned {
     pub name: String,
     /// Profile of (radius, position along the axis), base to top, m.
     pub profile: Vec<[f64; 2]>,
-    /// True to smooth the visual profile.
+    /// True to smooth the profile of the visual; the collision geometry keeps the given points.
     #[serde(default)]
     pub smooth: bool,
-    /// Sides of the cross-section; 0 for round.
+    /// Number of sides of the cross-section; 0 for a round one.
     #[serde(default)]
     pub sides: usize,
-    /// True to omit the flat ends of the visual.
+    /// True to omit the flat ends of the rendered surface.
     #[serde(default)]
     pub open: bool,
-    /// Scale of the cross-section along x and y.
+    /// Factors on the cross-section along its x and y axes.
     #[serde(default = "unstretched")]
     pub stretch: DVec2,
-    /// Placement of the axis.
+    /// Axis of revolution in the object's frame.
     #[serde(default)]
     pub axis: Axis,
-    /// Collision geometry.
+    /// Collision geometry, which may be simpler than the visual.
     #[serde(default)]
     pub solid: TurnedSolid,
-    /// Finish.
+    /// Colour and material of the surface.
     pub finish: Finish,
 }
 
-/// Placement of a turned part's axis.
+/// Axis of revolution of a turned part.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Axis {
     /// Along +z through the origin.
     #[default]
     Upright,
-    /// Along +x, each cross-section touching the table, with a facet to rest on.
+    /// Along +x; each cross-section touches the table with a facet to rest on.
     Lying,
-    /// Along +x at a height, with a facet to rest on.
+    /// Along +x at this height (m), with a facet to rest on.
     Level(f64),
-    /// From a point along a direction.
+    /// From a point (m) along a direction, which need not be a unit vector.
     From(DVec3, DVec3),
 }
 
@@ -60,23 +60,24 @@ pub enum Axis {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum TurnedSolid {
-    /// Convex hull of the profile's rings; here and below, two equal rings of a round body give an exact cylinder.
+    /// Convex hull of the profile's rings; if a round body has just two rings of equal radius, an exact cylinder, here
+    /// and in the other variants with rings.
     #[default]
     Hull,
-    /// Convex hull of other rings than the visual ones.
+    /// Convex hull of these rings instead of the profile's: (radius, position along the axis), m.
     Rings(Vec<[f64; 2]>),
-    /// Several convex pieces, each from a list of rings.
+    /// Several convex pieces, each the hull of its own rings.
     Stack(Vec<Vec<[f64; 2]>>),
-    /// One cylinder: largest radius, full length.
+    /// Exact cylinder with the profile's largest radius and full length.
     Cylinder,
-    /// None, for parts too small to matter.
+    /// No collision geometry, for parts too small to matter.
     None,
 }
 
-/// Sides of the collision rings of round bodies.
+/// Number of sides of the collision rings of round bodies. Chosen by hand.
 const ROUND: usize = 20;
 
-/// Bounds on the sides of a round visual; chosen by inspecting cans and pens.
+/// Upper and lower bound of the number of sides of a round visual; chosen by inspecting cans and pens.
 const MAX_SIDES: usize = 40;
 const MIN_SIDES: usize = 12;
 
@@ -107,7 +108,7 @@ impl Turned {
                 return self.cylinder(radius, low, high);
             }
             let profile: Vec<DVec2> = points.iter().map(|&point| DVec2::from_array(point)).collect();
-            // Lying bodies rest on a facet, so the polygon circumscribes the circle.
+            // Lying bodies rest on a facet, so the collision polygon is circumscribed about the circle.
             let grow = if self.rests_on_side() { 1.0 / (std::f64::consts::PI / sides as f64).cos() } else { 1.0 };
             let rings = self.rings_scaled(&profile, sides, self.phase(sides), grow);
             Solid::loft(&rings)
@@ -123,18 +124,19 @@ impl Turned {
         }
     }
 
-    /// Sides of a round visual; a multiple of four so that its size is exact along both axes.
+    /// Number of sides of a round visual; a multiple of four, so that its size is exact along both axes.
     fn round_sides(&self, detail: Detail) -> usize {
         let radius = self.radius() * self.stretch.max_element();
         detail.chords(MAX_SIDES, radius, TAU).next_multiple_of(4).max(MIN_SIDES)
     }
 
-    /// Largest radius.
+    /// Largest radius of the profile, m.
     fn radius(&self) -> f64 {
         self.profile.iter().map(|point| point[0]).fold(0.0, f64::max)
     }
 
-    /// True for a round body that may roll, which is best represented by an exact cylinder.
+    /// True for an upright or free round body, whose collision geometry can be an exact cylinder so that it rolls
+    /// smoothly.
     fn is_exact_cylinder(&self) -> bool {
         self.sides == 0 && !self.rests_on_side() && self.stretch == DVec2::ONE
     }
@@ -149,7 +151,8 @@ impl Turned {
     }
 
     fn phase(&self, sides: usize) -> f64 {
-        // Prisms and lying polygons have a flat side towards the axes, round bodies a vertex, so that sizes are exact.
+        // A phase of half a step turns a flat side of prisms and lying polygons towards the axes; without it, a vertex of
+        // a round body lies on each axis. Either makes sizes along the axes exact.
         if (self.sides > 0 && sides.is_multiple_of(2)) || self.rests_on_side() { 0.5 } else { 0.0 }
     }
 
@@ -171,7 +174,7 @@ impl Turned {
             .collect()
     }
 
-    /// Frame of a cross-section of the given radius: z along the axis.
+    /// Frame in which a cross-section of the given radius (m) is placed: z along the axis.
     fn frame(&self, radius: f64) -> Pose {
         match self.axis {
             Axis::Upright => Pose::IDENTITY,

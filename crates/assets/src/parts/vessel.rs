@@ -10,21 +10,21 @@ use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 use crate::surface::{Detail, circle, from_rings, smooth_profile, subdivided};
 
-/// A hollow body of revolution about +z, open at the top: mug, bowl, plate, pot, bin.
+/// Hollow body of revolution about +z, open at the top: mug, bowl, plate, pot, bin.
 ///
-/// The wall lies between two profiles of (radius, height) with equally many points, base to rim.
+/// The wall lies between two profiles of (radius, height), from base to rim, with the same number of points.
 /// Collision: one convex wedge per sector and profile segment, and a solid base up to the first inner point, which is
 /// the only piece that touches the table.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vessel {
-    /// Outer profile, base edge to rim, m.
+    /// Outer profile of (radius, height), from the edge of the base to the rim, m.
     pub outer: Vec<[f64; 2]>,
-    /// Inner profile, floor edge to rim, m.
+    /// Inner profile of (radius, height), from the edge of the floor to the rim, m.
     pub inner: Vec<[f64; 2]>,
     /// Number of collision wedges around; a multiple of four so that the size is exact.
     pub sectors: usize,
-    /// Visual profile of the outside, base edge to rim, if finer than `outer`.
+    /// Visual profile of the outside, from the edge of the base to the rim, m; empty for `outer`.
     #[serde(default)]
     pub outline: Vec<[f64; 2]>,
     /// True to smooth the visual profiles.
@@ -34,16 +34,16 @@ pub struct Vessel {
     pub outside: Finish,
     /// Finish of the inside, v = 0 at the centre of the floor, v = 1 at the rim.
     pub inside: Finish,
-    /// Finish of the rim; the inside's base colour if absent.
+    /// Finish of the rim; if absent, the plain base colour of the inside.
     #[serde(default)]
     pub rim: Option<Finish>,
     /// Centre of the base, m.
     #[serde(default)]
     pub at: DVec3,
-    /// Scale along x and y, for oval vessels.
+    /// Factors on the cross-section along x and y, for oval vessels.
     #[serde(default = "unstretched")]
     pub stretch: DVec2,
-    /// Top of the cavity, m; the rim if absent.
+    /// Height of the cavity's top, m; the rim if absent.
     #[serde(default)]
     pub cavity_top: Option<f64>,
 }
@@ -121,7 +121,7 @@ impl Vessel {
         }
     }
 
-    /// The cavity, up to the rim or `cavity_top`.
+    /// Cavity up to the rim or `cavity_top`.
     pub(super) fn cavity(&self) -> Piece {
         let top = self.cavity_top.unwrap_or(f64::INFINITY);
         let rings: Vec<_> = self

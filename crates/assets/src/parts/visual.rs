@@ -9,10 +9,10 @@ use crate::surface::Detail;
 
 /// Height above the table of collision pieces that need not touch it, m.
 ///
-/// Two dozen wedges touching the table around the base disc slow physics fivefold without adding support.
+/// Two dozen wedges that touch the table around the base disc slow physics down fivefold without adding support.
 pub(super) const CLEARANCE: f64 = 0.0005;
 
-/// A visual part in the object's frame, with a full-resolution and a rendering mesh.
+/// Visual part in the object's frame, with a full-resolution mesh and a simplified one for rendering.
 pub(super) fn surface(name: &str, mesh: impl Fn(Detail) -> TriMesh, finish: &Finish, seed: Seed) -> VisualPart {
     let measured = VisualPart::new(name, mesh(Detail::Full), finish.material(seed), Pose::IDENTITY);
     VisualPart { render_mesh: Arc::new(mesh(Detail::Simplified)), ..measured }

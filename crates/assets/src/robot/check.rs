@@ -9,15 +9,15 @@ use super::data::{ArmData, GripperData, JointData, LinkData, RobotData};
 use super::{GRIPPER, PartKind, joints};
 use crate::parts::Part;
 
-/// Largest distance of a closed pad's inner face from the plane y = 0 of the gripper's frame, m.
+/// Largest distance of a pad's inner face from the plane y = 0 of the gripper's frame when the gripper is closed, m.
 const PAD_GAP_M: f64 = 0.001;
-/// Tolerance of the length of a unit axis and of the fingers' directions and travel.
+/// Tolerance of a unit axis' length, of the fingers' directions, and of the fingers' travel (m).
 const TOLERANCE: f64 = 1e-6;
-/// Largest coordinate or extent, m; the largest arms reach five metres.
+/// Largest valid coordinate or extent, m; the largest arms reach five metres.
 const MAX_EXTENT_M: f64 = 10.0;
-/// Largest joint angle, rad, about 16 turns.
+/// Largest valid joint angle, rad: about 16 turns.
 const MAX_ANGLE_RAD: f64 = 100.0;
-/// Largest opening of a gripper, m.
+/// Largest valid opening of a gripper, m.
 const MAX_OPENING_M: f64 = 0.5;
 
 type Checked = Result<(), String>;
@@ -30,7 +30,7 @@ fn positive(place: impl Display, value: f64) -> Checked {
     expect(value > 0.0 && value.is_finite(), place, "a positive number", value)
 }
 
-/// Checks the schema and the name of a file.
+/// Checks the schema and the robot's, arm's or gripper's name in a file.
 pub(super) fn header(kind: PartKind, schema: &str, name: &str) -> Checked {
     expect(schema == kind.schema(), "schema", format!("{:?}", kind.schema()), format!("{schema:?}"))?;
     let plain = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || letter == '_';
@@ -38,7 +38,7 @@ pub(super) fn header(kind: PartKind, schema: &str, name: &str) -> Checked {
     expect(is_name, "name", "1-64 lower-case letters, digits and underscores", format!("{name:?}"))
 }
 
-/// Checks an arm by itself.
+/// Checks an arm without a gripper.
 pub(super) fn arm(arm: &ArmData) -> Checked {
     header(PartKind::Arm, &arm.schema, &arm.name)?;
     expect(
@@ -90,7 +90,7 @@ fn serial(arm: &ArmData) -> Checked {
     expect(carried == all, "tool_link", format!("a link behind all {all} joints"), format!("one behind {carried}"))
 }
 
-/// Checks a gripper by itself.
+/// Checks a gripper without an arm.
 pub(super) fn gripper(gripper: &GripperData) -> Checked {
     header(PartKind::Gripper, &gripper.schema, &gripper.name)?;
     expect(

@@ -1,6 +1,6 @@
-//! The robot file formats: `genmanip.arm/1`, `genmanip.gripper/1` and `genmanip.robot/1`.
+//! Robot file formats `genmanip.arm/1`, `genmanip.gripper/1` and `genmanip.robot/1`.
 //!
-//! Metres, radians, seconds, kilograms, newtons; angles in degrees where the key ends in `_deg`.
+//! Units are metres, radians, seconds, kilograms and newtons; angles are in degrees where the key ends in `_deg`.
 //! docs/guides/your-own-robot.md explains every key.
 
 use std::collections::BTreeMap;
@@ -11,117 +11,117 @@ use serde::Deserialize;
 
 use crate::parts::{Part, assemble};
 
-/// A serial arm without a gripper: a file of `arms/`.
+/// Serial arm without a gripper: a file of `arms/`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ArmData {
     pub schema: String,
     pub name: String,
-    /// Origin of the figures, by topic.
+    /// Sources of the file's numbers (data sheets, papers), by topic.
     pub sources: BTreeMap<String, String>,
-    /// Link that carries the gripper.
+    /// Name of the link that carries the gripper.
     pub tool_link: String,
-    /// Joint positions at the start of an episode.
+    /// Joint positions at the start of an episode, base to tool, rad.
     pub home: Vec<f64>,
     #[serde(default)]
     pub reach: Option<Reach>,
     pub drives: ArmDrives,
-    /// Parents first; the first link is the base.
+    /// Links, parents before children; the first link is the base.
     pub links: Vec<LinkData>,
-    /// Pairs of links that cannot meet; neighbours need not be listed.
+    /// Pairs of links that cannot collide; neighbours need not be listed.
     #[serde(default)]
     pub never_colliding: Vec<[String; 2]>,
 }
 
-/// Drives of an arm.
+/// Joint drives of an arm in simulation.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ArmDrives {
-    /// Position gains, base to tool, N·m/rad.
+    /// Position gains of the joints, base to tool, N·m/rad.
     pub kp: Vec<f64>,
-    /// Velocity gains, N·m·s/rad.
+    /// Velocity gains of the joints, base to tool, N·m·s/rad.
     pub kv: Vec<f64>,
-    /// Rotor inertia at the joint, kg·m².
+    /// Rotor inertia of each drive as seen at its joint, kg·m².
     pub armature: f64,
     /// Viscous joint friction, N·m·s/rad.
     pub damping: f64,
-    /// Sliding friction of all surfaces but the pads.
+    /// Sliding friction coefficient of all robot surfaces but the finger pads.
     pub hull_friction: f64,
 }
 
-/// A parallel gripper: a file of `grippers/`.
+/// Parallel gripper: a file of `grippers/`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct GripperData {
     pub schema: String,
     pub name: String,
-    /// Origin of the figures, by topic.
+    /// Sources of the file's numbers (data sheets, papers), by topic.
     pub sources: BTreeMap<String, String>,
-    /// Distance of the tool centre point from the origin of the first link, along +z, m.
+    /// Distance of the tool centre point (TCP) from the origin of the first link, along +z, m.
     pub hand_from_tcp_z: f64,
     /// Names of the finger links; the first opens along +y of the hand, the second along -y.
     pub fingers: [String; 2],
     /// Largest opening between the pads, m.
     pub max_width: f64,
-    /// Largest grip force according to the maker, N.
+    /// Largest grip force according to the manufacturer, N.
     pub max_force: f64,
-    /// Pad size: along the closing direction, across, along the finger, m.
+    /// Size of a finger pad along the closing direction, across the finger, and along the finger, m.
     pub pad_size: DVec3,
     #[serde(default)]
     pub wrist_camera: Option<WristCameraData>,
     pub drives: GripperDrives,
-    /// The hand, which carries the others, then the fingers.
+    /// Links of the gripper: the hand, which carries the fingers, then the fingers.
     pub links: Vec<LinkData>,
     #[serde(default)]
     pub never_colliding: Vec<[String; 2]>,
 }
 
-/// Drive of a gripper.
+/// Drive of a gripper in simulation.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct GripperDrives {
-    /// Largest grip force used, sum over both fingers, N.
+    /// Grip force limit of the drive, sum over both fingers, N.
     pub force_n: f64,
-    /// Stiffness, N per metre of opening.
+    /// Position gain of the drive, N per metre of opening.
     pub kp: f64,
-    /// Distance beyond closed at which a commanded width of 0 aims, m.
+    /// Distance by which the drive's target for a commanded width of 0 lies beyond fully closed, m.
     pub overclose_m: f64,
-    /// Inertia of the drive at one finger, kg.
+    /// Inertia of the drive as seen at one finger, kg.
     pub armature: f64,
     /// Viscous friction of a finger, N·s/m.
     pub damping: f64,
-    /// Pad friction: sliding (1), turning (m), rolling (m).
+    /// Friction coefficients of the pads: sliding (no unit), torsional (m), rolling (m).
     pub pad_friction: [f64; 3],
 }
 
-/// A gripper on an arm: a file of `robots/`.
+/// Robot that consists of a gripper on an arm: a file of `robots/`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RobotData {
     pub schema: String,
     pub name: String,
-    /// Name of the arm.
+    /// Name of the arm, as in its file.
     pub on: String,
-    /// Name of the gripper.
+    /// Name of the gripper, as in its file.
     pub gripper: String,
-    /// Frame of the hand in the frame of the arm's tool link.
+    /// Pose of the hand in the frame of the arm's tool link.
     pub mount: MountData,
-    /// Replaces the arm's.
+    /// Joint positions at the start of an episode, rad; the arm's if absent.
     #[serde(default)]
     pub home: Option<Vec<f64>>,
-    /// Replaces the arm's.
+    /// Reach; the arm's if absent.
     #[serde(default)]
     pub reach: Option<Reach>,
-    /// Replaces the gripper's.
+    /// Wrist camera; the gripper's if absent.
     #[serde(default)]
     pub wrist_camera: Option<WristCameraData>,
-    /// Replaces the arm's gains.
+    /// Drive gains; the arm's if absent.
     #[serde(default)]
     pub gains: GainsData,
-    /// Tighter limits, by joint.
+    /// Limits tighter than the arm's, by joint name.
     #[serde(default)]
     pub limits: BTreeMap<String, LimitsData>,
-    /// Pairs of links that cannot meet; `gripper` means every link of the gripper.
+    /// Pairs of links that cannot collide; the name `gripper` stands for every link of the gripper.
     #[serde(default)]
     pub never_colliding: Vec<[String; 2]>,
 }
@@ -130,7 +130,7 @@ pub(super) struct RobotData {
 #[serde(deny_unknown_fields)]
 pub(super) struct MountData {
     pub position: DVec3,
-    /// Rotations about fixed x, y, z.
+    /// Roll, pitch and yaw about the fixed x, y and z axes, in this order.
     pub rpy_deg: [f64; 3],
 }
 
@@ -143,7 +143,7 @@ pub(super) struct GainsData {
     pub kv: Option<Vec<f64>>,
 }
 
-/// Limits of one joint of a robot; absent ones are the arm's.
+/// Limits of one joint of a robot, in units of the joint; the arm's limit where one is absent.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LimitsData {
@@ -161,13 +161,13 @@ pub(super) struct LimitsData {
     pub max_effort: Option<f64>,
 }
 
-/// A camera beside the hand; the upper edge of its image points towards +x of the hand.
+/// Wrist camera beside the hand; the upper edge of its image points towards +x of the hand.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct WristCameraData {
     /// Position of the optical frame in the hand's frame, m.
     pub position: DVec3,
-    /// Tilt from the approach direction towards the pads.
+    /// Tilt of the optical axis from the approach direction towards the pads.
     pub tilt_deg: f64,
 }
 
@@ -175,20 +175,20 @@ pub(super) struct WristCameraData {
 #[serde(deny_unknown_fields)]
 pub(super) struct LinkData {
     pub name: String,
-    /// Name of an earlier link; absent for the first one.
+    /// Name of a link listed earlier; absent for the first link.
     #[serde(default)]
     pub parent: Option<String>,
     /// Origin of the link's frame in the parent's frame, m.
     #[serde(default)]
     pub position: DVec3,
-    /// Rotations about fixed x, y, z.
+    /// Roll, pitch and yaw about the fixed x, y and z axes, in this order.
     #[serde(default)]
     pub rpy_deg: [f64; 3],
     #[serde(default)]
     pub joint: Option<JointData>,
     pub mass_kg: f64,
     pub center: DVec3,
-    /// xx, yy, zz, xy, xz, yz about the centre.
+    /// Moments xx, yy, zz, xy, xz, yz about the centre of mass, kg·m².
     pub inertia: [f64; 6],
     pub parts: Vec<Part>,
 }
@@ -221,7 +221,7 @@ impl MountData {
 }
 
 impl LinkData {
-    /// The link at an index of the robot, which also seeds its textures.
+    /// Link number `index` of the robot; the index also seeds the link's textures.
     pub fn build(&self, index: usize, parent: Option<usize>, parent_from_link: Pose) -> RobotLink {
         let link = assemble(&self.parts, Seed::new(index as u64));
         RobotLink {

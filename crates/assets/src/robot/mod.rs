@@ -1,4 +1,4 @@
-//! Robots from data: an arm and a gripper, each a file, and a third that mounts one on the other.
+//! Robots from data files: an arm, a gripper, and a robot file that mounts the gripper on the arm.
 
 mod check;
 mod data;
@@ -10,22 +10,22 @@ use crate::AssetError;
 use crate::data_file::read;
 use data::{ArmData, GripperData, LimitsData, LinkData, RobotData, WristCameraData};
 
-/// Means every link of the gripper in a robot's `never_colliding`.
+/// Name in a robot's `never_colliding` that stands for every link of the gripper.
 const GRIPPER: &str = "gripper";
 
 /// Kinds of robot files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PartKind {
-    /// A gripper mounted on an arm.
+    /// Gripper mounted on an arm.
     Robot,
-    /// A serial arm.
+    /// Serial arm without a gripper.
     Arm,
-    /// A parallel gripper.
+    /// Parallel gripper without an arm.
     Gripper,
 }
 
 impl PartKind {
-    /// Schema of its files.
+    /// Schema name of files of this kind.
     pub const fn schema(self) -> &'static str {
         match self {
             Self::Robot => "genmanip.robot/1",
@@ -34,7 +34,7 @@ impl PartKind {
         }
     }
 
-    /// Word for messages.
+    /// Name of this kind in messages.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Robot => "robot",
@@ -44,7 +44,7 @@ impl PartKind {
     }
 }
 
-/// Finds the file text of the arm or gripper with a name.
+/// Function that finds the text of an arm or gripper file by name.
 pub type PartFinder<'a> = dyn Fn(PartKind, &str) -> Result<String, AssetError> + 'a;
 
 /// Builds a robot from the text of a robot file; `file` names it in errors, `find` reads its arm and gripper.
@@ -71,7 +71,7 @@ pub fn compose(file: &str, text: &str, find: &PartFinder) -> Result<RobotModel, 
     Ok(model)
 }
 
-/// Overrides home, reach, gains and limits of the arm with those of the robot.
+/// Replaces home, reach, gains and limits of the arm by those that the robot states.
 fn override_arm(arm: &mut ArmData, robot: &RobotData) -> Result<(), String> {
     for (name, changes) in &robot.limits {
         let joints: Vec<String> = arm.links.iter().filter_map(|link| Some(link.joint.as_ref()?.name.clone())).collect();
@@ -117,7 +117,7 @@ fn tighten(name: &str, changes: &LimitsData, joint: &mut data::JointData) -> Res
     Ok(())
 }
 
-/// Assembles the model from checked parts.
+/// Assembles the model of a robot from checked data.
 fn assemble(robot: &RobotData, arm: &ArmData, gripper: &GripperData) -> RobotModel {
     let names: Vec<&str> = arm.links.iter().chain(&gripper.links).map(|link| link.name.as_str()).collect();
     let index_of = |name: &str| names.iter().position(|other| *other == name);
@@ -175,7 +175,8 @@ fn assemble(robot: &RobotData, arm: &ArmData, gripper: &GripperData) -> RobotMod
     }
 }
 
-/// The named pairs, neighbouring links and the two fingers; each pair and the list in ascending order.
+/// Pairs of links that cannot collide: the listed ones, neighbouring links and the two fingers. Each pair and the list
+/// are in ascending order.
 fn never_colliding(
     links: &[RobotLink],
     fingers: [usize; 2],
@@ -199,7 +200,7 @@ fn never_colliding(
     pairs
 }
 
-/// Number of joints among links.
+/// Number of joints of the links.
 fn joints(links: &[LinkData]) -> usize {
     links.iter().filter(|link| link.joint.is_some()).count()
 }

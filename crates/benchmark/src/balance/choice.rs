@@ -6,7 +6,7 @@ use genmanip_core::{Document, Task};
 use serde::{Deserialize, Serialize};
 
 use super::axes::Axes;
-use super::distribution::{Balance, balance};
+use super::distribution::{Balance, ValueShare, balance};
 use crate::suite_format::{Candidate, Targets, choose, template};
 
 /// A scenario offered for a suite.
@@ -108,19 +108,26 @@ pub fn helpful(offered: &[Offered], decided: &BTreeSet<usize>, targets: &Targets
     ranked
 }
 
-fn shortfall(axes: &Axes, now: &Balance) -> f64 {
-    let mut shortfalls = Vec::new();
-    for known in now.axes.iter().filter(|known| known.values.len() > 1) {
+/// The values of a scenario on each axis that tells scenarios apart.
+fn own_values<'a>(
+    axes: &'a Axes,
+    now: &'a Balance,
+) -> impl Iterator<Item = (&'a str, impl Iterator<Item = &'a ValueShare>)> {
+    now.axes.iter().filter(|known| known.values.len() > 1).map(|known| {
         let own = axes.get(&known.axis).into_iter().flatten();
-        let relative = |value: &String| {
-            let found = known.values.iter().find(|share| share.value == *value)?;
-            Some(if found.wanted > 0.0 { (1.0 - found.share / found.wanted).max(-1.0) } else { -1.0 })
-        };
-        let of_axis: Vec<f64> = own.filter_map(relative).collect();
-        if !of_axis.is_empty() {
-            shortfalls.push(of_axis.iter().sum::<f64>() / of_axis.len() as f64);
-        }
-    }
+        (known.axis.as_str(), own.filter_map(|value| known.values.iter().find(|share| share.value == *value)))
+    })
+}
+
+fn shortfall(axes: &Axes, now: &Balance) -> f64 {
+    let relative =
+        |known: &ValueShare| if known.wanted > 0.0 { (1.0 - known.share / known.wanted).max(-1.0) } else { -1.0 };
+    let shortfalls: Vec<f64> = own_values(axes, now)
+        .filter_map(|(_, values)| {
+            let of_axis: Vec<f64> = values.map(relative).collect();
+            (!of_axis.is_empty()).then(|| of_axis.iter().sum::<f64>() / of_axis.len() as f64)
+        })
+        .collect();
     shortfalls.iter().sum::<f64>() / shortfalls.len().max(1) as f64
 }
 
@@ -128,14 +135,12 @@ fn shortfall(axes: &Axes, now: &Balance) -> f64 {
 /// axes of several values.
 fn extreme(axes: &Axes, reached: &Balance, measure: impl Fn(f64, f64) -> f64) -> Option<(String, f64)> {
     let mut best: Option<(String, f64)> = None;
-    for known in reached.axes.iter().filter(|known| known.values.len() > 1) {
-        let own = axes.get(&known.axis).into_iter().flatten();
-        for value in own.filter_map(|value| known.values.iter().find(|share| share.value == *value)) {
+    for (axis, values) in own_values(axes, reached) {
+        for value in values {
             let measured = measure(value.share, value.wanted);
             if best.as_ref().is_none_or(|(_, most)| measured > *most) {
                 let (share, wanted) = (100.0 * value.share, 100.0 * value.wanted);
-                let words = format!("{} {}: {share:.0} %, wanted {wanted:.0} %", known.axis, value.value);
-                best = Some((words, measured));
+                best = Some((format!("{axis} {}: {share:.0} %, wanted {wanted:.0} %", value.value), measured));
             }
         }
     }

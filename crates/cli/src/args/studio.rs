@@ -30,6 +30,9 @@ pub struct StudioArguments {
     /// reaches the page can then run it
     #[arg(long = "policy", value_name = "NAME[:KEY=VALUE,…]")]
     pub policies: Vec<String>,
+    /// Folder of questions (`[folder]` in a model's settings) that are answered in the page, in place of a model
+    #[arg(long, value_name = "FOLDER")]
+    pub questions: Option<PathBuf>,
     /// Name under which changes are logged, unless the page is given another one [default: that of git, or the user's]
     #[arg(long, value_name = "NAME")]
     pub author: Option<String>,

@@ -15,7 +15,7 @@ use genmanip_studio::review::{
     Reviewer, build_suite, certify, read_desk,
 };
 use genmanip_terminal::{ExitStatus, Failed, Printer};
-use genmanip_workspace::{documents, text_table, workers};
+use genmanip_workspace::{WorkspaceError, documents, text_table, workers};
 use serde_json::{Map, Value, json};
 
 use super::plural;
@@ -100,7 +100,7 @@ fn decide(arguments: &ReviewArguments, desk: &mut ReviewDesk) -> Result<Vec<Stri
             at: now(),
         };
         desk.add(key, review).map_err(|error| match error {
-            ReviewError::Log(error) => Failed::from(genmanip_workspace::WorkspaceError::from(error)),
+            ReviewError::Log(_) => Failed::from(WorkspaceError::from(error)),
             error => Failed::new(format!("{key}: {error}")).hint("--show KEY says what was reviewed"),
         })?;
         keys.push(key.clone());
@@ -126,10 +126,7 @@ fn let_expert_try(
     let mut tried = Vec::new();
     let log = desk.log_mut();
     certify(&items, &now(), workers::workers(arguments.workers), printer, &stop, |trials| {
-        log.add_trials(trials.clone()).map_err(|error| match error {
-            ReviewError::Log(error) => error.into(),
-            error => genmanip_workspace::WorkspaceError::input(error.to_string()),
-        })?;
+        log.add_trials(trials.clone())?;
         tried.push(trials);
         Ok(())
     })?;

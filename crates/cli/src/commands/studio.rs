@@ -13,7 +13,7 @@ use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed, environment};
 
 pub fn run(arguments: &StudioArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let StudioArguments { paths, out, port, no_open, allow_others, policies, author } = arguments;
+    let StudioArguments { paths, out, port, no_open, allow_others, policies, questions, author } = arguments;
     let policies = OfferedPolicies::new(policies)?;
     let collection = Collection::open(paths, out, printer)?;
     collection.left_out.iter().for_each(|message| printer.say(message));
@@ -30,6 +30,7 @@ pub fn run(arguments: &StudioArguments, printer: &Printer) -> Result<ExitStatus,
         author: author.clone().or_else(git_author).or_else(user).unwrap_or_else(|| "somebody".into()),
         token: token.clone(),
         policies,
+        questions: questions.clone(),
     };
     let server = server::start(collection, settings)
         .map_err(|error| Failed::because("the studio cannot be opened", &error).hint("choose another --port"))?;

@@ -19,7 +19,7 @@ impl GripperSpec {
         ((number - shut) / (open - shut)) as f32 * max_width
     }
 
-    /// Gripper value of an opening width.
+    /// Gripper value of an opening width (m).
     pub fn number(self, width_m: f32, hand: &Gripper) -> f32 {
         if self.is_native() {
             return width_m;

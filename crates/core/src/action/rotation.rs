@@ -4,7 +4,7 @@ use glam::{DMat3, DQuat, DVec3, EulerRot};
 
 use crate::{Pose, RotationEncoding};
 
-/// Vectors shorter than this have no direction.
+/// Length below which a vector counts as having no direction.
 const MIN_LENGTH: f64 = 1e-6;
 
 impl RotationEncoding {
@@ -66,7 +66,7 @@ impl RotationEncoding {
         }
     }
 
-    /// Length of the encoding.
+    /// Number of values of the encoding.
     pub fn length(self) -> usize {
         self.names().len()
     }

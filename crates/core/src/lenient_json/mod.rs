@@ -1,6 +1,8 @@
-//! JSON in the words of a language model: within prose and code fences, in a text of its own, with unambiguous slips.
+//! JSON as written by language models: within prose and code fences, encoded again as a JSON string, with unambiguous
+//! syntax errors.
 //!
-//! One reader serves every answer: what it finds is a candidate, whose caller checks that there is exactly one.
+//! Every reader of model answers uses this module. Its results are candidates; the caller checks that there is exactly
+//! one.
 
 mod parser;
 
@@ -13,21 +15,21 @@ pub use parser::{Failure, Parsed};
 
 /// Maximum number of code fences.
 const MAX_FENCES: usize = 16;
-/// Maximum number of texts within texts that are opened: JSON that was encoded twice, or three times.
+/// Maximum number of nested encodings that are decoded, of JSON inside JSON strings.
 const MAX_ENCODINGS: usize = 3;
-/// The deviation of a value that was encoded twice.
+/// Name of the deviation of a value that was encoded as a string.
 const ENCODED_TWICE: &str = "JSON within a text";
 
-/// Values that may be an answer.
+/// Kinds of outermost values that may be an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
-    /// Objects only; lists are looked into.
+    /// Objects only; lists are searched for objects.
     Objects,
-    /// Objects and lists.
+    /// Objects and lists, whichever is outermost.
     ObjectsAndLists,
 }
 
-/// The outermost values of a text, in order; of a text with code fences that hold JSON, those within the fences.
+/// The outermost values of a text, in order. If the text has code fences that hold JSON, only those within the fences.
 ///
 /// At most `max_values` JSON values are parsed, so the time is linear in the length of the text.
 ///
@@ -49,7 +51,7 @@ pub fn find(text: &str, wanted: Wanted, max_values: usize) -> Vec<Result<Parsed,
     found
 }
 
-/// The text itself, or what it says if it is one JSON text that holds JSON, bare or in a code fence.
+/// The text itself; if it is one JSON string that holds JSON, bare or in a code fence, the content of that string.
 pub fn decoded(text: &str) -> Cow<'_, str> {
     let mut decoded = Cow::Borrowed(text);
     for _ in 0..MAX_ENCODINGS {
@@ -127,7 +129,7 @@ fn scan(
     }
 }
 
-/// Replaces texts that hold one JSON object or list by that; true if there was one.
+/// Replaces strings that hold one JSON object or list by that value; true if any was replaced.
 fn open_texts(value: &mut Value, encodings: usize) -> bool {
     match value {
         Value::String(text) if encodings > 0 => {

@@ -9,7 +9,7 @@ const MAX_DEPTH: usize = 64;
 /// A parsed object or list.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parsed {
-    /// The value.
+    /// The object or list, with all deviations resolved.
     pub value: Value,
     /// Byte of the opening bracket.
     pub start: usize,
@@ -41,7 +41,7 @@ pub enum Failure {
     DuplicateKey {
         /// Position of the second occurrence.
         at: usize,
-        /// The key.
+        /// The key that occurs twice.
         key: String,
     },
     /// The text has more values than were allowed.
@@ -53,7 +53,7 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// Byte position.
+    /// Byte position of the failure.
     pub fn at(&self) -> usize {
         match self {
             Self::Truncated { at }

@@ -1,4 +1,4 @@
-//! Migration of pick-and-place settings to the shared feasibility query.
+//! Upgrade of version 1 pick-and-place settings, in three sections, to those of the shared feasibility query.
 
 use serde_json::{Map, Value, json};
 

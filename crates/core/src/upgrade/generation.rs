@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 use super::task;
 use crate::{DocumentError, Upgrade};
 
-/// From `genmanip.generation/1`.
+/// Upgrade of a task-generation record of version 1 to version 2.
 pub const FROM_1: Upgrade = Upgrade { schema: "genmanip.generation/1", upgrade: from_1 };
 
 fn from_1(generation: &mut Map<String, Value>) -> Result<(), DocumentError> {

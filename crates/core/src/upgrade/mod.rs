@@ -15,12 +15,12 @@ use serde_json::{Map, Value};
 
 use crate::DocumentError;
 
-/// Error for a missing field.
+/// Error for a missing or mistyped value at a path.
 fn lacks(path: &str, expected: &str) -> DocumentError {
     DocumentError::Invalid { path: path.into(), message: format!("expected {expected}") }
 }
 
-/// The object under a key.
+/// The JSON object under a key; an error if there is none.
 fn object<'m>(
     map: &'m mut Map<String, Value>,
     key: &str,
@@ -29,7 +29,7 @@ fn object<'m>(
     map.get_mut(key).and_then(Value::as_object_mut).ok_or_else(|| lacks(&format!("{path}.{key}"), "an object"))
 }
 
-/// The objects of the list under a key.
+/// The JSON objects of the list under a key; an error if there is no such list.
 fn objects<'m>(
     map: &'m mut Map<String, Value>,
     key: &str,
@@ -44,7 +44,7 @@ fn objects<'m>(
         .collect()
 }
 
-/// The text under a key.
+/// The text under a key; an error if there is none.
 fn text(map: &Map<String, Value>, key: &str, path: &str) -> Result<String, DocumentError> {
     map.get(key).and_then(Value::as_str).map(String::from).ok_or_else(|| lacks(&format!("{path}.{key}"), "a text"))
 }

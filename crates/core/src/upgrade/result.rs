@@ -4,7 +4,8 @@ use serde_json::{Map, Value, json};
 
 use crate::{DocumentError, Upgrade};
 
-/// From `genmanip.result/1`: the single failure becomes a list, and the termination reason follows from its cause.
+/// Upgrade of a result of version 1 to version 2: the single failure becomes a list, and the termination reason follows
+/// from its cause.
 pub const FROM_1: Upgrade = Upgrade { schema: "genmanip.result/1", upgrade: from_1 };
 
 /// Upgrades the body of a result, alone or inside another document.

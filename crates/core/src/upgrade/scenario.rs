@@ -5,7 +5,7 @@ use serde_json::{Map, Value, json};
 use super::{lacks, object, objects, task, text, world};
 use crate::{DocumentError, Seed, Upgrade};
 
-/// From `genmanip.scenario/1`.
+/// Upgrade of a scenario of version 1 to version 2.
 pub const FROM_1: Upgrade = Upgrade { schema: "genmanip.scenario/1", upgrade: from_1 };
 
 fn from_1(scenario: &mut Map<String, Value>) -> Result<(), DocumentError> {

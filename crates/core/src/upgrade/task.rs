@@ -5,7 +5,7 @@ use serde_json::{Map, Value, json};
 use super::{lacks, object, objects, text};
 use crate::{DocumentError, Upgrade};
 
-/// From `genmanip.task/1`.
+/// Upgrade of a task of version 1 to version 2.
 pub const FROM_1: Upgrade = Upgrade { schema: "genmanip.task/1", upgrade: from_1 };
 
 /// Version of the built-in objects at the time of version 1 tasks, which do not record it.

@@ -31,17 +31,17 @@ impl std::fmt::Display for WorldFault {
 }
 
 impl WorldFault {
-    /// A fault at a place.
+    /// A fault at a field path, without a suggested fix.
     pub fn new(place: impl Into<String>, expected: impl Into<String>, got: impl ToString) -> Self {
         Self { place: place.into(), expected: expected.into(), got: got.to_string(), hint: String::new() }
     }
 
-    /// Expected and actual value, without the field path.
+    /// Message with the expected and the actual value, without the field path.
     pub fn expectation(&self) -> String {
         format!("expected {}, got {}", self.expected, self.got)
     }
 
-    /// Adds a suggested fix.
+    /// The same fault with a suggested fix.
     #[must_use]
     pub fn hint(self, hint: impl Into<String>) -> Self {
         Self { hint: hint.into(), ..self }
@@ -49,7 +49,7 @@ impl WorldFault {
 }
 
 impl World {
-    /// All faults of this world for a robot; engine settings are validated by the `sim` crate.
+    /// All faults of this world with its robot; engine settings are validated by the `sim` crate.
     pub fn faults(&self, robot: &RobotModel) -> Vec<WorldFault> {
         let mut faults = Vec::new();
         self.check_surfaces(&mut faults);
@@ -154,7 +154,7 @@ impl World {
     }
 }
 
-/// Faults of the parts that can be validated on their own; `None` for parts that could not be read.
+/// Adds the faults of the parts that can be validated on their own; `None` for parts that could not be read.
 pub(super) fn check_parts(
     cameras: &[Camera],
     physics: Option<&PhysicsSettings>,
@@ -173,7 +173,7 @@ pub(super) fn check_parts(
     }
 }
 
-/// All faults of a list of cameras.
+/// All faults of a list of cameras, duplicate names included.
 pub fn camera_faults(cameras: &[Camera]) -> Vec<WorldFault> {
     let mut faults = Vec::new();
     check_parts(cameras, None, None, &mut faults);
@@ -215,7 +215,7 @@ fn check_surface(surface: &SupportSurface, place: &str, faults: &mut Vec<WorldFa
     }
 }
 
-/// Validates a camera; `place` is its field path.
+/// Validates a camera; `place` is its field path, `twin` is true if an earlier camera has the same name.
 fn check_camera(camera: &Camera, twin: bool, place: &str, faults: &mut Vec<WorldFault>) {
     let fits = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     if camera.name.is_empty() || camera.name.len() > 40 || !camera.name.chars().all(fits) {

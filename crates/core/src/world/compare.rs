@@ -23,10 +23,10 @@ pub enum WorldPart {
 }
 
 impl WorldPart {
-    /// All parts.
+    /// All parts, in the order of this enum.
     pub const ALL: [Self; 3] = [Self::Physics, Self::Judging, Self::Looks];
 
-    /// The name in files and messages.
+    /// Name of the part in files and messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Physics => "physics",
@@ -49,7 +49,7 @@ pub struct WorldHashes {
 }
 
 impl WorldHashes {
-    /// The hash of one part.
+    /// Hash of one part.
     pub fn of(&self, part: WorldPart) -> &str {
         match part {
             WorldPart::Physics => &self.physics,
@@ -92,7 +92,7 @@ impl World {
         WorldHashes { physics: of(WorldPart::Physics), judging: of(WorldPart::Judging), looks: of(WorldPart::Looks) }
     }
 
-    /// All fields in which another world differs, sorted by path.
+    /// All fields in which the worlds differ, sorted by path; `self` is the first world.
     pub fn differences(&self, other: &Self) -> Vec<WorldDifference> {
         let (ours, theirs) = (self.fields(), other.fields());
         let fields: std::collections::BTreeSet<&String> = ours.keys().chain(theirs.keys()).collect();
@@ -111,7 +111,8 @@ impl World {
             .collect()
     }
 
-    /// The first difference that forbids replaying one world's recordings in the other; appearance never does.
+    /// The first difference that forbids replaying one world's recordings in the other; `None` if there is none or only
+    /// appearance differs.
     pub fn refusal(&self, other: &Self) -> Option<WorldDifference> {
         self.differences(other).into_iter().find(|difference| difference.part != WorldPart::Looks)
     }

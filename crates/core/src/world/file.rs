@@ -24,7 +24,7 @@ pub struct WorldFile {
 /// Top-level keys, in the order of the file.
 const KEYS: [&str; 8] = ["surfaces", "floor_z_m", "workspace", "robot", "cameras", "physics", "relations", "look"];
 
-/// Keys of a camera in the file, and those that [`read_camera`] replaces by them.
+/// Keys of a camera in the file after [`read_camera`] has replaced the shorthands.
 const CAMERA_KEYS: [&str; 6] = ["name", "mount", "mount_from_camera", "intrinsics", "distortion", "sensor"];
 const CAMERA_SHORTHANDS: [&str; 6] =
     ["eye_m", "target_m", "size_px", "vertical_fov_deg", "horizontal_fov_deg", "preset"];
@@ -61,7 +61,7 @@ impl WorldFile {
         }
     }
 
-    /// Name of the robot in the file.
+    /// Name of the robot in the file; `None` if it is missing.
     pub fn robot_name(&self) -> Option<&str> {
         self.body.get("robot")?.get("name")?.as_str()
     }
@@ -141,7 +141,7 @@ impl WorldFile {
 /// Reads a camera entry and resolves its shorthands for a robot.
 ///
 /// # Errors
-/// The field path of an invalid value.
+/// [`WorldFault`] with the field path of an invalid value.
 pub fn read_camera(entry: Value, robot: &RobotModel, place: &str) -> Result<Camera, WorldFault> {
     let Value::Object(mut body) = entry else { return Err(WorldFault::new(place, "a table", entry)) };
     let mut take = |key: &str| body.shift_remove(key);

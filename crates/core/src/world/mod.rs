@@ -36,15 +36,15 @@ pub struct World {
     pub floor_z_m: f64,
     /// Usable part of the table.
     pub workspace: Workspace,
-    /// The robot.
+    /// Name, physics hash, and home and start position of the robot.
     pub robot: WorldRobot,
-    /// Cameras.
+    /// Fixed and wrist cameras; names are unique.
     pub cameras: Vec<Camera>,
-    /// Physics settings.
+    /// Simulation rates, gravity, friction and solver settings.
     pub physics: PhysicsSettings,
-    /// Thresholds of the relations.
+    /// Thresholds by which the judge decides the relations.
     pub relations: RelationSettings,
-    /// Appearance randomisation: light, background, table top, object paint.
+    /// Appearance randomisation: light, background, table top, object paint; `None` for the default appearance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub look: Option<AppearanceRandomisation>,
 }
@@ -63,7 +63,7 @@ pub struct WorldRobot {
     pub physics_hash: String,
     /// Home position of the arm, and its start position unless `start` is given, rad or m, base to tip.
     pub home: Vec<f64>,
-    /// Start position of the arm if it differs from `home`, rad or m.
+    /// Start position of the arm, rad or m; `None` if the arm starts at `home`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start: Option<Vec<f64>>,
 }
@@ -81,17 +81,17 @@ impl WorldRobot {
 }
 
 impl World {
-    /// The table: the first surface.
+    /// The table: the first surface; `None` without surfaces.
     pub fn table(&self) -> Option<&SupportSurface> {
         self.surfaces.first()
     }
 
-    /// A support surface by id.
+    /// A support surface by id; `None` if there is none.
     pub fn surface(&self, id: &str) -> Option<&SupportSurface> {
         self.surfaces.iter().find(|surface| surface.id == id)
     }
 
-    /// Index of a surface other than the table, by id.
+    /// Index of a surface other than the table, by id; `None` if no such surface has this id.
     pub fn further_surface(&self, id: &str) -> Option<usize> {
         self.surfaces.iter().position(|surface| surface.id == id).filter(|&index| index > 0)
     }
@@ -102,7 +102,7 @@ impl World {
         self.surfaces.iter().skip(1).map(named).collect()
     }
 
-    /// A camera by name.
+    /// A camera by name; `None` if there is none.
     pub fn camera(&self, name: &str) -> Option<&Camera> {
         self.cameras.iter().find(|camera| camera.name == name)
     }

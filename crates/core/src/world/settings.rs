@@ -37,7 +37,7 @@ fn is_unit_factor(factor: &f64) -> bool {
 }
 
 impl PhysicsSettings {
-    /// Physics steps per control step.
+    /// Number of physics steps per control step.
     pub fn substeps(&self) -> u32 {
         self.physics_rate_hz / self.control_rate_hz.max(1)
     }
@@ -69,9 +69,10 @@ pub struct RelationSettings {
     pub support_overlap: f64,
     /// Largest ratio of the footprints of a supported object and its supporter.
     pub support_area_ratio: f64,
-    /// Largest angle between the directions from the first object to the middle one and on to the second, radians.
+    /// Largest angle by which the polyline from the first reference over the object to the second one bends at the
+    /// object, radians.
     pub between_angle_rad: f64,
-    /// Places between which that angle is measured; documents from before this key mean `space`.
+    /// Points between which `between_angle_rad` is measured; documents from before this key mean `space`.
     #[serde(default = "BetweenReading::of_old_documents", skip_serializing_if = "BetweenReading::is_of_old_documents")]
     pub between: BetweenReading,
     /// Distance by which a joint may leave its state's interval before the state ends, as a fraction of the interval.
@@ -81,24 +82,24 @@ pub struct RelationSettings {
 }
 
 named_enum! {
-    /// Places of three objects by which one is *between* the others.
+    /// Points that represent the three objects of *between*.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
     #[serde(rename_all = "snake_case")]
     pub enum BetweenReading {
         /// Centres projected onto the table: seen from above.
         Plane = "plane",
-        /// Centres in space, as published: a tall object between two flat ones bends the way.
+        /// Centres in space, as published: a tall object between two flat ones bends the polyline.
         Space = "space",
     }
 }
 
 impl BetweenReading {
-    /// The only reading before documents named one.
+    /// The only reading before documents had the key.
     pub fn of_old_documents() -> Self {
         Self::Space
     }
 
-    /// True for [`Self::of_old_documents`], which is not written, so that hashes of old documents stay.
+    /// True for [`Self::of_old_documents`], which is not written, so that hashes of old documents stay valid.
     pub fn is_of_old_documents(&self) -> bool {
         *self == Self::of_old_documents()
     }

@@ -20,13 +20,13 @@ pub struct SupportSurface {
     /// Centre of the top in the world, metres.
     #[schemars(with = "[f64; 3]")]
     pub top_center_m: DVec3,
-    /// Yaw of its x axis, rad.
+    /// Yaw of the surface's x axis, rad.
     #[serde(default)]
     pub yaw_rad: f64,
-    /// Extent along its x and y axes, and thickness, metres.
+    /// Extent along the surface's x and y axes, and thickness, metres.
     #[schemars(with = "[f64; 3]")]
     pub size_m: DVec3,
-    /// Sliding friction; a contact uses the larger coefficient of the two bodies.
+    /// Sliding friction coefficient; a contact uses the larger coefficient of the two bodies.
     pub friction: f64,
     /// Margin inside the top's edges in which no object is placed, metres.
     #[serde(default)]
@@ -70,7 +70,7 @@ impl SupportSurface {
         Aabb::from_pieces(&self.world_from_surface(), self.pieces().iter().take(1))
     }
 
-    /// World bounds of the top, inset by its margin plus `more_m`; a rotated surface does not fill them, see
+    /// World bounds of the top, inset by the edge margin plus `more_m`; a rotated surface does not fill them, see
     /// [`SupportSurface::is_over_top`].
     pub fn area(&self, more_m: f64) -> Workspace {
         let (bounds, margin) = (self.slab_bounds(), self.edge_margin_m + more_m);
@@ -78,7 +78,7 @@ impl SupportSurface {
         Workspace { x: within(bounds.min.x, bounds.max.x), y: within(bounds.min.y, bounds.max.y) }
     }
 
-    /// True if all points of the world's xy plane lie over the top, inset by its margin plus `more_m`.
+    /// True if all points of the world's xy plane lie over the top, inset by the edge margin plus `more_m`.
     pub fn is_over_top(&self, mut points: impl Iterator<Item = DVec2>, more_m: f64) -> bool {
         let surface_from_world = self.world_from_surface().inverse();
         let half = self.size_m.truncate() * 0.5 - DVec2::splat(self.edge_margin_m + more_m);

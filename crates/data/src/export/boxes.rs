@@ -1,4 +1,4 @@
-//! Columns on request: bounding boxes of the objects in each camera's images.
+//! Optional columns: bounding boxes of the objects in each camera's images.
 
 use super::features::{Feature, Values};
 use super::privileged::OBJECTS;
@@ -7,7 +7,8 @@ use crate::masks::{self, MaskTrack};
 
 const BOUNDS: [&str; 4] = ["left", "top", "right", "bottom"];
 
-/// Bounding box and visible pixels of each object of the scenario, in its order; zeros if it is not visible or missing.
+/// Bounding box and number of visible pixels of each object in the order of the scenario; zeros if the object is not
+/// visible or missing.
 pub fn features(track: &MaskTrack, objects: usize, id: &str) -> Result<[Feature; 2], DataError> {
     if objects > OBJECTS {
         let what = format!("objects of episode {id} for the columns `sim.box…`");

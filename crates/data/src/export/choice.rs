@@ -4,7 +4,7 @@ use genmanip_core::{ActionSpace, ActionSpec, GripperEncoding, RotationEncoding};
 
 use super::{ExtraColumns, default_action};
 
-/// Action spaces by name.
+/// Action spaces by their names on the command line.
 pub const ACTIONS: [(&str, ActionSpace); 5] = [
     ("joint", ActionSpace::JointPosition),
     ("joint_delta", ActionSpace::JointDelta),
@@ -24,7 +24,7 @@ pub const ROTATIONS: [(&str, RotationEncoding); 4] = [
 /// Supported rows per second: divisors of the 60 Hz control rate.
 pub const RATES: [u32; 5] = [10, 15, 20, 30, 60];
 
-/// Extra columns by name.
+/// Optional columns by their names on the command line.
 pub const COLUMNS: [(&str, ExtraColumns); 3] =
     [("sim", ExtraColumns::Sim), ("boxes", ExtraColumns::Boxes), ("masks", ExtraColumns::Masks)];
 

@@ -5,46 +5,46 @@ use crate::{ColorHistogram, EncodedVideo};
 /// Numeric column, one vector per frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Feature {
-    /// Name of the column.
+    /// Name of the column, e.g. `observation.state`.
     pub key: String,
     /// Names of the vector's elements; empty for scalars.
     pub names: Vec<String>,
-    /// Values of all rows.
+    /// Values of all rows, one vector per row.
     pub values: Values,
 }
 
-/// Column values, frame-major.
+/// Values of a numeric column, one row after another.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
-    /// 32-bit floats.
+    /// Stored as 32-bit floats.
     F32(Vec<f32>),
-    /// 64-bit floats.
+    /// Stored as 64-bit floats.
     F64(Vec<f64>),
-    /// Integers.
+    /// Stored as signed 64-bit integers.
     I64(Vec<i64>),
-    /// Flags.
+    /// Stored as Booleans.
     Bool(Vec<bool>),
 }
 
-/// Video column.
+/// Video column of one camera.
 #[derive(Clone, Debug)]
 pub struct VideoFeature {
-    /// Name of the column.
+    /// Name of the column, e.g. `observation.images.static`.
     pub key: String,
     /// One frame per row.
     pub video: EncodedVideo,
-    /// Colours of all frames.
+    /// Colour histogram of all frames, for the statistics.
     pub colors: ColorHistogram,
 }
 
 /// Image column of depth or masks, stored in the table.
 #[derive(Clone, Debug)]
 pub struct ImageFeature {
-    /// Name of the column.
+    /// Name of the column, e.g. `observation.images.static_depth`.
     pub key: String,
-    /// Pixels per row.
+    /// Width, pixels.
     pub width: u32,
-    /// Pixel rows.
+    /// Height, pixels.
     pub height: u32,
     /// PNG file of each row; depth is 16-bit, mm, 0 = no return.
     pub png: Vec<Vec<u8>>,
@@ -56,7 +56,7 @@ impl Feature {
         Self { key: key.into(), names: names.iter().map(|&name| name.to_owned()).collect(), values }
     }
 
-    /// Length of the vector.
+    /// Number of elements per row, 1 for scalars.
     pub fn length(&self) -> usize {
         self.names.len().max(1)
     }

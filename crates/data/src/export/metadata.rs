@@ -8,41 +8,41 @@ use super::{ExportSettings, Source};
 use crate::CameraTrack;
 use crate::images::appearance_seed;
 
-/// Number of paraphrases of an instruction; chosen.
+/// Number of exported paraphrases of an instruction. Chosen by hand.
 const PARAPHRASES: usize = 6;
 
 /// Metadata of an episode, independent of the format.
 #[derive(Clone, Debug)]
 pub struct EpisodeMetadata {
-    /// Result of the attempt.
+    /// Result of the attempt in the store.
     pub result: EpisodeResult,
-    /// Instruction of the task.
+    /// Instruction of the task, in English.
     pub instruction: String,
     /// Other sentences for the same goal in this scene; empty if the instruction cannot be parsed.
     pub paraphrases: Vec<String>,
-    /// Steps of the episode and their texts.
+    /// Steps (subtasks) of the episode, with their instructions.
     pub steps: Steps,
     /// Ids of the objects in the scene, in the order of the scenario.
     pub objects: Vec<String>,
-    /// Kind of the task.
+    /// Name of the task's kind.
     pub kind: &'static str,
-    /// The scenario as JSON.
+    /// Initial scenario as JSON text.
     pub scenario_json: String,
-    /// Name, and fx, fy, cx, cy in pixels.
+    /// Name and fx, fy, cx, cy (pixels) of each camera.
     pub cameras: Vec<(String, [f64; 4])>,
-    /// Appearance seed of its images, if the appearance was randomised.
+    /// Seed of the randomised appearance in the images; `None` if the appearance was not randomised.
     pub variation_seed: Option<Seed>,
     /// True if the correction columns are written.
     pub has_correction_columns: bool,
 }
 
-/// Metadata that every writer needs, of our own and of imported episodes.
+/// Metadata of an episode that every format's writer needs, for exported and for imported episodes.
 pub trait LanguageLabels {
     /// Name of the episode, for messages.
     fn name(&self) -> &str;
-    /// The task instruction.
+    /// Instruction of the task, in English.
     fn instruction(&self) -> &str;
-    /// Texts of the steps; empty if the steps are unknown.
+    /// Instructions of the steps (subtasks); empty if the steps are unknown.
     fn steps(&self) -> &[String];
 }
 

@@ -31,20 +31,21 @@ pub struct ExportSettings {
     pub cameras: Vec<String>,
     /// Export depth images too. Default true.
     pub depth: bool,
-    /// Extra columns. Default none.
+    /// Optional columns to export. Default none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub columns: Vec<ExtraColumns>,
-    /// Randomised appearance per episode; its seed is exported as `variation_seed`. Default false.
+    /// True for a randomised appearance per episode; its seed is exported as `variation_seed`. Default false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub is_varied: bool,
-    /// Corrected episodes: another policy acted first. The column `is_correction` marks the rows of the correction.
-    /// Default false.
+    /// True for corrected episodes, in which another policy acted before the expert. The column `is_correction` marks
+    /// the expert's rows. Default false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub has_corrections: bool,
     /// Style of the expert that made the demonstrations. Default `default`.
     #[serde(skip_serializing_if = "ExpertStyle::is_default")]
     pub expert: ExpertStyle,
-    /// Index of the appearance randomisation. Default 0, that of `collect`.
+    /// Index of the appearance randomisation; other indices give other appearances of the same episodes. Default 0,
+    /// that of `collect`.
     #[serde(skip_serializing_if = "is_usual_look")]
     pub look: u64,
 }
@@ -69,7 +70,7 @@ impl Default for ExportSettings {
     }
 }
 
-/// Optional columns.
+/// Optional columns, exported on request only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ExtraColumns {
@@ -135,10 +136,10 @@ pub fn describe_action(spec: &ActionSpec) -> String {
     format!("{motion}, and opening width (m); what was in force at the end of the row's interval; {between}")
 }
 
-/// Selection of the episodes to export; attempts without frames are never exported.
+/// Selection of the episodes to export; attempts without recorded frames are never exported.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Selection {
-    /// Successful episodes.
+    /// Successful episodes only.
     Verified,
     /// Failed episodes too; the column `success` distinguishes them.
     Recorded,
@@ -169,16 +170,16 @@ impl Selection {
     }
 }
 
-/// Summary of an export.
+/// Summary of an export, for the user.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ExportReport {
-    /// The data set.
+    /// Path of the data set.
     pub dataset: PathBuf,
-    /// The depth data set.
+    /// Path of the depth data set; `None` if there is none.
     pub depth_dataset: Option<PathBuf>,
-    /// Number of episodes.
+    /// Number of exported episodes.
     pub episodes: usize,
-    /// Number of frames.
+    /// Number of rows of all exported episodes.
     pub frames: usize,
     /// Omitted damaged episodes with their errors.
     pub left_out: Vec<(String, String)>,
@@ -186,27 +187,27 @@ pub struct ExportReport {
 
 /// Episode with its camera tracks.
 pub struct Source {
-    /// The recorded episode.
+    /// Recorded episode, as read from the store.
     pub episode: Episode,
     /// Images of each exported camera.
     pub tracks: Vec<CameraTrack>,
-    /// One per track if masks are exported, else empty.
+    /// Instance masks, one per camera track; empty if masks are not exported.
     pub masks: Vec<MaskTrack>,
 }
 
 /// One episode ready to be written, with its metadata.
 pub struct EpisodeRows<F = metadata::EpisodeMetadata> {
-    /// Number of rows.
+    /// Number of rows, also of every column.
     pub frames: usize,
-    /// Numeric columns.
+    /// Numeric columns, without LeRobot's index columns.
     pub features: Vec<features::Feature>,
-    /// Columns of still images.
+    /// Columns of still images (depth, masks).
     pub images: Vec<features::ImageFeature>,
-    /// Columns of video frames.
+    /// Columns of video frames, one per camera.
     pub videos: Vec<features::VideoFeature>,
     /// Step index of each row; empty if the data set has no steps.
     pub steps: Vec<usize>,
-    /// Metadata of the episode.
+    /// Format-independent metadata of the episode.
     pub metadata: F,
 }
 

@@ -1,4 +1,4 @@
-//! Columns on request: simulator ground truth of the objects, for critics and teachers but not for policies.
+//! Optional columns of simulator ground truth about the objects, for critics and teachers but not for policies.
 
 use genmanip_core::{Frame, ObjectState};
 
@@ -6,8 +6,8 @@ use super::features::{Feature, Values};
 use crate::DataError;
 use crate::frames::pose_to_row;
 
-/// Object slots per row, fixed so that data sets of different scenes can be merged; chosen: designed scenes have at
-/// most ten objects.
+/// Object slots per row, fixed so that data sets of different scenes can be merged. Generated scenes have at most ten
+/// objects; the rest is reserve.
 pub const OBJECTS: usize = 16;
 /// Exported joints per object: drawer cabinets have two.
 const JOINTS: usize = 2;

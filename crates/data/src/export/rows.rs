@@ -13,7 +13,7 @@ use crate::{CameraTrack, DataError};
 const END_EFFECTOR: [&str; 7] = ["x", "y", "z", "rotation_x", "rotation_y", "rotation_z", "gripper_width"];
 const POSE: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];
 
-/// Joint speed threshold of an idle row, rad/s: the gravity-compensated arm creeps more slowly while it holds a
+/// Joint speed below which a row counts as idle, rad/s: above the creep of the gravity-compensated arm while it holds a
 /// command.
 const IDLE_RAD_PER_S: f64 = 0.01;
 
@@ -21,11 +21,11 @@ const IDLE_RAD_PER_S: f64 = 0.01;
 struct Interval<'a> {
     /// Last frame of the previous row, whose command is in force at the start; `None` in the first row.
     before: Option<&'a Frame>,
-    /// The state at the row's time.
+    /// State at the start of the row.
     now: &'a Frame,
-    /// All steps until the next row.
+    /// All control steps until the next row.
     steps: &'a [Frame],
-    /// Last step, whose command is the row's action.
+    /// Last control step, whose command is the row's action.
     last: &'a Frame,
 }
 
@@ -62,7 +62,7 @@ pub fn rows(source: &Source, robot: &RobotModel, settings: &ExportSettings) -> R
     ];
     if settings.has_corrections {
         let from = result.correction.as_ref().map(|correction| correction.from_step);
-        // A row that contains the takeover still counts as the other policy's.
+        // The row in which the expert takes over still counts as the other policy's.
         features.push(flags("is_correction", &intervals, |row, _| from.is_some_and(|from| row * stride >= from)));
     }
     if settings.columns.contains(&ExtraColumns::Sim) {
@@ -132,13 +132,14 @@ fn actions(rows: &[Interval<'_>], robot: &RobotModel, home: &[f64], settings: &E
     Feature::new("action", &names, Values::F32(actions.concat()))
 }
 
-/// True if the rotation is a quaternion of arbitrary sign; those of changes are always near 1.
+/// True if the rotation is encoded as a quaternion whose sign is arbitrary. Rotation changes have w near 1, so their
+/// sign is fixed.
 fn has_free_sign(spec: &ActionSpec) -> bool {
     let is_quaternion = matches!(spec.rotation, RotationEncoding::QuatWxyz | RotationEncoding::QuatXyzw);
     spec.space == ActionSpace::EePose && is_quaternion
 }
 
-/// Tool orientation as quaternion, w first.
+/// Tool orientation as quaternion, w first, with a continuous sign.
 fn quaternions(key: &str, rows: &[Interval<'_>], home: DQuat) -> Feature {
     let encode = |rotation| RotationEncoding::QuatWxyz.encode(rotation);
     let mut values: Vec<f32> =
@@ -147,8 +148,8 @@ fn quaternions(key: &str, rows: &[Interval<'_>], home: DQuat) -> Feature {
     Feature::new(key, RotationEncoding::QuatWxyz.names(), Values::F32(values))
 }
 
-/// Chooses the sign of each quaternion nearest to its predecessor; the first is compared with the tool orientation at
-/// home, so that all episodes lie in the same half of the sphere.
+/// Chooses the sign of each quaternion such that it is nearest to its predecessor; the first is compared with the tool
+/// orientation at home, so that all episodes lie in the same hemisphere.
 fn make_sign_continuous<'a>(home: &[f64], quaternions: impl Iterator<Item = &'a mut [f32]>) {
     let mut previous: Vec<f32> = home.iter().map(|&value| value as f32).collect();
     for quaternion in quaternions {
@@ -160,7 +161,7 @@ fn make_sign_continuous<'a>(home: &[f64], quaternions: impl Iterator<Item = &'a 
     }
 }
 
-/// True if the command does not change and no joint moves.
+/// True if the command does not change and no joint moves within the row.
 fn is_idle(row: &Interval<'_>) -> bool {
     let command = row.before.map_or(&row.now.command, |before| &before.command);
     row.steps
@@ -205,7 +206,7 @@ fn flags(key: &str, rows: &[Interval<'_>], value: impl Fn(usize, &Interval<'_>) 
     Feature::new(key, &[], Values::Bool(rows.iter().enumerate().map(|(index, row)| value(index, row)).collect()))
 }
 
-/// Position, fixed-axis XYZ Euler angles, gripper opening.
+/// Position (m), fixed-axis XYZ Euler angles (rad) and gripper opening (m) of the tool.
 fn end_effector(world_from_tcp: &Pose, gripper_width: f64) -> Vec<f32> {
     let position = world_from_tcp.position.to_array();
     let rotation = world_from_tcp.to_fixed_xyz_euler();

@@ -1,19 +1,21 @@
-//! Segmentation of an episode into steps: manipulated object, interval and text of each.
+//! Segmentation of an episode into steps (subtasks): manipulated object, interval and instruction of each.
 
 use genmanip_core::{Episode, Frame};
 use genmanip_tasks::wording;
 
-/// Minimum control steps of contact that count as a step, 0.1 s at 60 Hz; chosen: the fingers may brush a neighbour.
+/// Minimum duration of a grasp that counts as a step, control steps: 0.1 s at 60 Hz. Chosen by hand: the fingers may
+/// brush a neighbour.
 const MIN_STEPS: usize = 6;
-/// Joint speed of an object above which it counts as being moved, rad/s or m/s; chosen: lids at rest stay far below.
+/// Joint speed of an object above which it counts as being moved, rad/s or m/s. Chosen by hand: lids at rest stay far
+/// below.
 const MOVING_PER_S: f64 = 0.05;
 
-/// The steps of an episode.
+/// Steps (subtasks) of an episode.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Steps {
     /// Instruction of each step, in order; at least one.
     pub texts: Vec<String>,
-    /// Exclusive end control step of each; the last step lasts to the end of the episode.
+    /// Control step at which each step ends, exclusive; the last step lasts to the end of the episode.
     ends: Vec<usize>,
 }
 
@@ -42,7 +44,7 @@ impl Steps {
         }
     }
 
-    /// First control step and text of each step.
+    /// First control step and instruction of each step.
     pub fn begins(&self) -> impl Iterator<Item = (usize, &str)> {
         std::iter::once(0).chain(self.ends.iter().copied()).zip(self.texts.iter().map(String::as_str))
     }
@@ -72,7 +74,7 @@ fn segments(frames: &[Frame], rate_hz: f64) -> Vec<(usize, usize)> {
     segments
 }
 
-/// First object whose joints move between two frames.
+/// First object whose joints move between two frames. `None` if none moves.
 fn moved_joint(before: &Frame, now: &Frame, rate_hz: f64) -> Option<usize> {
     let moves = |(a, b): (&f64, &f64)| (b - a).abs() * rate_hz > MOVING_PER_S;
     let pairs = before.objects.iter().zip(&now.objects);
@@ -120,7 +122,7 @@ mod tests {
         let cases: [(&str, &[(usize, usize)]); 8] = [
             ("..........", &[]),
             ("..00000000..", &[(0, 10)]),
-            // Brushed too briefly.
+            // Too brief to count as a step.
             ("..22222..00000000..", &[(0, 17)]),
             // Grasped again after it slipped.
             ("..0000000....0000000..", &[(0, 20)]),

@@ -1,4 +1,4 @@
-//! `README.md` of a data set, with the front matter that data set hubs read.
+//! Data-set card: `README.md` with the YAML front matter that data set hubs read.
 
 use super::LerobotSettings;
 use super::imported::Imported;
@@ -81,7 +81,7 @@ pub fn imported(name: &str, imported: &Imported) -> String {
     )
 }
 
-/// YAML front matter of data sets of this program, with its licence and tags.
+/// YAML front matter of data sets that this program exports, with their licence and tags.
 fn front_matter() -> &'static str {
     "---\n\
      license: cc0-1.0\n\

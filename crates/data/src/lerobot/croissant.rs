@@ -1,4 +1,5 @@
-//! Contents of a data set: a section of its card, and a Croissant 1.0 description (JSON-LD) for catalogues.
+//! Description of a data set's contents: a section of its `README.md`, and a Croissant 1.0 file (JSON-LD) for
+//! catalogues.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -15,26 +16,26 @@ use crate::{DataError, files};
 /// Name of the Croissant file in the data set.
 pub const CROISSANT: &str = "croissant.json";
 
-/// Written files and contents of a data set.
+/// Statistics of a data set for its card, and the files written.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Card {
-    /// The written files.
+    /// Paths of the written files.
     pub written: Vec<PathBuf>,
-    /// Number of episodes and of verified ones by kind of task.
+    /// Number of episodes and of successful ones, by kind of task.
     pub kinds: BTreeMap<String, [usize; 2]>,
     /// Number of distinct instructions.
     pub sentences: usize,
-    /// Minimum and maximum seed of the episodes.
+    /// Minimum and maximum seed of the episodes; `None` without seeds.
     pub seeds: Option<[i64; 2]>,
     /// Policy, engine and program version of the episodes.
     pub origins: BTreeSet<String>,
-    /// Catalogue objects by uid, generated objects by family.
+    /// Names of the scenes' objects: uid for catalogue objects, family for generated ones.
     pub objects: BTreeSet<String>,
     /// Hashes of imported objects, whose packs state their licences.
     pub imported: BTreeSet<String>,
 }
 
-/// Objects of a scenario.
+/// Part of a scenario that names its objects.
 #[derive(Deserialize)]
 struct ScenarioObjects {
     objects: Vec<ScenarioObject>,
@@ -124,7 +125,7 @@ impl Card {
         Ok(())
     }
 
-    /// Section of the data set card.
+    /// Section for the `README.md` of the data set, in Markdown.
     fn describe(&self) -> String {
         let mut text = "## Contents\n\n| kind of task | episodes | verified |\n|---|---|---|\n".to_owned();
         for (kind, [episodes, verified]) in &self.kinds {
@@ -151,7 +152,7 @@ impl Card {
     }
 }
 
-/// Croissant description.
+/// Croissant description in JSON-LD of a data set with this `info.json` and these contents and columns.
 fn croissant(name: &str, info: &Value, contents: &Card, columns: &BTreeMap<String, &'static str>) -> Value {
     let set = |id: &str, kind: &str, includes: &str| json!({"@type": "cr:FileSet", "@id": id, "name": id, "encodingFormat": kind, "includes": includes});
     let mut distribution = vec![

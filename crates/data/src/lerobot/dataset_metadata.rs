@@ -14,10 +14,11 @@ use crate::export::metadata::LanguageLabels;
 /// Metadata of a data set under construction.
 pub struct DatasetMetadata {
     pub fps: u32,
-    /// `features` of `info.json` according to the first episode; all others must match.
+    /// `features` of `info.json` according to the first episode; all others must match. `None` before the first
+    /// episode.
     pub features: Option<Value>,
     pub tasks: Vec<String>,
-    /// Distinct texts of the steps.
+    /// Distinct instructions of steps (subtasks), in order of first use.
     pub subtasks: Vec<String>,
     /// Number of episodes and frames written so far.
     pub episodes: usize,
@@ -26,7 +27,7 @@ pub struct DatasetMetadata {
 }
 
 impl DatasetMetadata {
-    /// Values are buffered on the disk of `folder` until their statistics are computed.
+    /// Empty metadata. Values are buffered in files in `folder` until their statistics are computed.
     pub fn new(fps: u32, folder: &Path) -> Self {
         Self {
             fps,
@@ -59,13 +60,13 @@ impl DatasetMetadata {
         Ok(())
     }
 
-    /// Counts a written episode.
+    /// Adds a written episode of `frames` rows to the totals.
     pub fn end_episode(&mut self, frames: usize) {
         self.episodes += 1;
         self.frames += frames;
     }
 
-    /// LeRobot's five index columns.
+    /// LeRobot's five index columns for the next episode of `frames` rows.
     fn index_columns(&self, frames: usize, task: usize) -> Vec<Feature> {
         let repeated = |value: usize| Values::I64(vec![number(value); frames]);
         let fps = f64::from(self.fps);
@@ -98,7 +99,7 @@ impl DatasetMetadata {
     }
 }
 
-/// Index of a sentence in a list; appends it if it is missing.
+/// Index of a sentence in a list; the sentence is appended if it is missing.
 fn index_of(sentences: &mut Vec<String>, sentence: &str) -> usize {
     sentences.iter().position(|known| known == sentence).unwrap_or_else(|| {
         sentences.push(sentence.into());

@@ -11,29 +11,29 @@ use crate::DataError;
 use crate::export::metadata::{EpisodeMetadata, LanguageLabels};
 use crate::table::{self, Columns, Purpose};
 
-/// Columns of the episodes table beyond LeRobot's own.
+/// Columns of the episodes table that LeRobot does not define.
 pub trait EpisodeColumns: LanguageLabels + Clone {
-    /// Adds the columns of all episodes in a file.
+    /// Adds the columns of all episodes listed in a file.
     fn add(columns: &mut Columns, all: &[&Self]);
 }
 
 /// One row of the episodes table.
 pub struct EpisodeEntry<F = EpisodeMetadata> {
-    /// Index of the episode.
+    /// Index of the episode in the data set.
     pub episode: usize,
-    /// Chunk and file index, shared by data, videos and this row.
+    /// Index of the chunk folder, shared by data, videos and this row.
     pub chunk: usize,
     /// Index of the file within the chunk.
     pub file: usize,
-    /// Data-set index of the first frame.
+    /// Index within the data set of the episode's first row.
     pub from: usize,
-    /// Number of rows.
+    /// Number of rows of the episode.
     pub length: usize,
-    /// Its span of each video.
+    /// Span of the episode in the file of each video column.
     pub videos: Vec<VideoSpan>,
     /// Statistics of each numeric column.
     pub stats: Vec<(String, Stats)>,
-    /// Metadata of the episode.
+    /// Format-independent metadata of the episode.
     pub metadata: F,
 }
 
@@ -45,11 +45,11 @@ pub struct VideoSpan {
     pub from_s: f64,
     /// End in the file, seconds.
     pub to_s: f64,
-    /// Colour statistics.
+    /// Colour statistics of the episode's frames.
     pub stats: Stats,
 }
 
-/// Encodes `meta/episodes/chunk-…/file-….parquet`: LeRobot's own columns first, ours last.
+/// Encodes `meta/episodes/chunk-…/file-….parquet`: first the columns that LeRobot defines, then those of this program.
 pub fn episodes_table<F: EpisodeColumns>(entries: &[EpisodeEntry<F>]) -> Result<Vec<u8>, DataError> {
     let mut columns = Columns::default();
     let integer = |value: fn(&EpisodeEntry<F>) -> usize| {
@@ -80,7 +80,7 @@ pub fn episodes_table<F: EpisodeColumns>(entries: &[EpisodeEntry<F>]) -> Result<
     table::to_parquet(Path::new("meta/episodes"), columns, Purpose::Dataset, None)
 }
 
-/// Encodes `meta/tasks.parquet`: a pandas frame indexed by the instruction.
+/// Encodes `meta/tasks.parquet`: a pandas data frame indexed by the instruction.
 ///
 /// Without the `pandas` metadata entry, readers would use the row number as the index.
 pub fn tasks_table(tasks: &[String]) -> Result<Vec<u8>, DataError> {
@@ -115,7 +115,7 @@ fn sentences_table(name: &str, sentences: &[String]) -> Result<Vec<u8>, DataErro
     table::to_parquet(Path::new(&path), columns, Purpose::Dataset, Some(("pandas", pandas.to_string())))
 }
 
-/// Seed, scenario, outcome and versions of each episode, for filtering and replay.
+/// Columns of seed, scenario, outcome and versions, for filtering and replay.
 impl EpisodeColumns for EpisodeMetadata {
     fn add(columns: &mut Columns, all: &[&Self]) {
         let all_metadata = || all.iter().copied();

@@ -11,7 +11,7 @@ use crate::table::Columns;
 use crate::{DataError, EncodedVideo};
 
 impl Feature {
-    /// The feature's entry in `info.json`.
+    /// Entry of the numeric feature in `info.json`.
     pub fn describe(&self) -> Value {
         let dtype = match self.values {
             Values::F32(_) => "float32",
@@ -35,7 +35,7 @@ impl Feature {
 }
 
 impl VideoFeature {
-    /// The feature's entry in `info.json`.
+    /// Entry of the video feature in `info.json`.
     pub fn describe(&self) -> Value {
         let EncodedVideo { width, height, fps, .. } = self.video;
         json!({
@@ -58,7 +58,7 @@ impl VideoFeature {
 }
 
 impl ImageFeature {
-    /// The feature's entry in `info.json`.
+    /// Entry of the image feature in `info.json`.
     pub fn describe(&self) -> Value {
         json!({
             "dtype": "image",

@@ -3,7 +3,7 @@
 use genmanip_core::Document;
 use serde::{Deserialize, Serialize};
 
-/// File with the import's origin in the data set.
+/// File within an imported data set that holds [`Imported`].
 pub const IMPORTED: &str = "meta/imported.json";
 /// Column of the episodes table with the SHA-256 of the imported episode's source.
 pub const SOURCE_HASH: &str = "source_sha256";
@@ -12,7 +12,7 @@ pub const SOURCE_HASH: &str = "source_sha256";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Imported {
-    /// `lerobot-v3.0`, `lerobot-v2.1` or `genmanip-0.9`.
+    /// Format of the source: `lerobot-v3.0`, `lerobot-v2.1` or `genmanip-0.9`.
     pub format: String,
     /// Rows per second.
     pub fps: u32,

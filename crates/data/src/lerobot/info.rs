@@ -9,23 +9,23 @@ use super::LerobotSettings;
 use crate::export::describe_action;
 use crate::{DataError, files};
 
-/// LeRobot's description of a data set.
+/// LeRobot's file with the shape and types of a data set.
 pub const INFO: &str = "meta/info.json";
 
 /// LeRobot's limit of files per folder.
 pub const FILES_PER_CHUNK: usize = 1000;
 
-/// Sizes of a data set.
+/// Numbers of a data set that `meta/info.json` states.
 pub struct Totals {
-    /// Number of episodes.
+    /// Number of episodes in the data set.
     pub episodes: usize,
-    /// Number of rows.
+    /// Number of rows of all episodes.
     pub frames: usize,
     /// Number of distinct instructions.
     pub tasks: usize,
 }
 
-/// `meta/info.json`.
+/// Contents of `meta/info.json`.
 pub fn info(robot: &str, totals: &Totals, fps: u32, features: Value, has_video: bool) -> Value {
     let video_path = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4";
     json!({
@@ -104,7 +104,7 @@ pub fn meaning(settings: &LerobotSettings) -> Value {
     })
 }
 
-/// The card followed by a copy of `info.json`.
+/// `README.md` with a copy of `info.json` appended.
 pub fn card_with_info(card: &str, info: &Value) -> String {
     let info = serde_json::to_string_pretty(info).unwrap_or_default();
     format!("{card}\n## Structure\n\n`meta/info.json`:\n\n```json\n{info}\n```\n")

@@ -15,18 +15,18 @@ pub struct MetadataFiles<'a> {
     pub info: &'a Value,
     /// Contents of `meta/stats.json`.
     pub stats: &'a Value,
-    /// Computation of the statistics, if not from rows and images.
+    /// Description of how the statistics were computed; `None` if from all rows and images.
     pub statistics_note: Option<&'a str>,
     /// Origin of the data set.
     pub origin: &'a Origin,
-    /// Contract of the `action` column, if known.
+    /// Contract of the `action` column, if known; `None` otherwise.
     pub contract: Option<&'a ActionContract>,
-    /// Data set card.
+    /// Contents of `README.md`, the data set card.
     pub card: &'a str,
 }
 
 impl MetadataFiles<'_> {
-    /// Writes the files of both format versions.
+    /// Writes the metadata files that both format versions have.
     pub fn write(&self, staging: &AtomicFolder) -> Result<(), DataError> {
         write_json(staging, info::INFO, self.info)?;
         write_json(staging, "meta/stats.json", self.stats)?;
@@ -37,7 +37,7 @@ impl MetadataFiles<'_> {
         staging.write("README.md", info::card_with_info(self.card, self.info).as_bytes())
     }
 
-    /// [`Self::write`], and the tables of v3.0.
+    /// Writes the files of [`Self::write`], and the tables of tasks and subtasks of v3.0.
     pub fn write_v30(&self, staging: &AtomicFolder, tasks: &[String], subtasks: &[String]) -> Result<(), DataError> {
         self.write(staging)?;
         staging.write("meta/tasks.parquet", &tasks_table(tasks)?)?;

@@ -104,7 +104,7 @@ pub fn write(
     Ok(ExportReport { dataset: dataset.into(), depth_dataset, episodes, frames, left_out: Vec::new() })
 }
 
-/// A data set and its depth sibling under construction.
+/// Unpublished data set and its depth sibling.
 struct Writers {
     colors: writer::DatasetWriter,
     depths: Option<writer::DatasetWriter>,

@@ -13,14 +13,14 @@ use crate::{DataError, files};
 /// Origin of a data set.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Origin {
-    /// Exported by this program.
+    /// Exported by this program, with these settings.
     Exported(LerobotSettings),
-    /// Imported from another program.
+    /// Imported from another format.
     Imported(Imported),
 }
 
 impl Origin {
-    /// Reads the origin from the data set's metadata.
+    /// Reads the origin from the metadata of a data set.
     pub fn read(root: &Path) -> Result<Self, DataError> {
         let document = |name: &str, source| DataError::Document { path: root.join(name), source };
         match files::read(&root.join(SETTINGS), limits::SETTINGS) {
@@ -43,7 +43,7 @@ impl Origin {
         }
     }
 
-    /// Writes the metadata of the origin; `statistics` describes how the statistics were computed if not from rows and
+    /// Writes the files of the origin. `statistics` describes how the statistics were computed; `None` if from rows and
     /// images.
     pub fn write(&self, dataset: &AtomicFolder, statistics: Option<&str>) -> Result<(), DataError> {
         match self {
@@ -59,7 +59,7 @@ impl Origin {
         }
     }
 
-    /// Data set card for a version of the format.
+    /// Contents of `README.md` (the data set card) for a version of the format.
     pub fn card(&self, name: &str, version: &str) -> String {
         match self {
             Self::Exported(settings) => card::color(name, settings, version),
@@ -67,7 +67,7 @@ impl Origin {
         }
     }
 
-    /// Rows per second.
+    /// Rate of the rows, Hz.
     pub fn fps(&self) -> u32 {
         match self {
             Self::Exported(settings) => settings.export.fps,
@@ -107,7 +107,7 @@ impl Origin {
         }
     }
 
-    /// Without the owning run, for a new independent data set.
+    /// Origin without its collection run, for a new independent data set.
     pub fn without_run(self) -> Self {
         match self {
             Self::Exported(settings) => Self::Exported(LerobotSettings { run: None, ..settings }),
@@ -115,7 +115,7 @@ impl Origin {
         }
     }
 
-    /// Settings that must be equal in data sets to be merged.
+    /// Settings that must be equal for data sets to be merged.
     pub fn comparable(&self) -> Value {
         match self.clone().without_run() {
             Self::Exported(settings) => {

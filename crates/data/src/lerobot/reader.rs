@@ -22,17 +22,17 @@ pub struct LerobotDataset {
 /// One row of the episodes table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EpisodeRow {
-    /// Index in the data set.
+    /// Index of the episode in the data set.
     pub index: i64,
-    /// Id in the episode store.
+    /// Id of the episode in its store.
     pub store_id: String,
-    /// Scenario it started from.
+    /// Id of the initial scenario.
     pub scenario_id: String,
     /// True for a verified demonstration.
     pub success: bool,
     /// Data-set indices of its frames.
     pub rows: std::ops::Range<i64>,
-    /// Chunk and file index of its rows.
+    /// Chunk and file index of the data file with these rows.
     file: [i64; 2],
 }
 

@@ -11,7 +11,7 @@ pub const SETTINGS: &str = "meta/lerobot_settings.json";
 /// File with the action contract.
 pub const CONTRACT: &str = "meta/action_contract.json";
 
-/// Texts of the steps, by `subtask_index`.
+/// Table of the steps' instructions, by `subtask_index`.
 pub const SUBTASKS: &str = "meta/subtasks.parquet";
 
 /// Settings of an exported data set.
@@ -28,7 +28,7 @@ pub struct LerobotSettings {
     pub episodes_per_file: usize,
     /// Episodes per file of the depth data set, whose images are larger. Default 10.
     pub episodes_per_depth_file: usize,
-    /// Owning run: a run may replace only its own data set. Default none.
+    /// Id of the collection run that owns the data set and may replace it. Default none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub run: Option<String>,
 }

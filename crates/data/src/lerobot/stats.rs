@@ -8,20 +8,20 @@ use serde_json::{Value, json};
 
 use crate::{ColorHistogram, DataError};
 
-/// LeRobot's quantiles by name.
+/// Quantiles in LeRobot's statistics: name and probability.
 const QUANTILES: [(&str, f64); 5] = [("q01", 0.01), ("q10", 0.10), ("q50", 0.50), ("q90", 0.90), ("q99", 0.99)];
 
-/// Statistics per element of a vector, or per colour channel in 0-1.
+/// Statistics per element of a vector, or per colour channel on a scale of 0 to 1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Stats {
     /// `min`, `max`, `mean`, `std` (population), then the quantiles; one number per element.
     pub named: Vec<(&'static str, Vec<f64>)>,
-    /// Number of frames.
+    /// Number of rows that the statistics cover.
     pub count: usize,
 }
 
 impl Stats {
-    /// Exact statistics of the given frames, row-major vectors.
+    /// Exact statistics of row-major vectors with `length` elements each.
     pub fn of_vectors(values: &[f64], length: usize) -> Self {
         let mut stats = Self::default();
         for entry in 0..length {
@@ -30,7 +30,7 @@ impl Stats {
         stats
     }
 
-    /// Adds the statistics of one vector element.
+    /// Appends the statistics of one vector element, given by its values in all rows.
     fn add_entry(&mut self, mut column: Vec<f64>) {
         column.sort_by(f64::total_cmp);
         self.count = column.len();
@@ -57,7 +57,7 @@ impl Stats {
         names.map(|name| Ok((name, value(name)?))).collect()
     }
 
-    /// Statistics of 8-bit colours, scaled to 0-1.
+    /// Statistics of 8-bit colours, scaled to the range 0 to 1.
     pub fn of_colors(colors: &ColorHistogram, frames: usize) -> Self {
         let each = |value: &dyn Fn(&[u64]) -> f64| {
             colors.counts.iter().map(|counts| value(counts) / 255.0).collect::<Vec<f64>>()
@@ -89,12 +89,12 @@ impl Stats {
 pub struct Aggregated(Vec<Stats>);
 
 impl Aggregated {
-    /// Adds the statistics of a part.
+    /// Adds the statistics of an episode or data set.
     pub fn add(&mut self, part: Stats) {
         self.0.push(part);
     }
 
-    /// Statistics of all parts together.
+    /// Statistics over all added parts.
     pub fn whole(&self) -> Stats {
         let count: usize = self.0.iter().map(|part| part.count).sum();
         let length = self.0.first().and_then(|part| part.named.first()).map_or(0, |(_, values)| values.len());
@@ -132,7 +132,7 @@ pub struct StatsCollector {
     colors: Vec<(String, ColorHistogram, usize)>,
 }
 
-/// Buffered values of a feature.
+/// Buffer of all values of a feature, in a file.
 #[derive(Debug)]
 struct BufferedFeature {
     key: String,
@@ -141,7 +141,7 @@ struct BufferedFeature {
 }
 
 impl StatsCollector {
-    /// Values are buffered on the disk of `folder`.
+    /// Empty collector, which buffers values in unnamed files in `folder`.
     pub fn new(folder: &Path) -> Self {
         Self { folder: folder.into(), features: Vec::new(), colors: Vec::new() }
     }
@@ -175,7 +175,7 @@ impl StatsCollector {
         }
     }
 
-    /// The contents of `stats.json`.
+    /// Statistics over all episodes, as in `stats.json`.
     pub fn finish(&mut self) -> Result<Value, DataError> {
         let mut stats = serde_json::Map::new();
         for (key, colors, frames) in &self.colors {

@@ -50,7 +50,7 @@ pub fn export_v21(
     Ok(report)
 }
 
-/// Fields of `episodes.jsonl` beyond LeRobot's own.
+/// Source of the fields of `episodes.jsonl` that LeRobot does not define.
 pub trait EpisodeFields: LanguageLabels {
     /// The fields as a JSON object.
     fn fields(&self) -> Value;
@@ -77,7 +77,7 @@ impl EpisodeFields for EpisodeMetadata {
 
 /// Writer of a v2.1 data set.
 pub struct Writer {
-    /// The unpublished folder.
+    /// Data set folder under its temporary name.
     pub staging: AtomicFolder,
     /// Metadata of the data set so far.
     pub metadata: DatasetMetadata,
@@ -87,7 +87,7 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// An empty data set.
+    /// An empty data set in the unpublished folder `staging`, with `fps` rows per second.
     pub fn new(staging: AtomicFolder, fps: u32) -> Self {
         Self {
             metadata: DatasetMetadata::new(fps, staging.folder()),

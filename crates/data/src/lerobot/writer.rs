@@ -27,7 +27,7 @@ pub struct DatasetWriter<F = EpisodeMetadata> {
     file: OpenFile<F>,
 }
 
-/// Contents of the files with the current index.
+/// Contents of the data and video files that are being filled.
 struct OpenFile<F> {
     table: Option<TableWriter>,
     videos: Vec<(String, Vec<EncodedVideo>)>,
@@ -41,11 +41,11 @@ impl<F> Default for OpenFile<F> {
     }
 }
 
-/// A complete data set before it is published.
+/// A complete but unpublished data set.
 pub struct Finished(pub AtomicFolder);
 
 impl<F: EpisodeColumns> DatasetWriter<F> {
-    /// An empty data set.
+    /// Writer without episodes, into the unpublished folder `staging`.
     pub fn new(staging: AtomicFolder, episodes_per_file: usize, fps: u32, robot: &str) -> Self {
         Self {
             robot: robot.into(),
@@ -56,12 +56,12 @@ impl<F: EpisodeColumns> DatasetWriter<F> {
         }
     }
 
-    /// Number of episodes so far.
+    /// Number of episodes written so far.
     pub fn episodes(&self) -> usize {
         self.metadata.episodes
     }
 
-    /// Number of rows so far.
+    /// Number of rows written so far.
     pub fn frames(&self) -> usize {
         self.metadata.frames
     }
@@ -93,12 +93,12 @@ impl<F: EpisodeColumns> DatasetWriter<F> {
         Ok(())
     }
 
-    /// Includes the native record of an episode.
+    /// Copies the native record of an episode into the data set.
     pub fn copy_record(&self, store: &EpisodeStore, id: &str) -> Result<(), DataError> {
         record::copy(&self.staging, store, id)
     }
 
-    /// Writes the metadata; data sets with actions have a contract.
+    /// Writes the remaining files and the metadata; `contract` describes the actions, if there are any.
     pub fn finish(
         mut self,
         card: &str,
@@ -158,7 +158,7 @@ impl<F: EpisodeColumns> DatasetWriter<F> {
 }
 
 impl Finished {
-    /// Publishes the data set.
+    /// Renames the folder to its final name.
     pub fn publish(self) -> Result<(), DataError> {
         self.0.publish()
     }

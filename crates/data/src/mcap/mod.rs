@@ -73,7 +73,7 @@ pub fn export(
     Ok(report)
 }
 
-/// Episode metadata as text.
+/// Metadata of an episode as text, by name.
 fn episode_metadata(rows: &EpisodeRows, settings: &ExportSettings, contract: &Value) -> BTreeMap<String, String> {
     let result = &rows.metadata.result;
     let mut metadata = vec![
@@ -101,7 +101,7 @@ fn episode_metadata(rows: &EpisodeRows, settings: &ExportSettings, contract: &Va
     metadata.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
-/// Messages of one episode by topic.
+/// Messages of one episode, with their topics.
 #[derive(Default)]
 struct Recording {
     topics: Vec<(String, &'static str)>,
@@ -199,7 +199,7 @@ impl Recording {
         }
     }
 
-    /// Cubes with the objects' bounding-box sizes; an object's origin is at the centre of its bottom face.
+    /// Adds boxes of the size of the objects' bounding boxes; an object's origin is at the centre of its bottom face.
     fn scene(&mut self, source: &Source) {
         let scenario = &source.episode.scenario;
         let cube = |object: &'_ genmanip_core::PlacedObject| {
@@ -245,7 +245,7 @@ impl Recording {
         self.add(end, topic, schemas::event(end, !result.success, &outcome));
     }
 
-    /// The MCAP file.
+    /// Bytes of the MCAP file.
     fn to_bytes(&self, metadata: &BTreeMap<String, String>, scenario: &str) -> mcap::McapResult<Vec<u8>> {
         let mut bytes = Cursor::new(Vec::new());
         let options = WriteOptions::new().library(format!("genmanip {}", env!("CARGO_PKG_VERSION"))).compression(None);

@@ -1,4 +1,4 @@
-//! The messages of Foxglove's schemas that we write, with the field numbers of its published .proto files.
+//! Messages of Foxglove's schemas that the MCAP export writes, with the field numbers of the published .proto files.
 
 use genmanip_core::{Camera, Distortion, Pose};
 
@@ -142,7 +142,7 @@ const MESSAGES: &[Message] = &[
     },
 ];
 
-/// Descriptor of a message, for the schema record of a file.
+/// Protobuf descriptor of a message by name, for the schema record of an MCAP file.
 pub fn schema(name: &str) -> Vec<u8> {
     descriptor(name, MESSAGES)
 }
@@ -164,7 +164,7 @@ fn rotation(pose: &Pose) -> Wire {
     vector([x, y, z]).double(4, w)
 }
 
-/// Poses of named frames in the world.
+/// Message of the poses of named frames in the world frame.
 pub fn transforms(time_ns: u64, world_from: &[(String, Pose)]) -> Vec<u8> {
     let mut transforms = Wire::default();
     for (child, pose) in world_from {
@@ -175,7 +175,7 @@ pub fn transforms(time_ns: u64, world_from: &[(String, Pose)]) -> Vec<u8> {
     transforms.into_bytes()
 }
 
-/// Name, position, and speed and effort if known.
+/// Name and position (rad or m) of a joint; speed and effort, if known.
 pub type Joint<'a> = (&'a str, f64, Option<[f64; 2]>);
 
 pub fn joints<'a>(time_ns: u64, joints: impl Iterator<Item = Joint<'a>>) -> Vec<u8> {
@@ -188,12 +188,12 @@ pub fn joints<'a>(time_ns: u64, joints: impl Iterator<Item = Joint<'a>>) -> Vec<
     states.into_bytes()
 }
 
-/// H.264 frame.
+/// Message with an H.264 access unit seen from a camera frame.
 pub fn video(time_ns: u64, frame: &str, data: &[u8]) -> Vec<u8> {
     stamped(time_ns).text(2, frame).bytes(3, data).text(4, "h264").into_bytes()
 }
 
-/// PNG image.
+/// Message with a PNG image seen from a camera frame.
 pub fn png(time_ns: u64, frame: &str, data: &[u8]) -> Vec<u8> {
     stamped(time_ns).bytes(2, data).text(3, "png").text(4, frame).into_bytes()
 }
@@ -213,7 +213,7 @@ pub fn calibration(time_ns: u64, frame: &str, camera: &Camera) -> Vec<u8> {
         .into_bytes()
 }
 
-/// Box fixed to a frame.
+/// Box fixed to a frame, as a stand-in for an object.
 pub struct Cube<'a> {
     /// Name of the frame and of the entity.
     pub frame: &'a str,
@@ -237,7 +237,7 @@ pub fn scene(time_ns: u64, cubes: &[Cube]) -> Vec<u8> {
     update.into_bytes()
 }
 
-/// Log entry.
+/// Message of a log entry.
 pub fn event(time_ns: u64, is_warning: bool, text: &str) -> Vec<u8> {
     stamped(time_ns).number(2, if is_warning { 3 } else { 2 }).text(3, text).text(4, "genmanip").into_bytes()
 }

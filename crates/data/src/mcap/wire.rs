@@ -1,6 +1,6 @@
-//! Minimal protocol-buffer encoding, and message descriptors for readers.
+//! Minimal Protocol Buffers encoding, and message descriptors for readers.
 
-/// Encoder of a message.
+/// Encoder of a Protocol Buffers message.
 #[derive(Clone, Debug, Default)]
 pub struct Wire(Vec<u8>);
 
@@ -9,7 +9,7 @@ impl Wire {
         self.0
     }
 
-    /// Non-negative integer or enumeration value.
+    /// Adds a non-negative integer or an enumeration value.
     #[must_use]
     pub fn number(mut self, field: u32, value: u64) -> Self {
         self.key(field, 0);
@@ -54,7 +54,7 @@ impl Wire {
         self.bytes(field, &value.0)
     }
 
-    /// Packed repeated doubles.
+    /// Adds a packed repeated field of doubles.
     #[must_use]
     pub fn doubles(self, field: u32, values: &[f64]) -> Self {
         self.bytes(field, &values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>())
@@ -85,14 +85,14 @@ pub enum Kind {
     Bytes,
     /// Another message, by full name.
     Message(&'static str),
-    /// Enumeration of the message itself, by full name.
+    /// Enumeration nested in the message, by full name.
     Enum(&'static str),
 }
 
-/// Field: name, number, type, repeated.
+/// Field of a message: name, number, type, and true if repeated.
 pub type Field = (&'static str, u32, Kind, bool);
 
-/// Message type.
+/// Message type of a Protocol Buffers schema.
 #[derive(Debug)]
 pub struct Message {
     pub package: &'static str,

@@ -13,8 +13,8 @@ use crate::files;
 use crate::manifest::FileHash;
 
 impl EpisodeStore {
-    /// Links or copies an attempt of another store, with its groups: hard links if both are on one file system that
-    /// supports them. Only files of the attempt are transferred.
+    /// Links or copies an attempt of another store, with its groups: by hard links if both stores are on one file
+    /// system that supports them. Only files of the attempt are transferred.
     ///
     /// # Errors
     /// If it is missing, damaged or unfinished, or a different attempt of that id exists here; the store is then

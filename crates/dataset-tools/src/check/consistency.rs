@@ -7,10 +7,10 @@ use super::findings::Findings;
 use super::metadata::{EpisodeEntry, Metadata};
 use genmanip_data::columns::{Column, Rows};
 
-/// Tolerances of the tool pose, m and rad: single-precision errors along the whole arm.
+/// Tolerance of the tool pose, m and rad: single-precision errors accumulate along the arm.
 const NEAR_M: f64 = 1e-4;
 const NEAR_RAD: f64 = 1e-3;
-/// Tolerance of the gripper opening, m: both are the same number in single precision.
+/// Tolerance of the gripper opening, m: both columns hold the same number in single precision.
 const NEAR_OPENING_M: f64 = 1e-6;
 /// Tolerance of joint limits, rad: the simulated limits are compliant.
 const BEYOND_RAD: f64 = 0.05;
@@ -31,7 +31,7 @@ pub(super) fn check(
     }
 }
 
-/// Row, column, expected value, actual value.
+/// Row, column, expected value and actual value of the first difference.
 type Deviation = (usize, &'static str, String, String);
 
 struct EpisodeColumns<'a> {
@@ -45,7 +45,7 @@ impl EpisodeColumns<'_> {
         self.rows.get(key).filter(|column| column.width == width && column.values.len() == values)
     }
 
-    /// Checks joint positions against joint limits and the tool pose.
+    /// Checks joint positions against joint limits and the tool pose. `None` if they agree.
     fn state(&self, robot: &RobotModel) -> Option<Deviation> {
         let dof = robot.arm_dof();
         let state = self.column("observation.state", dof + 1)?;
@@ -72,7 +72,7 @@ impl EpisodeColumns<'_> {
         None
     }
 
-    /// Checks the three encodings of the tool orientation against each other.
+    /// Checks the three encodings of the tool orientation against each other. `None` if they agree.
     fn tool(&self) -> Option<Deviation> {
         let ee = self.column("ee.state", 7)?;
         for (key, encoding) in
@@ -92,7 +92,7 @@ impl EpisodeColumns<'_> {
         None
     }
 
-    /// Checks the actions, decoded by the contract, against the commanded tool pose.
+    /// Checks the actions, decoded by the contract, against the commanded tool pose. `None` if they agree.
     fn action(&self, metadata: &Metadata, robot: &RobotModel) -> Option<Deviation> {
         let (contract, ee) = (metadata.contract.as_ref()?, self.column("ee.action", 7)?);
         let (spec, dof) = (contract.action, robot.arm_dof());
@@ -148,7 +148,7 @@ fn row_of(pose: &Pose, width: f64) -> Vec<f64> {
     pose.position.to_array().into_iter().chain(pose.to_fixed_xyz_euler()).chain([width]).collect()
 }
 
-/// Expected and actual values, if they differ by more than the tolerances.
+/// Expected and actual values as texts; `None` if they agree within the tolerances.
 fn differ(expected: &Pose, width: f64, found: &[f64]) -> Option<(String, String)> {
     let pose = pose_of(found);
     let far = pose.position.distance(expected.position);

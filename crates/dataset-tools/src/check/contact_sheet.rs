@@ -1,4 +1,4 @@
-//! Contact sheets: images at several times of several episodes.
+//! Contact sheets: thumbnails of several episodes at several times each.
 
 use std::path::Path;
 
@@ -6,23 +6,23 @@ use super::metadata::{EpisodeEntry, Metadata, VideoSpan};
 use genmanip_data::mp4::Video;
 use genmanip_data::{DataError, EncodedVideo, genmanip_format, video};
 
-/// Maximum episodes on a sheet, evenly spaced.
+/// Maximum number of episodes on a sheet; evenly spaced over the data set.
 const EPISODES: usize = 12;
-/// Images per episode, evenly spaced in time from first to last.
+/// Number of images per episode, evenly spaced in time from first to last. Chosen by hand.
 const MOMENTS: usize = 4;
 /// Maximum image width, pixels; wider images are downscaled by an integer factor.
 const WIDTH: usize = 256;
 /// Maximum frames per episode; of longer episodes only the first ones are shown.
 const MAX_FRAMES: usize = 4000;
 
-/// Row of the contact sheet.
+/// Row of a contact sheet: images of one episode.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Strip {
-    /// Index of the episode.
+    /// Index of the episode in the data set.
     pub episode: i64,
-    /// Its instruction.
+    /// Instruction of the episode.
     pub sentence: String,
-    /// True if it succeeded; `None` if unknown.
+    /// True if the episode succeeded; `None` if unknown.
     pub success: Option<bool>,
     /// JPEG files in chronological order.
     pub pictures: Vec<Vec<u8>>,

@@ -32,7 +32,7 @@ pub(super) fn check(metadata: &Metadata, robots: &[Arc<RobotModel>], findings: &
             return Ok(());
         }
     }
-    // Findings of either data set have been recorded; what remains is to check that both have the same episodes.
+    // The checks of either data set have recorded their findings; here only the lists of episodes are compared.
     let mut ignored = Findings::default();
     let info = metadata::read_info(&sibling, &mut ignored)?;
     let has_masks = settings.export.columns.contains(&ExtraColumns::Masks);

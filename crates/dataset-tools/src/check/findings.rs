@@ -11,22 +11,22 @@ pub struct Finding {
     /// `statistics`, `state`, `action`, `contract`, `video`, `depth`, `record`, `card` or `leak`; `replay` for
     /// re-simulated episodes, which is outside this crate.
     pub check: &'static str,
-    /// Path relative to the data set.
+    /// Path of the file relative to the data set.
     pub file: String,
     /// Position in the file as text, e.g. `row 12, action`; empty for the whole file.
     pub place: String,
-    /// The expected value.
+    /// Expected value as text.
     pub expected: String,
-    /// The actual value.
+    /// Actual value as text.
     pub found: String,
 }
 
 /// Maximum findings listed per check and file; further ones are only counted.
 const LISTED_PER_FILE: usize = 8;
-/// Maximum findings listed in total.
+/// Maximum findings listed in total. Chosen by hand.
 const LISTED: usize = 1000;
 
-/// Findings collected so far.
+/// Findings collected by all checks so far, with a count of those beyond the limits.
 #[derive(Debug, Default)]
 pub(crate) struct Findings {
     listed: Vec<Finding>,
@@ -67,7 +67,7 @@ impl Findings {
         }
     }
 
-    /// Adds the findings of a data set in another folder.
+    /// Adds the findings of a nested data set in the subfolder `folder`, and its number of unlisted findings.
     pub(crate) fn adopt(&mut self, folder: &str, findings: Vec<Finding>, further: usize) {
         self.listed.extend(
             findings.into_iter().map(|finding| Finding { file: format!("{folder}/{}", finding.file), ..finding }),
@@ -75,7 +75,7 @@ impl Findings {
         self.further += further;
     }
 
-    /// The listed findings, and the number of further ones.
+    /// Listed findings, and the number of findings beyond the limits.
     pub(crate) fn into_parts(self) -> (Vec<Finding>, usize) {
         (self.listed, self.further)
     }

@@ -11,7 +11,7 @@ use genmanip_data::DataError;
 use genmanip_data::depth::decode_depth_png;
 use genmanip_data::table::Table;
 
-/// Sampling interval of decoded depth images; checksums are verified for all.
+/// Every how many depth images one is decoded; checksums of all images are verified.
 const DECODED_EVERY: usize = 64;
 
 pub(super) fn check(metadata: &Metadata, findings: &mut Findings) {
@@ -68,7 +68,7 @@ fn bytes<'a>(batch: &'a RecordBatch, key: &str) -> Option<&'a BinaryArray> {
     batch.column_by_name(key)?.as_struct_opt()?.column_by_name("bytes")?.as_binary_opt::<i32>()
 }
 
-/// Description of the first flaw of a PNG file, if any.
+/// Description of the first flaw of a PNG file; `None` if it is valid.
 fn flaw(file: &[u8], shape: &[usize], is_decoded: bool) -> Option<String> {
     let Some(mut rest) = file.strip_prefix(b"\x89PNG\r\n\x1a\n") else { return Some("not a PNG file".into()) };
     let mut size = None;

@@ -6,7 +6,7 @@ use super::DatasetCheck;
 use super::findings::Finding;
 use super::metadata::EpisodeEntry;
 
-/// Properties by which an episode is recognised in other data sets.
+/// Properties by which an episode is recognised in another data set.
 #[derive(Clone, Debug)]
 pub struct Identity {
     pub(super) episode: i64,
@@ -28,8 +28,8 @@ impl Identity {
     }
 }
 
-/// Finds scenarios, sentences and episodes of the second (test) data set that also occur in the first (training) data
-/// set.
+/// Train-test overlap: scenarios, instructions and episodes of the second (test) data set that also occur in the first
+/// (training) data set.
 pub fn leaks(first: &DatasetCheck, second: &DatasetCheck) -> Vec<Finding> {
     let mut findings = Vec::new();
     let mut shared = |what: &str, key: &dyn Fn(&Identity) -> Option<String>| {

@@ -13,7 +13,7 @@ use genmanip_data::lerobot::CONTRACT;
 use genmanip_data::lerobot::info::INFO;
 use genmanip_data::{DataError, files};
 
-/// Version of the format.
+/// Version of the LeRobot format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Version {
     V30,
@@ -31,7 +31,7 @@ impl Version {
     }
 }
 
-/// Column according to `info.json`.
+/// Column as declared in `info.json`.
 #[derive(Clone, Debug)]
 pub(crate) struct Feature {
     pub(crate) key: String,
@@ -49,7 +49,7 @@ impl Feature {
         self.dtype == "image"
     }
 
-    /// Height and width of an image in colour, whose channels may come first.
+    /// Height and width of an RGB image, stored channels first or last; `None` for other shapes.
     pub(crate) fn rgb_size(&self) -> Option<[usize; 2]> {
         match self.shape[..] {
             [height, width, 3] | [3, height, width] => Some([height, width]),
@@ -62,7 +62,7 @@ impl Feature {
     }
 }
 
-/// Contents of `info.json`.
+/// Checked contents of `info.json`.
 #[derive(Clone, Debug)]
 pub(crate) struct Info {
     pub(crate) version: Version,
@@ -74,7 +74,7 @@ pub(crate) struct Info {
 }
 
 impl Info {
-    /// True if rows have a step index, as in this program's data sets.
+    /// True if rows have the index of a step (subtask), as in this program's data sets.
     pub(crate) fn has_steps(&self) -> bool {
         self.features.iter().any(|feature| feature.key == "subtask_index")
     }
@@ -89,7 +89,7 @@ pub(crate) struct VideoSpan {
     pub(crate) to_s: f64,
 }
 
-/// Episode according to the data set's metadata.
+/// Episode as listed in the data set's metadata.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct EpisodeEntry {
     pub(crate) index: i64,
@@ -101,16 +101,16 @@ pub(crate) struct EpisodeEntry {
     pub(crate) store_id: Option<String>,
     pub(crate) scenario_id: Option<String>,
     pub(crate) seed: Option<i64>,
-    /// Texts of its steps, if recorded.
+    /// Instructions of the episode's steps (subtasks), if recorded; `None` otherwise.
     pub(crate) subtasks: Option<Vec<String>>,
     pub(crate) success: Option<bool>,
     pub(crate) failure: Option<String>,
     pub(crate) kind: Option<String>,
-    /// Home joint positions of the robot according to the scenario, rad.
+    /// Home joint positions of the robot according to the scenario, rad. `None` if no scenario is recorded.
     pub(crate) home: Option<Vec<f64>>,
     pub(crate) data: String,
     pub(crate) videos: Vec<VideoSpan>,
-    /// File and row (or line) of its entry.
+    /// File of the episode's entry, and row or line in it.
     pub(crate) listed_in: (String, usize),
 }
 
@@ -137,14 +137,14 @@ pub(crate) struct Metadata {
     pub(crate) info: Info,
     pub(crate) tasks: Vec<(i64, String)>,
     pub(crate) tasks_file: &'static str,
-    /// Texts of the steps, by index.
+    /// Index and instruction of each step (subtask).
     pub(crate) subtasks: Vec<(i64, String)>,
     pub(crate) subtasks_file: &'static str,
     pub(crate) episodes: Vec<EpisodeEntry>,
     /// File or folder with the list of episodes.
     pub(crate) episodes_file: &'static str,
     pub(crate) contract: Option<ActionContract>,
-    /// True if this program exported it.
+    /// True if this program exported the data set.
     pub(crate) is_own: bool,
     pub(crate) meta_files: Vec<String>,
     pub(crate) stats: Value,
@@ -199,14 +199,14 @@ fn feature(key: &str, about: &Value) -> Feature {
     }
 }
 
-/// Reads a JSON file; errors become findings.
+/// JSON file relative to the data set; null if it is missing or invalid, and errors become findings.
 pub(crate) fn read_json(root: &Path, name: &str, findings: &mut Findings) -> Value {
     match files::read(&root.join(name), limits::EVALUATION) {
         Ok(bytes) => serde_json::from_slice(&bytes).unwrap_or_else(|error| {
             findings.add("info", name, "", "JSON", error);
             Value::Null
         }),
-        // Missing files are reported by the check of paths.
+        // The check of paths reports missing files.
         Err(error) if error.is_missing() => Value::Null,
         Err(error) => {
             findings.add("files", name, "", "a readable file", error);
@@ -215,7 +215,7 @@ pub(crate) fn read_json(root: &Path, name: &str, findings: &mut Findings) -> Val
     }
 }
 
-/// Reads the action contract, if there is one.
+/// Reads the action contract, if there is one. `None` if it is missing or invalid; an invalid one becomes a finding.
 pub(crate) fn read_contract(root: &Path, findings: &mut Findings) -> Option<ActionContract> {
     let bytes = match files::read(&root.join(CONTRACT), limits::SETTINGS) {
         Ok(bytes) => bytes,
@@ -228,7 +228,7 @@ pub(crate) fn read_contract(root: &Path, findings: &mut Findings) -> Option<Acti
     ActionContract::from_bytes(&bytes).map_err(|error| findings.add("contract", CONTRACT, "", "a contract", error)).ok()
 }
 
-/// Expands a path template of `info.json`.
+/// Path from a template of `info.json`, with its numbered placeholders and the video key filled in.
 pub(crate) fn fill(template: &str, numbers: &[(&str, i64)], video_key: &str) -> String {
     let mut path = template.replace("{video_key}", video_key);
     for (name, number) in numbers {
@@ -389,7 +389,7 @@ fn contract(metadata: &Metadata, findings: &mut Findings) {
     }
 }
 
-/// Checks the copy of `info.json` in the card.
+/// Checks the copy of `info.json` in the data set's `README.md`.
 fn card(metadata: &Metadata, findings: &mut Findings) {
     let Some(text) =
         metadata.is_own.then(|| files::read(&metadata.root.join("README.md"), limits::SETTINGS).ok()).flatten()

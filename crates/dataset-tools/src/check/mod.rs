@@ -46,7 +46,7 @@ pub struct DatasetCheck {
     pub format: &'static str,
     /// Number of episodes according to the metadata.
     pub episodes: usize,
-    /// Number of rows read.
+    /// Number of rows that were read and checked.
     pub frames: usize,
     /// Findings; empty if the data set is valid.
     pub findings: Vec<Finding>,
@@ -55,7 +55,7 @@ pub struct DatasetCheck {
     /// Identities of the episodes, for [`leaks`].
     #[serde(skip)]
     pub identities: Vec<Identity>,
-    /// Summary of the contents.
+    /// Summary of the data set's contents, for display.
     #[serde(skip)]
     pub overview: Overview,
 }
@@ -88,7 +88,8 @@ pub fn check(dataset: &Path, robots: &[Arc<RobotModel>]) -> Result<DatasetCheck,
 /// Reads the metadata of a LeRobot data set, with findings for invalid parts.
 ///
 /// # Errors
-/// If the folder cannot be listed, is not a LeRobot data set of a known version, or lacks a file that its metadata name.
+/// If the folder cannot be listed, is not a LeRobot data set of a known version, or lacks a file that its metadata
+/// names.
 pub(crate) fn read_metadata(dataset: &Path) -> Result<(Metadata, Vec<Finding>), DataError> {
     let mut findings = Findings::default();
     let listed = paths::list(dataset)?;

@@ -10,11 +10,11 @@ use super::totals::Totals;
 /// Episodes of one kind of task, or with one instruction if kinds are unknown.
 #[derive(Clone, Debug, Serialize)]
 pub struct Group {
-    /// The kind, or the instruction.
+    /// Kind of the tasks, or the common instruction if kinds are unknown.
     pub kind: String,
-    /// Number of distinct instructions.
+    /// Number of distinct instructions in the group.
     pub sentences: usize,
-    /// Number of episodes.
+    /// Number of episodes in the group.
     pub episodes: usize,
     /// Number of successful episodes; null if unknown.
     pub succeeded: Option<usize>,
@@ -25,11 +25,11 @@ pub struct Group {
 /// Minimum and maximum of one element of a feature.
 #[derive(Clone, Debug, Serialize)]
 pub struct Range {
-    /// Feature and element.
+    /// Names of feature and element, e.g. of a joint in `observation.state`.
     pub name: String,
-    /// Minimum.
+    /// Minimum over all rows.
     pub min: f64,
-    /// Maximum.
+    /// Maximum over all rows.
     pub max: f64,
 }
 
@@ -38,31 +38,31 @@ pub struct Range {
 pub struct Bin {
     /// Lower (inclusive) and upper (exclusive) bound, s.
     pub seconds: [f64; 2],
-    /// Number of episodes.
+    /// Number of episodes with such a length.
     pub episodes: usize,
 }
 
-/// Number of bins.
+/// Number of bins of the histogram. Chosen by hand.
 const BINS: usize = 10;
 
 /// Contents of a data set.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Overview {
-    /// Rows per second.
+    /// Rate of the rows, Hz.
     pub fps: f64,
-    /// Robot.
+    /// Name of the robot; empty if unknown.
     pub robot: String,
-    /// Short description of the action space.
+    /// Short description of the action space; `None` if it is unknown.
     pub action: Option<String>,
-    /// Video features.
+    /// Names of the video features.
     pub videos: Vec<String>,
-    /// Images of all cameras, as videos or as single images.
+    /// Image features of all cameras, stored as videos or as single images.
     pub images: Vec<ImageFeature>,
-    /// By kind of task.
+    /// Groups of episodes by kind of task.
     pub groups: Vec<Group>,
-    /// By sentence.
+    /// Groups of episodes by instruction.
     pub tasks: Vec<Group>,
-    /// Histogram of episode lengths.
+    /// Histogram of the episodes' lengths.
     pub lengths: Vec<Bin>,
     /// Ranges of states and actions.
     pub ranges: Vec<Range>,
@@ -71,11 +71,12 @@ pub struct Overview {
 /// Images of one camera.
 #[derive(Clone, Debug, Serialize)]
 pub struct ImageFeature {
-    /// Feature, e.g. `observation.images.static`.
+    /// Name of the feature, e.g. `observation.images.static`.
     pub key: String,
-    /// Sizes along the dimensions that the dataset names; rows, columns and channels in datasets of this program.
+    /// Sizes along the dimensions in the order of the data set; rows, columns and channels in data sets of this
+    /// program.
     pub shape: Vec<usize>,
-    /// `video` or `image`.
+    /// Storage of the images: `video` or `image`.
     pub stored_as: String,
 }
 
@@ -142,7 +143,7 @@ pub(super) fn overview(metadata: &Metadata, totals: &Totals) -> Overview {
     }
 }
 
-/// Histogram of lengths; the bin width is a multiple of 0.1 s.
+/// Histogram of episode lengths; the bin width is a multiple of 0.1 s.
 fn lengths(metadata: &Metadata) -> Vec<Bin> {
     let seconds: Vec<f64> = metadata.episodes.iter().map(|episode| episode.length as f64 / metadata.info.fps).collect();
     let finite = || seconds.iter().copied().filter(|length| length.is_finite());

@@ -27,10 +27,10 @@ pub(super) fn list(root: &Path) -> Result<BTreeSet<String>, DataError> {
     Ok(listed)
 }
 
-/// Reports missing and foreign files; `extras` is left to the check of the record.
+/// Reports missing and foreign files; files in `extras` are checked with the native record.
 pub(super) fn check(metadata: &Metadata, listed: &BTreeSet<String>, findings: &mut Findings) {
     let mut expected: BTreeSet<String> = ["meta/info.json"].map(String::from).into();
-    // LeRobot's own tools write v2.1 without statistics of the whole.
+    // LeRobot's own tools write v2.1 without statistics over all episodes.
     if metadata.is_own || metadata.info.version != Version::V21 {
         expected.insert("meta/stats.json".into());
     }

@@ -13,10 +13,11 @@ use genmanip_data::lerobot::{RECORD, SETTINGS};
 use genmanip_data::table::Table;
 use genmanip_data::{DataError, EpisodeStore, LerobotSettings, files};
 
-/// Number of episodes, evenly spaced, whose rows are compared with the record; hashes are checked for all records.
+/// Number of episodes, evenly spaced, whose rows are compared with the native record; the hashes of all records are
+/// checked.
 const SAMPLED: usize = 20;
 
-/// Export settings of the data set, if it has any.
+/// Export settings of the data set; `None` if it was not exported by this program.
 pub(super) fn settings(metadata: &Metadata) -> Option<LerobotSettings> {
     let bytes = files::read(&metadata.root.join(SETTINGS), limits::SETTINGS).ok()?;
     LerobotSettings::from_bytes(&bytes).ok()

@@ -17,7 +17,7 @@ use genmanip_data::lerobot::info::INFO;
 use genmanip_data::lerobot::stats::Stats;
 use genmanip_data::table::Table;
 
-/// Index columns of every data set.
+/// Index columns that every LeRobot data set has.
 const INDEX_COLUMNS: [&str; 5] = ["timestamp", "frame_index", "episode_index", "index", "task_index"];
 /// Tolerance of timestamps against `frame_index / fps`, s; that of LeRobot's own readers.
 const TIME_TOLERANCE_S: f64 = 1e-4;
@@ -157,7 +157,7 @@ fn split(pending: &mut Rows, length: usize) -> Rows {
     pending.iter_mut().map(|(key, column)| (key.clone(), take(column))).collect()
 }
 
-/// Expected value of a column by row; `None` if unknown.
+/// Expected value of a column in a row; `None` where it is unknown.
 type Expected<'a> = &'a dyn Fn(usize) -> Option<f64>;
 
 fn check_episode(metadata: &Metadata, episode: &EpisodeEntry, rows: &Rows, findings: &mut Findings) {
@@ -220,7 +220,8 @@ fn check_episode(metadata: &Metadata, episode: &EpisodeEntry, rows: &Rows, findi
     }
 }
 
-/// `next.done` must be true only in the last row; `next.success` only there and only if the episode succeeded.
+/// Checks that `next.done` is true only in the last row, and `next.success` only there and only if the episode
+/// succeeded.
 fn ends(episode: &EpisodeEntry, rows: &Rows, findings: &mut Findings) {
     for key in ["next.done", "next.success"] {
         let Some(column) = rows.get(key) else { continue };
@@ -237,7 +238,7 @@ fn ends(episode: &EpisodeEntry, rows: &Rows, findings: &mut Findings) {
     }
 }
 
-/// Every row must belong to a step listed by its episode.
+/// Checks that every row belongs to a step (subtask) listed by its episode.
 fn steps(metadata: &Metadata, episode: &EpisodeEntry, rows: &Rows, findings: &mut Findings) {
     let (Some(column), Some(listed)) = (rows.get("subtask_index"), &episode.subtasks) else { return };
     for (row, index) in column.values.iter().enumerate() {
@@ -260,7 +261,7 @@ fn content(rows: &Rows) -> u64 {
         values.iter().for_each(|value| hasher.write_u64(value.to_bits()));
     }
     if !rows.contains_key("action") {
-        // A data set with images only has no other distinguishing columns.
+        // Without states and actions, only the index of the first row distinguishes episodes.
         let index = rows.get("index").and_then(|column| column.values.first()).copied();
         hasher.write_u64(index.unwrap_or_default().to_bits());
     }

@@ -10,7 +10,7 @@ use super::v30;
 use genmanip_data::columns::{Column, Rows};
 
 const STATS: &str = "meta/stats.json";
-/// LeRobot's quantiles.
+/// Quantiles in LeRobot's statistics: name and probability.
 const QUANTILES: [(&str, f64); 5] = [("q01", 0.01), ("q10", 0.10), ("q50", 0.50), ("q90", 0.90), ("q99", 0.99)];
 /// Relative tolerance of statistics: the order of summation differs.
 const TOLERANCE: f64 = 1e-6;
@@ -21,10 +21,10 @@ pub(super) struct Entry {
     pub(super) min: f64,
     pub(super) max: f64,
     sum: f64,
-    /// Squared distances from the recorded mean (`shift`), for numerical accuracy.
+    /// Sum of squared differences from the recorded mean (`shift`), which avoids cancellation.
     squares: f64,
     shift: f64,
-    /// Recorded quantile, number of values below it, and number of values not above it.
+    /// For each of [`QUANTILES`]: recorded value, number of values below it, and number of values not above it.
     around: [(f64, usize, usize); 5],
 }
 
@@ -60,7 +60,7 @@ impl Totals {
         self.rows
     }
 
-    /// Minimum and maximum of each element of a feature.
+    /// Minimum and maximum over all rows of each element of a feature; empty for an unknown feature.
     pub(super) fn range(&self, key: &str) -> Vec<[f64; 2]> {
         let entries = self.features.get(key).map(|(entries, _)| entries.as_slice()).unwrap_or_default();
         entries.iter().map(|entry| [entry.min, entry.max]).collect()
@@ -116,7 +116,7 @@ pub(super) fn check(metadata: &Metadata, totals: &Totals, findings: &mut Finding
                 abbreviated(recorded.get("count").unwrap_or(&Vec::new())),
             );
         }
-        // Values that are not finite are named by their rows.
+        // NaN and infinite values are reported by row instead.
         for (index, entry) in entries.iter().enumerate().filter(|(_, entry)| entry.sum.is_finite()) {
             let mean = entry.sum / rows;
             let variance = (entry.squares / rows - (mean - entry.shift).powi(2)).max(0.0);

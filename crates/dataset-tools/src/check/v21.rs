@@ -125,7 +125,7 @@ fn lines(root: &Path, name: &str, findings: &mut Findings) -> Vec<Value> {
     for (number, line) in bytes.split(|byte| *byte == b'\n').enumerate().filter(|(_, line)| !line.is_empty()) {
         match serde_json::from_slice(line).or_else(|error| without_nan(line).ok_or(error)) {
             Ok(document) => documents.push(document),
-            // The lines after it keep their numbers.
+            // A null keeps the line numbers of later lines.
             Err(error) => {
                 findings.add("files", name, format!("line {}", number + 1), "JSON", error);
                 documents.push(Value::Null);
@@ -135,7 +135,7 @@ fn lines(root: &Path, name: &str, findings: &mut Findings) -> Vec<Value> {
     documents
 }
 
-/// A line with Python's NaN and Infinity, as null.
+/// JSON value of a line in which Python's NaN and Infinity are replaced by null; `None` if it is still invalid.
 fn without_nan(line: &[u8]) -> Option<Value> {
     let text = std::str::from_utf8(line).ok()?;
     let plain = text.replace("-Infinity", "null").replace("Infinity", "null").replace("NaN", "null");

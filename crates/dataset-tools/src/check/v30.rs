@@ -62,7 +62,7 @@ pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings:
     }
 }
 
-/// Sentences with their indices; a missing table is reported by the check of paths.
+/// Instructions with their indices, from a table; a missing table is reported by the check of paths.
 fn sentences(root: &Path, file: &str, name: &str, findings: &mut Findings) -> Vec<(i64, String)> {
     let index = format!("{name}_index");
     let read = |batch: RecordBatch| {
@@ -138,7 +138,7 @@ fn episode(info: &Info, batch: &RecordBatch, (file, row): (&str, usize), finding
     }
 }
 
-/// Compared fields of a scenario.
+/// Fields of a scenario that the check reads.
 #[derive(Deserialize)]
 struct ScenarioSummary {
     id: String,
@@ -161,7 +161,7 @@ struct RobotSummary {
     home: Vec<f64>,
 }
 
-/// Recorded statistics of a feature in an episode, if any.
+/// Recorded statistics of a feature in an episode; `None` if there are none.
 pub(super) fn statistics(metadata: &Metadata, episode: &EpisodeEntry, key: &str, names: &[&str]) -> Option<Statistics> {
     match &metadata.episode_stats {
         EpisodeStats::Lines(lines) => {
@@ -197,13 +197,13 @@ pub(super) fn named(entry: &Value) -> Statistics {
 fn flatten(value: &Value, into: &mut Vec<f64>) {
     match value {
         Value::Array(values) => values.iter().for_each(|value| flatten(value, into)),
-        // A statistic that is not finite keeps its place.
+        // A statistic that is not finite is stored as null and stays in its position.
         Value::Null => into.push(f64::NAN),
         value => into.extend(value.as_f64()),
     }
 }
 
-/// All rows of the selected columns.
+/// All rows of the selected columns of a Parquet file.
 pub(super) fn whole(path: &Path, is_wanted: impl Fn(&str) -> bool) -> Result<RecordBatch, DataError> {
     Table::open(path)?.whole(is_wanted)
 }

@@ -8,9 +8,9 @@ use super::v30;
 use genmanip_data::mp4::Video;
 use genmanip_data::{DataError, EncodedVideo, video};
 
-/// Tolerance of an episode's mean colour against its statistics, 0-1: colour loss of the video encoding.
+/// Tolerance of an episode's mean colour against its statistics, on a scale of 0 to 1: compression changes colours.
 const MEAN_COLOR: f64 = 0.02;
-/// Tolerance of timestamps, s.
+/// Tolerance of frame times against the episode's span in the file, s.
 const TIME_S: f64 = 1e-4;
 
 pub(super) fn check(metadata: &Metadata, findings: &mut Findings) {

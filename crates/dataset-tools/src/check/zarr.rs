@@ -15,7 +15,7 @@ use genmanip_data::files;
 const ATTRIBUTES: &str = ".zattrs";
 const ENDS: &str = "meta/episode_ends";
 
-/// Array metadata.
+/// Metadata of an array, from `.zarray`.
 struct Array {
     shape: Vec<usize>,
     chunks: Vec<usize>,
@@ -100,7 +100,7 @@ fn array(about: &Value) -> Option<Array> {
     (array.shape.len() == array.chunks.len() && !array.shape.is_empty()).then_some(array)
 }
 
-/// Decodes a chunk; returns no numbers for images, which are only decompressed.
+/// Values of a chunked numeric array; empty for images, whose chunks are only decompressed.
 fn numbers(root: &Path, name: &str, array: &Array, findings: &mut Findings) -> Vec<f64> {
     let bytes = match files::read(&root.join(name), limits::CHUNK) {
         Ok(bytes) => bytes,

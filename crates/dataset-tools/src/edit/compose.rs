@@ -22,7 +22,7 @@ use genmanip_data::lerobot::{SUBTASKS, record};
 use genmanip_data::table::{Columns, Purpose, TableWriter};
 use genmanip_data::{DataError, EncodedVideo, video};
 
-/// Index columns that change when an episode moves, in rows and in statistics.
+/// Index columns that are rewritten when an episode is copied, in rows and in statistics.
 const INDEX_COLUMNS: [&str; 3] = ["episode_index", "index", "task_index"];
 
 pub(super) struct Composer<'a> {
@@ -40,7 +40,7 @@ pub(super) struct Composer<'a> {
     file: OpenFile,
 }
 
-/// Contents of the files with the current index.
+/// Contents of the data and video files that are being filled.
 #[derive(Default)]
 struct OpenFile {
     rows: Option<TableWriter>,
@@ -72,7 +72,7 @@ impl<'a> Composer<'a> {
         })
     }
 
-    /// Appends an episode, optionally under another id.
+    /// Appends an episode of a source, optionally under another id.
     pub(super) fn push(&mut self, pick: EpisodeRef, name: Option<&str>) -> Result<(), DataError> {
         if self.episodes > 0 && self.episodes.is_multiple_of(self.episodes_per_file) {
             self.close_file()?;
@@ -145,7 +145,7 @@ impl<'a> Composer<'a> {
         listed: &RecordBatch,
     ) -> Result<Option<Vec<i64>>, DataError> {
         let Some(column) = rows.column_by_name("subtask_index") else { return Ok(None) };
-        // In the order of the episode's list, as in an export.
+        // In the order in which the episode's entry lists them, as in an export.
         let known = texts(listed, "subtasks", 0).unwrap_or_default();
         for text in known {
             self.subtask_index(&text);
@@ -166,7 +166,7 @@ impl<'a> Composer<'a> {
         })
     }
 
-    /// Index columns of the rows.
+    /// New index columns of an episode's rows.
     fn index_columns(&self, rows: usize, task: usize) -> Columns {
         let mut columns = Columns::default();
         columns.i64("episode_index", std::iter::repeat_n(number(self.episodes), rows));
@@ -202,7 +202,7 @@ impl<'a> Composer<'a> {
         Ok(())
     }
 
-    /// Columns of the episodes table that change.
+    /// New values of the episodes table's columns that change: indices, files and statistics.
     fn entry(
         &self,
         source: &Source,
@@ -300,7 +300,7 @@ impl<'a> Composer<'a> {
     }
 }
 
-/// Statistics of a scalar column in the episodes table.
+/// Adds the statistics of a scalar column to the episodes table.
 fn statistics_of(columns: &mut Columns, key: &str, values: &[f64]) {
     for (which, values) in Stats::of_vectors(values, 1).named {
         columns.lists::<Float64Type>(&format!("stats/{key}/{which}"), &[&values]);
@@ -311,14 +311,14 @@ fn number(value: usize) -> i64 {
     i64::try_from(value).unwrap_or(i64::MAX)
 }
 
-/// The scenario with another id.
+/// JSON of a scenario with its id replaced by `name`.
 fn renamed(scenario: &str, name: &str) -> Result<String, DataError> {
     let scenario = Scenario::from_json(scenario)
         .map_err(|error| DataError::mismatch("column scenario_json", "a scenario", error))?;
     Ok(Scenario { id: name.into(), ..scenario }.to_value().to_string())
 }
 
-/// The table with some columns replaced by new ones of the same name and type.
+/// Batch in which some columns are replaced by new ones of the same name and type.
 fn replaced(batch: &RecordBatch, columns: Columns) -> Result<RecordBatch, DataError> {
     let fail = |error: &dyn std::fmt::Display| DataError::mismatch("columns", "those of an export", error);
     let new = columns.batch().map_err(|error| fail(&error))?;

@@ -1,6 +1,6 @@
 //! Editing of exported data sets: merge, split, filter, delete episodes.
 //!
-//! Nothing is re-encoded: rows are copied with new indices, video frames as they are. All columns, the depth sibling
+//! Nothing is re-encoded: rows are copied with new indices, video frames byte by byte. All columns, the depth sibling
 //! and the native record in `extras/record` are kept.
 
 mod compose;
@@ -33,7 +33,7 @@ pub type Progress<'a> = &'a mut dyn FnMut(usize);
 pub enum By {
     /// Episodes with the same instruction, so that the parts share no task.
     Task,
-    /// Single episodes.
+    /// Single episodes; the parts may share tasks.
     Episode,
 }
 
@@ -146,7 +146,8 @@ fn check_parts(parts: &[(String, f64)]) -> Result<(), DataError> {
     Ok(())
 }
 
-/// Assigns the groups, in random order, to the part that lacks most of its share; every part gets at least one group.
+/// Assigns the groups, in random order, each to the part that lacks most of its share; every part gets at least one
+/// group.
 fn divide(groups: BTreeMap<String, Vec<usize>>, shares: &[f64], seed: Seed) -> Vec<Vec<usize>> {
     let total: usize = groups.values().map(Vec::len).sum();
     let mut groups: Vec<(u64, String, Vec<usize>)> =
@@ -174,7 +175,7 @@ fn picks(episodes: Vec<usize>) -> Vec<EpisodeRef> {
 /// Compatible data sets with their depth siblings.
 struct Sources {
     colors: Vec<Source>,
-    /// One per data set, or none.
+    /// Depth sibling of each data set; empty if none has one.
     depths: Vec<Source>,
     origin: Origin,
 }
@@ -252,7 +253,7 @@ impl Sources {
         composer.finish(card, &self.origin)
     }
 
-    /// New names for episodes whose name is used by an episode of another run.
+    /// New name of each picked episode whose name is used by an episode of another run; `None` for the others.
     fn names(&self, picks: &[EpisodeRef]) -> Result<Vec<Option<String>>, DataError> {
         let listed = |pick: &EpisodeRef| &self.colors[pick.source].episodes[pick.episode];
         let mut taken: BTreeSet<String> = picks.iter().map(|pick| listed(pick).store_id.clone()).collect();

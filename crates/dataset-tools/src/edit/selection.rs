@@ -10,7 +10,7 @@ use genmanip_data::DataError;
 use genmanip_data::columns::{cell, text};
 use genmanip_data::table::Table;
 
-/// Maximum episode index: beyond that of any data set.
+/// Maximum episode index in a selection; larger than that of any data set.
 const MAX_INDEX: usize = 10_000_000;
 
 /// Condition on an episode: a column of the episodes table, or `object`, and its value.
@@ -18,7 +18,7 @@ const MAX_INDEX: usize = 10_000_000;
 pub struct Condition {
     /// The column; `kind` and `task` stand for `task_kind` and `task_id`.
     pub key: String,
-    /// The value; `true` or `false` for booleans, an object id for `object`.
+    /// Required value; `true` or `false` for booleans, an object id for `object`.
     pub value: String,
 }
 
@@ -45,7 +45,7 @@ impl Condition {
         }
     }
 
-    /// `None` if the cell's type cannot be compared with the value.
+    /// True if the row meets the condition; `None` if the cell's type cannot be compared with the value.
     fn holds(&self, batch: &RecordBatch, row: usize) -> Option<bool> {
         let column = self.column();
         if let Some((found, _)) = text(batch, column, row) {
@@ -69,7 +69,7 @@ impl Condition {
     }
 }
 
-/// Objects of a scenario.
+/// Part of a scenario that names its objects.
 #[derive(Deserialize)]
 struct ScenarioObjects {
     objects: Vec<ScenarioObject>,
@@ -133,7 +133,7 @@ impl Source {
 /// Parses indices and ranges such as `3,7-9`.
 ///
 /// # Errors
-/// The expected format.
+/// Text with the expected format.
 pub fn numbers(text: &str) -> Result<BTreeSet<usize>, String> {
     let expected = || "expected indices and ranges, e.g. 3,7-9".to_owned();
     let mut numbers = BTreeSet::new();

@@ -21,12 +21,12 @@ pub(super) struct Source {
     pub(super) origin: Origin,
     pub(super) contract: Option<ActionContract>,
     pub(super) info: Value,
-    /// Episodes tables, in order.
+    /// Paths of the episodes tables, in order.
     pub(super) tables: Vec<PathBuf>,
     pub(super) episodes: Vec<EpisodeEntry>,
-    /// Texts of its steps; empty if it has none.
+    /// Instructions of the data set's steps (subtasks), by index; empty if it has none.
     pub(super) subtasks: Vec<String>,
-    /// Native record of the episodes, if included.
+    /// Native record of the episodes, if included; `None` otherwise.
     pub(super) record: Option<EpisodeStore>,
     /// Index of the first row in each data file, by chunk and file.
     firsts: BTreeMap<[i64; 2], i64>,
@@ -37,15 +37,15 @@ pub(super) struct Source {
 pub(super) struct EpisodeEntry {
     pub(super) sentence: String,
     pub(super) store_id: String,
-    /// Distinguishes it from episodes of the same name: its seed, or the hash of its source if imported.
+    /// Distinguishes episodes of the same name: the episode's seed, or the hash of its source if imported.
     pub(super) origin: String,
     pub(super) length: usize,
     from: i64,
-    /// Chunk and file index of its rows.
+    /// Chunk and file index of the episode's data file.
     data: [i64; 2],
     /// Feature, chunk and file index, and start time (s) of each video.
     videos: Vec<(String, [i64; 2], f64)>,
-    /// Table index and row of its entry.
+    /// Index of the episodes table, and row in it.
     listed_in: (usize, usize),
 }
 
@@ -82,18 +82,18 @@ impl Source {
         Ok(source)
     }
 
-    /// Path of the data file of an episode.
+    /// Path of the data file that holds an episode.
     pub(super) fn data(&self, episode: &EpisodeEntry) -> PathBuf {
         let [chunk, file] = episode.data;
         self.root.join(format!("data/chunk-{chunk:03}/file-{file:03}.parquet"))
     }
 
-    /// Path of the episodes table of an episode.
+    /// Path of the episodes table that lists an episode.
     pub(super) fn table(&self, episode: &EpisodeEntry) -> &Path {
         &self.tables[episode.listed_in.0]
     }
 
-    /// Numeric features, or video features.
+    /// Names of the video features (`is_video`) or of the numeric ones.
     pub(super) fn features(&self, is_video: bool) -> impl Iterator<Item = &String> {
         let fits = move |entry: &Value| match entry["dtype"].as_str() {
             Some("video") => is_video,
@@ -161,7 +161,7 @@ impl Source {
         Ok(())
     }
 
-    /// Fails if the two data sets cannot be merged.
+    /// Checks that two data sets can be merged; the error names the first difference.
     pub(super) fn check_fits(&self, first: &Self) -> Result<(), DataError> {
         let label = |source: &Self, what: &str| format!("{what} of {}", source.root.display());
         let fits = |what: &str, known: &Value, found: &Value| {
@@ -202,7 +202,7 @@ pub(super) struct OpenFiles {
 }
 
 impl OpenFiles {
-    /// Rows of an episode.
+    /// Rows of an episode in its data file.
     pub(super) fn rows(&mut self, source: &Source, episode: &EpisodeEntry) -> Result<RecordBatch, DataError> {
         let path = source.data(episode);
         if self.rows.as_ref().is_none_or(|(known, _)| *known != path) {

@@ -47,7 +47,7 @@ pub fn to_v21(
     let origin = match Origin::read(dataset) {
         Ok(Origin::Exported(mut settings)) => {
             settings.export.depth = false;
-            // Masks are stored with the depth images.
+            // Masks are stored with the depth images, which v2.1 lacks.
             settings.export.columns.retain(|column| *column != ExtraColumns::Masks);
             Origin::Exported(LerobotSettings { run: None, record: info.record.is_some(), ..settings })
         }

@@ -7,13 +7,13 @@ use zune_jpeg::JpegDecoder;
 
 use genmanip_data::DataError;
 
-/// Maximum image side, pixels; that of video.
+/// Maximum image side, pixels; the same as for video.
 const MAX_SIDE_PX: usize = 3840;
 
 /// Decodes a JPEG or PNG file: width, height and 8-bit RGB, row-major.
 ///
 /// # Errors
-/// If the bytes are neither or exceed the maximum size.
+/// If the bytes are neither JPEG nor PNG, damaged, or an image above the maximum size.
 pub fn decode(file: &[u8]) -> Result<(u32, u32, Vec<u8>), DataError> {
     if file.starts_with(b"\x89PNG") {
         return decode_png(file);

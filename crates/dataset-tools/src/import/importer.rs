@@ -8,10 +8,11 @@ use genmanip_data::{DataError, EpisodeStore};
 
 use super::metadata::ImportedMetadata;
 
-/// Settings of an import.
+/// Settings of the import of a data set.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ImportSettings {
-    /// Path of ffmpeg, for video codecs other than H.264, which is then re-encoded. Default none.
+    /// Path of ffmpeg, which decodes video codecs other than H.264; the frames are re-encoded as H.264. Without (the
+    /// default), such videos are an error.
     pub ffmpeg: Option<PathBuf>,
     /// Episodes per data and video file. Default 100.
     pub episodes_per_file: usize,
@@ -29,7 +30,7 @@ impl Default for ImportSettings {
 pub(super) trait Importer {
     fn info(&self) -> SourceInfo;
 
-    /// Passes every episode to `take`, in order.
+    /// Reads every episode in order and passes it to `take`.
     fn each(&mut self, take: OnEpisode) -> Result<(), DataError>;
 
     /// Differences from the source; complete after [`Importer::each`].
@@ -41,13 +42,13 @@ pub(super) type OnEpisode<'a> = &'a mut dyn FnMut(&Path, EpisodeRows<ImportedMet
 
 /// Metadata of a data set to import.
 pub(super) struct SourceInfo {
-    /// As in [`Imported::format`].
+    /// Format of the source, as in [`Imported::format`].
     pub(super) format: &'static str,
     pub(super) robot: String,
     pub(super) fps: u32,
     pub(super) episodes: usize,
-    /// Action contract, if the data set has one.
+    /// Action contract, if the data set has one; `None` otherwise.
     pub(super) contract: Option<ActionContract>,
-    /// Native record of the episodes, if included.
+    /// Native record of the episodes, if included; `None` otherwise.
     pub(super) record: Option<EpisodeStore>,
 }

@@ -24,27 +24,27 @@ use genmanip_data::{ColorHistogram, DataError, EpisodeStore, depth};
 const INDEX_COLUMNS: [&str; 5] = ["timestamp", "frame_index", "episode_index", "index", "task_index"];
 /// Supported numeric types; `int32` is widened to `int64`.
 const NUMBERS: [&str; 5] = ["float32", "float64", "int32", "int64", "bool"];
-/// Batch size for tables with images, rows.
+/// Batch size for tables with images, rows. Chosen by hand: bounds memory.
 const ROWS_PER_BATCH: usize = 256;
 /// Tolerance of timestamps against `frame_index / fps`, s; ten times that of LeRobot's own readers.
 const TIME_TOLERANCE_S: f64 = 1e-3;
-/// 2^53: smaller integers are exact as `f64`, the type columns are read as.
+/// 2^53. Integers below it are exact as `f64`, the type in which columns are read.
 const MAX_EXACT: f64 = 9_007_199_254_740_992.0;
 
-/// A LeRobot data set.
+/// A LeRobot data set, open for import.
 pub(super) struct Lerobot {
     metadata: Metadata,
     fps: u32,
     videos: VideoReader,
     notes: BTreeSet<String>,
-    /// Native record of the episodes, if included.
+    /// Native record of the episodes, if included; `None` otherwise.
     record: Option<EpisodeStore>,
 }
 
 impl Lerobot {
     pub(super) fn open(root: &Path, settings: &ImportSettings) -> Result<Self, DataError> {
         let (metadata, findings) = check::read_metadata(root)?;
-        // Statistics are recomputed.
+        // Invalid statistics do not matter: the import recomputes them.
         if let Some(first) = findings.iter().find(|finding| finding.check != "statistics") {
             let what = format!("{} in {}", first.place, root.join(&first.file).display());
             return Err(DataError::mismatch(what.trim_start_matches(" in "), &first.expected, &first.found));
@@ -71,13 +71,13 @@ impl Lerobot {
                 notes.insert("extras/record is left out, since there is no meta/action_contract.json".into());
                 None
             }
-            // A damaged record is an error, so that none is lost silently.
+            // A damaged record is an error, so that no episode's record is lost silently.
             Ok(_) => Some(EpisodeStore::open(record)?),
         };
         Ok(Self { metadata, fps: fps as u32, videos, notes, record })
     }
 
-    /// Fails if the data set needs no import.
+    /// Fails if the data set was exported by this program and so needs no import.
     pub(super) fn check_foreign(&self) -> Result<(), DataError> {
         if !self.metadata.is_own || self.metadata.info.version != Version::V30 {
             return Ok(());
@@ -87,7 +87,7 @@ impl Lerobot {
         Err(DataError::mismatch(self.metadata.root.display().to_string(), expected, got))
     }
 
-    /// Columns to import.
+    /// Columns of a table to import; notes those that are omitted.
     fn wanted(&mut self, path: &Path, known: &[String]) -> Result<Wanted, DataError> {
         let has_steps = !self.metadata.subtasks.is_empty();
         let Wanted { mut numbers, mut depths, mut colors } = Wanted::default();
@@ -236,7 +236,7 @@ impl Lerobot {
         column.values.iter().map(place).collect()
     }
 
-    /// Texts of the steps: those of the episode if listed, else all of the data set.
+    /// Instructions of the steps (subtasks): those of the episode if listed, else all of the data set.
     fn texts(&self, listed: &EpisodeEntry) -> Vec<String> {
         match &listed.subtasks {
             Some(texts) if !texts.is_empty() => texts.clone(),
@@ -294,23 +294,23 @@ impl Lerobot {
     }
 }
 
-/// Columns of a table by what they become.
+/// Columns of a table, grouped by what they are imported as.
 #[derive(Default)]
 struct Wanted {
     numbers: Vec<String>,
     depths: Vec<String>,
-    /// Images in colour, which become videos.
+    /// Names of the RGB image columns, which become videos.
     colors: Vec<String>,
 }
 
-/// Frames of one episode so far.
+/// Video of one episode and camera under construction.
 #[derive(Default)]
 struct Encoded {
     encoder: Option<VideoEncoder>,
     colors: ColorHistogram,
 }
 
-/// Adds an image file to a video.
+/// Appends an image file as a frame to a video.
 fn encode(file: &[u8], fps: u32, into: &mut Encoded) -> Result<(), DataError> {
     let (width, height, rgb) = image_file::decode(file)?;
     let encoder = match &mut into.encoder {
@@ -389,7 +389,7 @@ fn append(path: &Path, batch: &RecordBatch, keys: &[String], rows: &mut Rows) ->
     Ok(())
 }
 
-/// Image files of a column.
+/// Contents of the image files of a column, one per row.
 fn bytes(path: &Path, batch: &RecordBatch, key: &str) -> Result<Vec<Vec<u8>>, DataError> {
     let structs = batch.column_by_name(key).and_then(|column| column.as_struct_opt());
     let files =

@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 use genmanip_data::{DataError, files};
 
 const MAGIC: u32 = 0xBEEF_C0DE;
-/// Page header size, bytes.
+/// Size of the header of a page, bytes.
 const HEADER: usize = 16;
-/// Page types.
+/// Page type flags, of branch, leaf and overflow pages.
 const BRANCH: u16 = 1;
 const LEAF: u16 = 2;
 const OVERFLOW: u16 = 4;
@@ -20,14 +20,14 @@ const OVERFLOW: u16 = 4;
 const BIG: u16 = 1;
 /// Invalid page number (an empty tree).
 const NO_PAGE: u64 = u64::MAX;
-/// Maximum number of keys: ten times as many as an episode of an hour with ten cameras has.
+/// Maximum number of keys: ten times as many as an hour with ten cameras needs.
 const MAX_KEYS: usize = 20_000_000;
 /// Maximum key length written by LMDB, bytes.
 const MAX_KEY_BYTES: usize = 511;
-/// Maximum size of a value, bytes.
+/// Maximum size of a value, bytes. Bounds memory for damaged or hostile files.
 const MAX_VALUE_BYTES: u64 = 1 << 30;
 
-/// An open LMDB file.
+/// An open LMDB file with its keys in memory.
 pub(super) struct Lmdb {
     path: PathBuf,
     file: File,
@@ -49,7 +49,7 @@ impl Lmdb {
         Ok(lmdb)
     }
 
-    /// The value of a key.
+    /// Value of a key; `None` if the key does not exist.
     pub(super) fn get(&self, key: &str) -> Result<Option<Vec<u8>>, DataError> {
         let Some((at, length)) = self.values.get(key.as_bytes()) else { return Ok(None) };
         self.bytes(*at, usize::try_from(*length).unwrap_or(usize::MAX)).map(Some)
@@ -78,8 +78,8 @@ impl Lmdb {
             if number(meta, 0, 4)? != u64::from(MAGIC) || number(meta, 4, 4)? != 1 {
                 return None;
             }
-            // After the address and size of the map follow the free-list database, whose padding field holds the page
-            // size, the main database, whose last field is the root, the last page, and the transaction id.
+            // Layout of a meta page after the map's address and size: the free-list database, whose padding field holds
+            // the page size; the main database, whose last field is the root page; the last page; the transaction id.
             let page_size = usize::try_from(number(meta, 24, 4)?).ok()?;
             Some((number(meta, 128, 8)?, page_size, number(meta, 112, 8)?))
         };
@@ -119,7 +119,7 @@ impl Lmdb {
                 if kind & LEAF == 0 {
                     return Err(broken());
                 }
-                // Overlapping nodes could inflate a small file.
+                // Nodes that overlap would let a small file expand to a huge index.
                 within += 8 + key;
                 if key > MAX_KEY_BYTES || within > self.page_size {
                     return Err(broken());
@@ -159,7 +159,7 @@ impl Lmdb {
     }
 }
 
-/// Little-endian integer of `length` bytes.
+/// Little-endian integer of `length` bytes. `None` beyond the end of the bytes.
 fn number(bytes: &[u8], at: usize, length: usize) -> Option<u64> {
     let mut wide = [0; 8];
     wide[..length].copy_from_slice(bytes.get(at..at.checked_add(length)?)?);

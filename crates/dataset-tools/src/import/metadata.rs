@@ -16,7 +16,7 @@ use genmanip_data::table::Columns;
 /// Metadata of an episode of another program; unknown fields are empty.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ImportedMetadata {
-    /// Its name in the source, or one derived from its index.
+    /// Name in the source, or one derived from the index.
     pub(super) store_id: String,
     pub(super) instruction: String,
     pub(super) steps: Vec<String>,
@@ -27,7 +27,7 @@ pub(crate) struct ImportedMetadata {
     pub(super) scenario_id: String,
     /// Ids of the objects in the pose columns, in column order.
     pub(super) objects: Vec<String>,
-    /// Hash of its rows and images, by which it is recognised.
+    /// SHA-256 of the episode's rows and images, by which a resumed import or a merge recognises the episode.
     pub(super) source_sha256: String,
 }
 
@@ -73,7 +73,7 @@ impl EpisodeFields for ImportedMetadata {
     }
 }
 
-/// Name of an episode: its own if that is a valid file name, else derived from its index.
+/// Name of an episode: the source's name if that is a valid file name, else one derived from the index.
 pub(super) fn name(own: Option<&str>, index: usize) -> String {
     own.filter(|name| is_file_name(name)).map_or_else(|| format!("episode_{index:06}"), str::to_owned)
 }

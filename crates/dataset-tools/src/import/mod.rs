@@ -1,7 +1,7 @@
 //! Import of data sets of other programs: LeRobot v3.0, v2.1 and v2.0, and the episode folders of the original GenManip.
 //!
 //! The result is a LeRobotDataset v3.0, with the sibling `<name>-depth` if the source has depth. Numbers, names and
-//! sentences are kept, H.264 video is copied without re-encoding. Nothing in the source is executed.
+//! instructions are kept; H.264 video is copied without re-encoding. Nothing in the source is executed.
 
 mod convert;
 mod image_file;
@@ -34,7 +34,7 @@ pub use importer::ImportSettings;
 /// Summary of an import.
 #[derive(Clone, Debug, Serialize)]
 pub struct ImportReport {
-    /// The written data set.
+    /// Paths and sizes of the written data set.
     #[serde(flatten)]
     pub written: ExportReport,
     /// Format of the source, and differences from it.
@@ -86,11 +86,11 @@ fn open(source: &Path, settings: &ImportSettings) -> Result<Box<dyn Importer>, D
     Err(DataError::mismatch(source.display().to_string(), expected, "none"))
 }
 
-/// A data set and its depth sibling under construction.
+/// Unpublished data set and its depth sibling.
 struct Writers {
     info: SourceInfo,
     colors: DatasetWriter<ImportedMetadata>,
-    /// Begun with the first episode, if that has depth images.
+    /// Writer of the depth sibling, created with the first episode; `None` if that has no depth images.
     depths: Option<DatasetWriter<ImportedMetadata>>,
     target: PathBuf,
     episodes_per_depth_file: usize,

@@ -35,13 +35,14 @@ const META_LIMIT: Limit = Limit { what: "episode metadata", bytes: 64 << 20 };
 const MAX_DEPTH: usize = 3;
 /// Frames per second of the original's recordings.
 const FPS: u32 = 30;
-/// Object slots per row, as in our own `sim.object_pose`.
+/// Object slots per row, as in the column `sim.object_pose` of this program's exports.
 const OBJECTS: usize = 16;
-/// Scale of the original's depth, 0.1 mm.
+/// Units of the original's depth images per millimetre: a unit is 0.1 mm.
 const UNITS_PER_MM: u16 = 10;
 const POSE: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];
 
-/// Numeric columns: our name, the original's keys (concatenated), and the prefix of the element names.
+/// Numeric columns: name in the imported data set, keys of the original (concatenated), and prefix of the element
+/// names.
 const COLUMNS: [(&str, &[&str], &str); 7] = [
     ("observation.state", &["observation/robot/qpos"], "q"),
     ("observation.velocity", &["observation/robot/qvel"], "v"),
@@ -52,14 +53,14 @@ const COLUMNS: [(&str, &[&str], &str); 7] = [
     ("robot.robot2env_pose", &["observation/robot/robot2env_pose"], "matrix"),
 ];
 
-/// A set of episode folders.
+/// Episode folders of the original GenManip, open for import.
 pub(super) struct Original {
     folders: Vec<PathBuf>,
     taken: BTreeSet<String>,
     notes: BTreeSet<String>,
 }
 
-/// True if the folder is an episode or contains one.
+/// True if the folder is such an episode or contains one.
 pub(super) fn is_there(root: &Path) -> Result<bool, DataError> {
     Ok(!folders(root)?.is_empty())
 }
@@ -169,7 +170,7 @@ fn damaged(path: &Path, why: &str) -> DataError {
 /// Maximum frames of an episode: more than an hour at 30 Hz.
 const MAX_FRAMES: usize = 1 << 17;
 
-/// Numbers of each frame, and whether they are single precision.
+/// Numbers of each frame, and true if they are single precision.
 type Frames = Vec<(Vec<f64>, bool)>;
 
 /// Recorded frames of an episode.
@@ -310,7 +311,7 @@ impl Record<'_> {
         self.lmdb.keys().filter_map(of).collect()
     }
 
-    /// Image files of a camera with their keys; none if it has none.
+    /// Image files of a camera with their keys, in the order of the frames; empty without images.
     fn image_files(
         &self,
         camera: &str,
@@ -377,7 +378,7 @@ impl Record<'_> {
     }
 }
 
-/// Tenths of millimetres to millimetres, rounded; a nonzero depth stays nonzero.
+/// Depth in millimetres from tenths of millimetres, rounded; a nonzero depth never becomes 0, which means no return.
 fn millimetres(tenths: u16) -> u16 {
     let rounded = tenths / UNITS_PER_MM + u16::from(tenths % UNITS_PER_MM >= UNITS_PER_MM / 2);
     rounded.max(u16::from(tenths > 0))

@@ -4,7 +4,7 @@
 //! that build values, and replaces the few NumPy functions it knows by name with its own code. Everything else is
 //! rejected.
 //!
-//! Values are stored in one arena and refer to each other by index. Shared values stay shared, so that memory is
+//! Values are stored in one arena and refer to each other by index. Shared values are stored once, so that memory is
 //! bounded by the size of the pickle, and cycles are harmless.
 
 #[cfg(test)]
@@ -15,7 +15,7 @@ mod value;
 use unpickler::Unpickler;
 use value::{Function, Kind, Node, ValueId};
 
-/// A parsed pickle.
+/// Values of a parsed pickle.
 #[derive(Debug)]
 pub(super) struct Pickle {
     values: Vec<Node>,
@@ -56,12 +56,12 @@ impl<'a> Value<'a> {
     /// Value of a string key in a dictionary.
     pub(super) fn get(self, key: &str) -> Option<Value<'a>> {
         let Node::Dict(entries) = self.node() else { return None };
-        // Of two entries with the same key, the later one is valid.
+        // A later entry with the same key replaces an earlier one.
         let found = entries.iter().rev().find(|(name, _)| self.at(*name).text() == Some(key));
         found.map(|(_, value)| self.at(*value))
     }
 
-    /// Integer value.
+    /// Value of an integer; `None` for other types.
     pub(super) fn integer(self) -> Option<i64> {
         match self.node() {
             Node::Int(value) => Some(*value),
@@ -134,7 +134,7 @@ impl Pickle {
     /// Parses a pickle of protocols 0 to 5.
     ///
     /// # Errors
-    /// Expected and actual contents, and the byte offset.
+    /// Text with the expected and actual contents, and the byte offset.
     pub(super) fn read(bytes: &[u8]) -> Result<Self, String> {
         let mut unpickler = Unpickler::new(bytes);
         let root = unpickler.run().map_err(|why| format!("{why}, byte {}", unpickler.at))?;

@@ -11,14 +11,14 @@ use genmanip_data::mp4;
 use genmanip_data::video::{self, VideoEncoder, VideoSettings};
 use genmanip_data::{ColorHistogram, DataError, EncodedVideo};
 
-/// Bytes of ffmpeg's log quoted in an error.
+/// Maximum part of ffmpeg's log that an error quotes, bytes.
 const MAX_LOG_BYTES: u64 = 2000;
 
-/// Requested frames of an episode.
+/// Frames of an episode to be read from a video file.
 pub(super) struct FrameRequest<'a> {
     pub(super) key: &'a str,
     pub(super) path: PathBuf,
-    /// Height and width, pixels.
+    /// Height and width of the images, pixels.
     pub(super) size: [usize; 2],
     pub(super) fps: u32,
     /// Index of the first frame in the file, and number of frames.
@@ -26,7 +26,7 @@ pub(super) struct FrameRequest<'a> {
     pub(super) count: usize,
 }
 
-/// Open video files, one per feature.
+/// Open video files and running decoders, one per feature.
 #[derive(Default)]
 pub(super) struct VideoReader {
     ffmpeg: Option<PathBuf>,

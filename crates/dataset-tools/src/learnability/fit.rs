@@ -1,11 +1,12 @@
-//! Least squares with cross-validation.
+//! Ridge regression with cross-validation.
 
-/// Number of parts of the cross-validation.
+/// Number of folds of the cross-validation.
 const FOLDS: usize = 5;
-/// Added to the diagonal of the normal equations, so that features that never vary do no harm.
+/// Ridge term added to the diagonal of the normal equations, so that constant features do not make them singular.
 const RIDGE: f64 = 1e-9;
 
-/// Features of a fit: a constant, `squared` with all their products, and `once` as they are.
+/// Features of a quadratic regression: a constant, the entries of `squared` with all their products, and those of
+/// `once` linearly.
 pub(super) fn quadratic((squared, once): (Vec<f64>, Vec<f64>)) -> Vec<f64> {
     let mut features = vec![1.0];
     features.extend(&squared);
@@ -16,7 +17,8 @@ pub(super) fn quadratic((squared, once): (Vec<f64>, Vec<f64>)) -> Vec<f64> {
     features
 }
 
-/// Sum of squared residuals of each entry of the targets: every fifth row is predicted by a fit to the others.
+/// Cross-validated sum of squared residuals of each entry of the targets: every fifth row is predicted by a fit to the
+/// other rows.
 pub(super) fn residuals(inputs: &[Vec<f64>], targets: &[Vec<f64>]) -> Vec<f64> {
     let entries = targets.first().map_or(0, Vec::len);
     let mut squares = vec![0.0; entries];
@@ -34,7 +36,7 @@ pub(super) fn residuals(inputs: &[Vec<f64>], targets: &[Vec<f64>]) -> Vec<f64> {
     squares
 }
 
-/// Least-squares weights, a row per feature and a column per entry of the targets.
+/// Ridge regression weights from the rows `known`, a row per feature and a column per entry of the targets.
 fn fitted(inputs: &[Vec<f64>], targets: &[Vec<f64>], known: &[usize], entries: usize) -> Vec<Vec<f64>> {
     let features = inputs.first().map_or(0, Vec::len);
     let mut rows: Vec<Vec<f64>> = (0..features)
@@ -81,7 +83,7 @@ mod tests {
         let squares = residuals(&inputs, &targets);
         assert!(squares[0] < 1e-9, "{squares:?}");
         assert!(squares[1] > 0.8 * 60.0, "{squares:?}");
-        // A feature that never varies is no obstacle.
+        // The second feature is constant.
         let inputs: Vec<Vec<f64>> = (0..60).map(|index| quadratic((vec![at(index)[0], 0.0], vec![1.0]))).collect();
         let linear: Vec<Vec<f64>> = (0..60).map(|index| vec![3.0 - at(index)[0]]).collect();
         assert!(residuals(&inputs, &linear)[0] < 1e-6);

@@ -1,39 +1,41 @@
-//! Motions of the next second, predicted by the most similar states of other episodes.
+//! Baseline of learnability: k-nearest-neighbour prediction of the motion in the next second, from other episodes of
+//! the task.
 
 use serde::Serialize;
 
-/// Rows per second.
+/// Rate at which episodes are sampled to rows, Hz.
 pub(super) const ROWS_HZ: f64 = 15.0;
-/// Time ahead that is predicted, s.
+/// Prediction horizon, s. Chosen by hand.
 const AHEAD_S: f64 = 1.0;
-/// Neighbours that are averaged.
+/// Number of nearest neighbours whose motions are averaged (k). Chosen by hand.
 const NEIGHBOURS: usize = 5;
-/// Most rows of a task that are predicted, and that are searched: bounds the time at a few seconds.
+/// Maximum number of rows of a task that are predicted, and (`MAX_SEARCHED`) that are searched for neighbours: keeps
+/// the time at a few seconds.
 const MAX_PREDICTED: usize = 1500;
 const MAX_SEARCHED: usize = 20_000;
 
-/// Errors of predicted motions of the next second; L1, each entry divided by its standard deviation.
+/// Mean absolute errors of predicted motions over the next second, in standard deviations of each entry.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Prediction {
-    /// Number of predicted rows.
+    /// Number of rows whose motion was predicted.
     pub rows: usize,
-    /// Change of the joints, predicted by neighbours.
+    /// Error of the joints' change, predicted by the nearest neighbours.
     pub joints_l1: f64,
-    /// The same, predicted by the mean.
+    /// Error of the joints' change, predicted by the mean over the task.
     pub joints_mean_l1: f64,
-    /// Change of the tool pose (position and 6d rotation), predicted by neighbours.
+    /// Error of the change of the tool pose (position and 6D rotation), predicted by the nearest neighbours.
     pub tool_l1: f64,
-    /// The same, predicted by the mean.
+    /// Error of the change of the tool pose, predicted by the mean over the task.
     pub tool_mean_l1: f64,
 }
 
-/// A moment of an episode.
+/// State of the robot and the goal's objects in one row of an episode.
 pub(super) struct Row {
-    /// Joints (rad), opening (m) and, per object of the goal, position (m) and heading.
+    /// Joints (rad), gripper opening (m) and, per object of the goal, position (m) and heading.
     pub state: Vec<f64>,
-    /// Joints, rad.
+    /// Positions of the arm joints, rad.
     pub joints: Vec<f64>,
-    /// Tool position (m) and 6d rotation.
+    /// Tool position (m) and 6D rotation.
     pub tool: Vec<f64>,
 }
 
@@ -49,7 +51,7 @@ pub(super) struct Neighbours {
 struct Example {
     episode: usize,
     state: Vec<f32>,
-    /// Changes within the time ahead, in standard deviations: joints, then tool.
+    /// Changes within the prediction horizon, divided by their standard deviations: joints, then tool.
     motion: Vec<f64>,
 }
 
@@ -88,7 +90,7 @@ impl Neighbours {
             }
             let errors = example.motion.iter().enumerate().map(|(entry, &actual)| {
                 let mean = nearest.iter().map(|near| near.motion[entry]).sum::<f64>() / nearest.len() as f64;
-                // Scaled motions have the mean 0.
+                // Motions are normalised: predicting their mean is predicting 0.
                 [(actual - mean).abs(), actual.abs()]
             });
             let errors: Vec<[f64; 2]> = errors.collect();
@@ -115,7 +117,7 @@ impl Neighbours {
     }
 }
 
-/// At most `most` examples, evenly spread.
+/// At most `most` examples, subsampled evenly.
 fn thinned<T>(all: Vec<T>, most: usize) -> Vec<T> {
     let stride = all.len().div_ceil(most).max(1);
     all.into_iter().step_by(stride).collect()
@@ -134,7 +136,7 @@ fn scales<'a>(rows: impl Iterator<Item = &'a [f64]> + Clone) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// A row in standard deviations from the mean; entries that do not vary are 0.
+/// Row normalised to zero mean and unit standard deviation; constant entries are 0.
 fn scaled<'a>(row: &'a [f64], scales: &'a [[f64; 2]]) -> impl Iterator<Item = f64> + 'a {
     row.iter().zip(scales).map(|(value, [mean, deviation])| match *deviation > 1e-9 {
         true => (value - mean) / deviation,
@@ -142,7 +144,7 @@ fn scaled<'a>(row: &'a [f64], scales: &'a [[f64; 2]]) -> impl Iterator<Item = f6
     })
 }
 
-/// The examples of other episodes nearest to a state.
+/// The [`NEIGHBOURS`] examples of other episodes whose states are nearest (Euclidean distance).
 fn nearest<'a>(example: &Example, all: &'a [Example]) -> Vec<&'a Example> {
     let mut nearest: Vec<(f32, &Example)> = Vec::new();
     for other in all.iter().filter(|other| other.episode != example.episode) {

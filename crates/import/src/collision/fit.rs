@@ -3,12 +3,13 @@
 use genmanip_core::{Aabb, Piece, Pose, Shape};
 use glam::{DQuat, DVec3};
 
-/// Minimum fraction of a bounding primitive that the mesh must fill for the primitive to be used.
+/// Minimum volume of the mesh as a fraction of the fitted primitive's volume. Chosen by hand.
 const FILLED: f64 = 0.92;
-/// Number of yaw angles at which a box is fitted.
+/// Number of yaw angles within 90° at which a bounding box is fitted.
 const TURNS: usize = 18;
 
-/// Fits a primitive to hull vertices that enclose `volume`; returns it with its name.
+/// Best bounding box, cylinder or ellipsoid of hull vertices that enclose `volume` (m³), with its name; `None` if the
+/// mesh fills less than `FILLED` of it.
 pub fn fit(corners: &[DVec3], volume: f64) -> Option<(Piece, &'static str)> {
     let shapes = [ball(corners, volume), cylinder(corners, volume), cuboid(corners, volume)];
     let best = shapes.into_iter().flatten().max_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -57,7 +58,8 @@ fn cylinder(corners: &[DVec3], volume: f64) -> Option<(Piece, f64)> {
         .max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// Bounding-box ellipsoid, unless a vertex protrudes by more than 2 %.
+/// Ellipsoid inscribed in the bounding box, and the fraction of it that the mesh fills; `None` if a vertex protrudes by
+/// more than 2 %.
 fn ball(corners: &[DVec3], volume: f64) -> Option<(Piece, f64)> {
     let bounds = Aabb::from_points(corners.iter().copied());
     let radii = bounds.size() / 2.0;

@@ -6,10 +6,10 @@ use glam::DVec3;
 use parry3d_f64::math::Vector;
 use parry3d_f64::transformation::try_convex_hull;
 
-/// Minimum thickness of a hull, m; thinner hulls become boxes.
+/// Minimum thickness of a hull, m; thinner hulls are replaced by boxes.
 const MIN_THICKNESS_M: f64 = 0.0015;
 
-/// Smaller hull volumes are rounding errors, m³.
+/// Hull volumes below this are rounding errors, m³.
 const MIN_VOLUME_M3: f64 = 1e-11;
 
 /// Vertices and triangles of the convex hull; `None` for coplanar points.
@@ -24,7 +24,7 @@ pub fn convex_hull(points: &[DVec3]) -> Option<(Vec<DVec3>, Vec<[u32; 3]>)> {
     Some((corners.iter().map(|corner| DVec3::from_array(corner.to_array())).collect(), triangles))
 }
 
-/// Volume of a hull.
+/// Volume enclosed by a hull, m³.
 pub fn volume(corners: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
     let origin = corners.first().copied().unwrap_or_default();
     let triangle = |t: &[u32; 3]| {
@@ -34,7 +34,8 @@ pub fn volume(corners: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
     triangles.iter().map(triangle).sum()
 }
 
-/// The hull of points as a piece with at most about `most` vertices, the support points of evenly spread directions.
+/// Convex hull of points as a piece with at most about `most` vertices: the support points of evenly spread directions.
+/// `None` without volume.
 pub fn piece(points: &[DVec3], most: usize) -> Option<Piece> {
     let bounds = genmanip_core::Aabb::from_points(points.iter().copied());
     if !bounds.size().is_finite() {
@@ -46,7 +47,7 @@ pub fn piece(points: &[DVec3], most: usize) -> Option<Piece> {
     }
     let corners = match convex_hull(points).filter(|(corners, triangles)| volume(corners, triangles) > MIN_VOLUME_M3) {
         Some((corners, _)) => corners,
-        // A slanted plate has no volume: thicken it to the minimum.
+        // A slanted plate has no volume: it is thickened to the minimum.
         None => {
             let shifts = DVec3::AXES.map(|axis| axis * (MIN_THICKNESS_M / 2.0));
             let thick = points.iter().flat_map(|&point| shifts.iter().flat_map(move |&by| [point + by, point - by]));
@@ -63,7 +64,7 @@ pub fn piece(points: &[DVec3], most: usize) -> Option<Piece> {
     Some(Piece::at(moments.center, Shape::Hull { points }))
 }
 
-/// Support points of directions spread evenly over the sphere (Fibonacci lattice).
+/// Support points of directions that are spread evenly over the sphere (Fibonacci lattice), at most `most`.
 fn fewer(corners: Vec<DVec3>, most: usize) -> Vec<DVec3> {
     if corners.len() <= most {
         return corners;

@@ -16,16 +16,18 @@ use crate::clean::{is_closed, signed_volume};
 use crate::raw::{RawCollision, RawLink, RawMesh};
 use crate::simplify::reduced;
 
-/// Maximum ratio of hull volume to mesh volume at which a mesh is replaced by its hull.
+/// Maximum ratio of hull volume to mesh volume at which a mesh is replaced by its hull. Chosen by hand.
 const NEARLY_CONVEX: f64 = 1.15;
 /// Maximum number of hull vertices that the engine's hull collision handles without slowing down.
 const MAX_VERTICES: usize = 48;
-/// Maximum number of pieces of a decomposition, and its resolution in voxels along the longest side.
+/// Maximum number of pieces of a decomposition, and (`RESOLUTION`) its resolution in voxels along the longest side.
+/// Chosen by hand.
 const MAX_PIECES: u32 = 24;
 const RESOLUTION: u32 = 48;
-/// Maximum number of connected components of a pre-decomposed mesh.
+/// Maximum number of connected components of a pre-decomposed mesh. Chosen by hand.
 const MAX_COMPONENTS: usize = 64;
-/// Maximum number of pieces and resolution for the protrusions of a shell.
+/// Maximum number of pieces, and (`REST_RESOLUTION`) resolution in voxels, for the protrusions of a shell. Chosen by
+/// hand.
 const REST_PIECES: u32 = 6;
 const REST_RESOLUTION: u32 = 28;
 /// Maximum number of triangles for measuring and decomposing; about as many as the visual mesh has.
@@ -36,11 +38,11 @@ const MAX_TRIANGLES: usize = 12_000;
 pub struct Body {
     /// Convex pieces in the link's frame.
     pub pieces: Vec<Piece>,
-    /// Cavities in which something counts as in the object.
+    /// Convex cavities; an object inside one counts as being in this object.
     pub cavity: Vec<Piece>,
-    /// Description of the method used.
+    /// Description of the method that made the pieces, for the report.
     pub how: String,
-    /// Volume of the material, m³, if the mesh is closed.
+    /// Volume of the material, m³, if the mesh is closed; `None` otherwise.
     pub volume_m3: Option<f64>,
 }
 
@@ -73,7 +75,7 @@ pub fn body(link: &RawLink) -> Body {
 }
 
 /// The hulls of a mesh's connected components if there are several and all are nearly convex, i.e. if the mesh is
-/// already decomposed.
+/// already decomposed. `None` otherwise.
 fn convex_parts(mesh: &RawMesh) -> Option<Vec<Piece>> {
     let parts = connected(mesh);
     if !(2..=MAX_COMPONENTS).contains(&parts.len()) {
@@ -157,7 +159,7 @@ fn of_surface(mesh: &RawMesh, may_be_hollow: bool) -> Body {
         return Body { pieces, cavity: vec![shell.cavity], how, volume_m3: volume };
     }
     let pieces = decomposed(&mesh, RESOLUTION, MAX_PIECES);
-    // An open surface has no volume: if its pieces fill the hull, use the simpler hull.
+    // An open surface has no volume: if its pieces fill the hull, the simpler hull is used.
     let filled: f64 = pieces.iter().map(piece_volume).sum();
     if pieces.is_empty() || outer < NEARLY_CONVEX * filled {
         if let Some((piece, name)) = fit::fit(&corners, filled.min(outer)) {
@@ -192,7 +194,7 @@ fn decomposed(mesh: &RawMesh, resolution: u32, most: u32) -> Vec<Piece> {
     let settings =
         VHACDParameters { resolution, max_convex_hulls: most, concavity: 0.004, ..VHACDParameters::default() };
     let parts = VHACD::decompose(&settings, &points, &indices, false);
-    // Voxels protrude from the mesh by up to their size: clamp to its bounds.
+    // Voxels protrude from the mesh by up to their size, so points are clamped to its bounds.
     let low = points.iter().fold(DVec3::INFINITY, |low, p| low.min(DVec3::from_array(p.to_array())));
     let high = points.iter().fold(DVec3::NEG_INFINITY, |high, p| high.max(DVec3::from_array(p.to_array())));
     parts

@@ -1,5 +1,5 @@
-//! Objects that are open at the top: wedges around a cavity, a base, and protrusions, so that they stay hollow with
-//! walls of their true thickness.
+//! Collision shells of objects that are open at the top: convex wedges around a cavity, a base, and protrusions. The
+//! object stays hollow, with walls of their true thickness.
 
 use std::f64::consts::TAU;
 
@@ -10,31 +10,32 @@ use super::hull;
 use crate::clean::is_closed;
 use crate::raw::RawMesh;
 
-/// Cells per side of the height map in which the cavity is searched.
+/// Cells per side of the height map in which the cavity is searched. Chosen by hand.
 const CELLS: usize = 72;
-/// Fractions of the height at which a closed wall is searched, highest first.
+/// Fractions of the height at which a closed wall is searched, highest first. Chosen by hand.
 const LEVELS: [f64; 5] = [0.9, 0.75, 0.6, 0.45, 0.3];
-/// Minimum fraction of the footprint that the cavity covers, and minimum depth as a fraction of the height.
+/// Minimum area of the cavity as a fraction of the footprint, and (`MIN_DEPTH`) minimum depth as a fraction of the
+/// height. Chosen by hand.
 const MIN_AREA: f64 = 0.12;
 const MIN_DEPTH: f64 = 0.2;
-/// Number of directions in which the wall is measured, and number of wedges.
+/// Number of directions in which the wall is measured, and (`SECTORS`) number of wedges. Chosen by hand.
 const DIRECTIONS: usize = 96;
 const SECTORS: usize = 24;
-/// Heights at which the wall is measured, as fractions of the depth.
+/// Heights at which the wall is measured, as fractions of the cavity's depth from the floor. Chosen by hand.
 const HEIGHTS: [f64; 4] = [0.02, 0.3, 0.65, 0.95];
-/// Minimum fraction of directions in which a ray from the centre must hit the wall.
+/// Minimum fraction of directions in which a ray from the centre must hit the wall. Chosen by hand.
 const MIN_HIT_SHARE: f64 = 0.93;
-/// Thickness assigned to a wall without one, and maximum wall thickness, m.
+/// Thickness assigned to a wall that is a single surface, and (`MAX_WALL_M`) maximum wall thickness, m. Chosen by hand.
 const SHEET_M: f64 = 0.0025;
 const MAX_WALL_M: f64 = 0.05;
-/// Minimum distance outside the wall at which a vertex counts as protruding, m.
+/// Minimum distance outside the wall from which a vertex counts as protruding, m. Chosen by hand.
 const OUTSIDE_M: f64 = 0.004;
 
-/// A hollow object in convex pieces.
+/// A hollow object decomposed into convex pieces.
 pub struct Shell {
-    /// Base and wall.
+    /// Convex pieces of base and wall.
     pub pieces: Vec<Piece>,
-    /// The cavity.
+    /// Convex hull of the cavity's volume.
     pub cavity: Piece,
     /// Protruding triangles, such as a handle.
     pub rest: RawMesh,
@@ -144,7 +145,7 @@ impl Heights {
         }
     }
 
-    /// Centre, floor and rim of a cavity enclosed by a closed wall.
+    /// Centre, floor height and rim height (m) of a cavity enclosed by a closed wall; `None` if there is none.
     fn hollow(&self) -> Option<(DVec2, f64, f64)> {
         let filled = self.top.iter().filter(|top| top.is_finite()).count();
         LEVELS.iter().find_map(|share| {
@@ -158,7 +159,7 @@ impl Heights {
             let mut heights: Vec<f64> =
                 inside.iter().map(|&cell| self.top[cell]).filter(|top| top.is_finite()).collect();
             heights.sort_by(f64::total_cmp);
-            // Ignore holes in the floor, e.g. of a plant pot.
+            // The lowest tenth is ignored: holes in the floor, e.g. of a plant pot.
             let floor = *heights.get(heights.len() / 10)?;
             if heights.len() * 2 < inside.len() || rim - floor < MIN_DEPTH * self.height {
                 return None;
@@ -192,7 +193,7 @@ impl Heights {
     }
 }
 
-/// Inner and outer distance of the wall from the centre, in one direction at one height, m.
+/// Distances of the inner and outer wall surface from the centre, in one direction at one height, m.
 #[derive(Clone, Copy, Debug)]
 struct Station {
     inner: f64,
@@ -231,7 +232,7 @@ impl Wall {
         Some(Self { stations })
     }
 
-    /// Directions of the wedges' edges: evenly spread, plus corners of the outline.
+    /// Indices of the directions at which wedges end: evenly spaced, plus corners of the outline.
     fn edges(&self) -> Vec<usize> {
         let outer = |index: usize| self.stations[HEIGHTS.len() / 2][index % DIRECTIONS].outer;
         (0..DIRECTIONS)
@@ -245,7 +246,7 @@ impl Wall {
             .collect()
     }
 
-    /// Triangles outside the wall.
+    /// Triangles that protrude from the wall, such as a handle.
     fn rest(&self, mesh: &RawMesh, middle: DVec2, floor: f64, rim: f64) -> RawMesh {
         let is_outside = |point: DVec3| {
             let across = point.truncate() - middle;
@@ -264,7 +265,7 @@ impl Wall {
     }
 }
 
-/// First entry and exit of a ray from the centre through the wall.
+/// First entry and exit of a ray from the centre through the wall. `None` if the ray hits nothing.
 fn station(triangles: &[[DVec3; 3]], from: DVec3, along: DVec3, closed: bool) -> Option<Station> {
     let mut hits: Vec<f64> = triangles.iter().filter_map(|triangle| ray_hit(triangle, from, along)).collect();
     hits.sort_by(f64::total_cmp);
@@ -275,7 +276,7 @@ fn station(triangles: &[[DVec3; 3]], from: DVec3, along: DVec3, closed: bool) ->
     Some(Station { inner, outer: outer.max(inner + 0.6 * SHEET_M) })
 }
 
-/// Distance at which a ray hits a triangle (Möller and Trumbore 1997).
+/// Distance at which a ray hits a triangle (Möller and Trumbore 1997). `None` if it misses.
 fn ray_hit(&[a, b, c]: &[DVec3; 3], from: DVec3, along: DVec3) -> Option<f64> {
     let (e1, e2) = (b - a, c - a);
     let p = along.cross(e2);

@@ -12,10 +12,11 @@ use crate::ImportError;
 use crate::files::{Files, shortened};
 use crate::raw::{RawLink, RawMesh, RawObject, Surface, Unit, Up};
 
-/// Maximum nesting depth of nodes, and maximum number of placed nodes and meshes.
+/// Maximum nesting depth of nodes, and (`MAX_PLACED`) maximum number of instantiated nodes and meshes. Bounds time for
+/// hostile files.
 const MAX_DEPTH: usize = 64;
 const MAX_PLACED: usize = 4096;
-/// Maximum number of XML nodes.
+/// Maximum number of XML nodes. Bounds time and memory for hostile files.
 const MAX_NODES: u32 = 2_000_000;
 
 /// Reads the object of a Collada file, in metres.
@@ -33,7 +34,7 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
 pub struct Scene {
     /// Surfaces in metres, in the axes of the file.
     pub surfaces: Vec<Surface>,
-    /// Up axis that the file states; programs that read robots ignore it.
+    /// Up axis stated by the file; the readers of robots ignore it.
     pub up: Up,
 }
 
@@ -88,7 +89,8 @@ struct Reader<'a, 'i, 'f> {
     triangles: usize,
 }
 
-/// An input of a primitive: position of its index among those of a vertex, and its numbers.
+/// `<input>` of a primitive: offset of its index within the indices of a vertex, and the values it refers to, `stride`
+/// per element.
 struct Input {
     offset: usize,
     values: Vec<f64>,
@@ -101,7 +103,7 @@ impl<'i> Reader<'_, 'i, '_> {
         ImportError::new(self.path, format!("line {line}: <{}>: {message}", shortened(node.tag_name().name())))
     }
 
-    /// The element that a `url`, `source` or `target` refers to.
+    /// The element that a `url`, `source` or `target` refers to. `None` if the file has no such element.
     fn target(&self, node: Node<'i, 'i>) -> Option<Node<'i, 'i>> {
         let named = ["url", "source", "target"].into_iter().find_map(|key| node.attribute(key))?;
         self.ids.get(named.trim().trim_start_matches('#')).copied()
@@ -137,7 +139,7 @@ impl<'i> Reader<'_, 'i, '_> {
                 }
                 "instance_geometry" | "instance_controller" => {
                     let mut target = self.target(node);
-                    // A skin deforms a geometry; its rest shape is taken.
+                    // A skin deforms a geometry; the import uses its undeformed shape.
                     if let Some(skin) = target.and_then(|controller| child(controller, "skin")) {
                         target = self.target(skin);
                     }
@@ -152,7 +154,7 @@ impl<'i> Reader<'_, 'i, '_> {
         Ok(())
     }
 
-    /// Counts a placed node or mesh: nodes that instance each other would be endless.
+    /// Counts an instantiated node or mesh, and fails above the limit: nodes that instantiate each other would not end.
     fn count(&mut self, node: Node) -> Result<(), ImportError> {
         self.placed += 1;
         if self.placed > MAX_PLACED {
@@ -313,7 +315,7 @@ impl<'i> Reader<'_, 'i, '_> {
     }
 }
 
-/// Mesh under construction: one vertex per pair of position and texture coordinate.
+/// Mesh under construction: one vertex per distinct pair of position and texture coordinate.
 struct Builder {
     corners: Input,
     places: Option<Input>,
@@ -352,7 +354,7 @@ impl Builder {
     }
 }
 
-/// Comparison of tags without their namespace.
+/// Tag names without their namespace.
 trait LocalName {
     fn has_tag_name_local(&self, name: &str) -> bool;
 }
@@ -375,7 +377,7 @@ fn child<'i>(node: Node<'i, 'i>, tag: &'static str) -> Option<Node<'i, 'i>> {
 mod tests {
     use super::*;
 
-    /// A unit square in centimetres, lifted and turned by its nodes.
+    /// A unit square in centimetres, translated and rotated by its nodes.
     const SQUARE: &str = r##"<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
       <asset><unit meter="0.01"/><up_axis>Z_UP</up_axis></asset>
       <library_effects><effect id="red-fx"><profile_COMMON><technique sid="common"><lambert><diffuse>

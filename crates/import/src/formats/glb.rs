@@ -19,10 +19,10 @@ use crate::image;
 use crate::raw::{MAX_TRIANGLES, RawLink, RawMesh, RawObject, Surface, Unit, Up};
 use crate::vertex_colors;
 
-/// Maximum nesting depth of nodes and maximum number of nodes.
+/// Maximum nesting depth of nodes, and (`MAX_NODES`) maximum number of nodes. Bounds time for hostile files.
 const MAX_DEPTH: usize = 64;
 const MAX_NODES: usize = 10_000;
-/// Maximum number of textures.
+/// Maximum number of textures of an object. Bounds memory for hostile files.
 const MAX_TEXTURES: usize = 16;
 
 /// Reads an object from one GLB or glTF file.
@@ -107,7 +107,7 @@ fn parsed(path: &str, bytes: &[u8]) -> Result<gltf::Gltf, ImportError> {
     };
     let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes).map_err(unreadable)?;
     let mut json = document.into_json();
-    // Read by this program.
+    // This extension is read by this program, not by the library.
     json.extensions_required.retain(|name| name != GLOSSY);
     // The library accesses positions before it validates their accessor.
     for (index, mesh) in json.meshes.iter().enumerate() {
@@ -121,10 +121,11 @@ fn parsed(path: &str, bytes: &[u8]) -> Result<gltf::Gltf, ImportError> {
     Ok(gltf::Gltf { document, blob })
 }
 
-/// The old extension for materials by diffuse colour, specular colour and glossiness, which the library does not read.
+/// Deprecated extension for materials by diffuse colour, specular colour and glossiness, which the library does not
+/// read.
 const GLOSSY: &str = "KHR_materials_pbrSpecularGlossiness";
 
-/// A material of that extension.
+/// A material of the specular-glossiness extension.
 #[derive(Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 struct Glossy {
@@ -149,7 +150,7 @@ impl Default for Glossy {
 }
 
 impl Glossy {
-    /// Metalness: how far the specular colour exceeds that of dielectrics, compared with the diffuse one.
+    /// Metalness estimated from the specular colour: 0 for dielectrics, whose specular reflectance is about 0.04.
     fn metallic(&self) -> f32 {
         let specular = self.specular_factor.into_iter().fold(0.0, f32::max);
         let diffuse = self.diffuse_factor[..3].iter().copied().fold(0.0, f32::max);
@@ -157,7 +158,7 @@ impl Glossy {
     }
 }
 
-/// Materials of the old extension by index.
+/// Materials of the specular-glossiness extension by index.
 fn specular_glossiness(gltf: &gltf::Gltf, bytes: &[u8]) -> BTreeMap<usize, Glossy> {
     if !gltf.as_json().extensions_used.iter().any(|name| name == GLOSSY) {
         return BTreeMap::new();
@@ -192,7 +193,7 @@ fn check_header(path: &str, bytes: &[u8]) -> Result<(), ImportError> {
 struct Reader<'a> {
     path: &'a str,
     gltf: &'a gltf::Gltf,
-    /// Materials of the old extension by index.
+    /// Materials of the specular-glossiness extension by index.
     glossy: BTreeMap<usize, Glossy>,
     buffers: Vec<Vec<u8>>,
     notes: Vec<String>,
@@ -385,7 +386,7 @@ impl Reader<'_> {
         })
     }
 
-    /// A material of the old extension.
+    /// Converts a material of the specular-glossiness extension.
     fn glossy_material(
         &mut self,
         material: &gltf::Material<'_>,
@@ -418,7 +419,7 @@ impl Reader<'_> {
             self.notes.push(format!("image {} ignored: more than {MAX_TEXTURES} textures", image.index()));
             return Ok(None);
         }
-        // The library requires one of the two sources, and the media type of an embedded image.
+        // The library requires a URI or a buffer view, and the media type of an embedded image.
         let declared = self.gltf.as_json().images.get(image.index());
         let is_whole = declared.is_some_and(|image| match image.buffer_view {
             Some(_) => image.mime_type.is_some(),

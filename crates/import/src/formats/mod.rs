@@ -17,7 +17,7 @@ use crate::raw::{RawLink, RawMesh, RawObject, Surface, Unit, Up};
 use genmanip_core::Material;
 use glam::DVec3;
 
-/// Default colour of surfaces without a material, as in STL.
+/// Colour of surfaces without a material, as in STL.
 const PLAIN: [f32; 3] = [0.7, 0.7, 0.7];
 
 /// Lower-case extension of a path.
@@ -76,10 +76,10 @@ pub fn advised(error: ImportError) -> ImportError {
     error.hint(hint)
 }
 
-/// The vertices of a mesh file, in no particular order.
+/// Vertices of a mesh file, in no particular order.
 ///
 /// # Errors
-/// As [`read`]; a file without triangles is none.
+/// As [`read`], but a file without triangles is no error.
 pub fn vertices(path: &str, files: &mut Files<'_>) -> Result<Vec<DVec3>, ImportError> {
     match extension(path).as_str() {
         "stl" => stl::corners(path, &files.bytes(path, IMPORTED_MESH)?, files.max_triangles),
@@ -94,7 +94,7 @@ fn joined(surfaces: Vec<Surface>) -> RawMesh {
     all
 }
 
-/// The triangles of a mesh file, ignoring materials.
+/// Triangles of a mesh file; materials are ignored.
 ///
 /// # Errors
 /// As [`read`].
@@ -102,7 +102,7 @@ pub fn mesh(path: &str, files: &mut Files<'_>) -> Result<RawMesh, ImportError> {
     match extension(path).as_str() {
         "stl" => stl::read(path, &files.bytes(path, IMPORTED_MESH)?),
         "msh" => stl::read_msh(path, &files.bytes(path, IMPORTED_MESH)?),
-        // In the axes of the file, as other readers of descriptions take it.
+        // In the axes of the file, as other readers of robot descriptions interpret it.
         "dae" => Ok(joined(dae::surfaces(path, files, &mut Vec::new())?.surfaces)),
         _ => {
             let object = read(path, files)?;

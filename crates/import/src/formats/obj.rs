@@ -13,7 +13,7 @@ use crate::files::{Files, beside, shortened};
 use crate::raw::{RawLink, RawMesh, RawObject, Surface, Unit, Up};
 use crate::vertex_colors;
 
-/// Maximum number of surfaces; groups that alternate between materials share one.
+/// Maximum number of surfaces; faces of the same group and material belong to one surface.
 const MAX_SURFACES: usize = 4096;
 /// Reads an object from one OBJ file.
 ///
@@ -34,7 +34,7 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     })
 }
 
-/// The vertices of an OBJ file, also those that no face uses.
+/// All vertices of an OBJ file, also those that no face uses.
 ///
 /// # Errors
 /// With the number of the invalid line.
@@ -99,7 +99,7 @@ pub fn surfaces(path: &str, files: &mut Files<'_>, notes: &mut Vec<String>) -> R
     Ok(surfaces)
 }
 
-/// Parser state.
+/// State of the parser.
 #[derive(Default)]
 struct Reader<'a> {
     path: &'a str,
@@ -111,16 +111,17 @@ struct Reader<'a> {
     material: String,
     triangles: usize,
     max_triangles: usize,
-    /// Surfaces by group and material.
+    /// Surfaces under construction, by group and material.
     surfaces: BTreeMap<(String, String), Part>,
 }
 
-/// A surface with its vertex indices by those of the file; the map is never iterated.
+/// A surface under construction, with a map from the file's vertex indices to its own; the map is never iterated, so
+/// its order does not matter.
 #[derive(Default)]
 struct Part {
     mesh: RawMesh,
     known: HashMap<(usize, usize), u32>,
-    /// Index in the file of each vertex.
+    /// Position index in the file of each vertex of the surface.
     corners: Vec<usize>,
 }
 
@@ -129,7 +130,7 @@ impl Reader<'_> {
         ImportError::new(self.path, format!("line {}: {message}", self.line))
     }
 
-    /// At least `least` numbers; `nan` parses and is left to the cleaning step.
+    /// At least `least` numbers; `nan` is accepted here and rejected by the cleaning step.
     fn numbers(&self, words: std::str::SplitWhitespace<'_>, least: usize) -> Result<Vec<f64>, ImportError> {
         let values: Option<Vec<f64>> = words.take(6).map(|word| word.parse().ok()).collect();
         let values = values.ok_or_else(|| self.wrong("expected numbers"))?;
@@ -186,7 +187,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Parses `vertex/texture/normal`, counted from 1, or from the end if negative.
+    /// Parses `vertex/texture/normal`, where indices count from 1, or from the end if negative; returns indices from 0.
     fn named(&self, word: &str) -> Result<(usize, Option<usize>), ImportError> {
         let mut parts = word.split('/');
         let number = |part: Option<&str>, count: usize, what: &str| -> Result<Option<usize>, ImportError> {
@@ -243,7 +244,7 @@ fn library(
     Ok(read.into_iter().map(|(name, material)| (name, finish(&mtl, &material, files, notes))).collect())
 }
 
-/// Converts an MTL material to metallic-roughness; unspecified properties default to dull plastic.
+/// Converts an MTL material to the metallic-roughness model; unspecified properties default to those of matt plastic.
 fn finish(mtl: &str, material: &Mtl, files: &mut Files<'_>, notes: &mut Vec<String>) -> Material {
     let mut color = material.color.unwrap_or(PLAIN).map(|value| value.clamp(0.0, 1.0));
     let texture = material.texture.as_deref().and_then(|named| {
@@ -255,13 +256,13 @@ fn finish(mtl: &str, material: &Mtl, files: &mut Files<'_>, notes: &mut Vec<Stri
     if texture.is_some() && color.iter().all(|&value| value < 0.05) {
         color = [1.0; 3];
     }
-    // Phong exponent to roughness, after Walter et al. 2007: alpha = sqrt(2 / (n + 2)).
+    // Conversion of the Phong exponent to roughness, after Walter et al. 2007: alpha = sqrt(2 / (n + 2)).
     let roughness = material.shininess.filter(|n| *n >= 0.0).map_or(0.5, |n| (2.0 / (n + 2.0)).sqrt());
     let opacity = material.opacity.unwrap_or(1.0).clamp(0.05, 1.0);
     Material { opacity, texture, ..Material::plain(color, roughness.sqrt().clamp(0.15, 0.95)) }
 }
 
-/// Loads a texture referred to by a file; an unavailable one is noted and ignored.
+/// Texture that a file refers to by name; `None` with a note if it is unavailable.
 pub fn texture(
     file: &str,
     named: &str,
@@ -277,7 +278,7 @@ pub fn texture(
     }
 }
 
-/// Loads a texture; an unavailable one is noted and ignored.
+/// Texture at a path; `None` with a note if it is unavailable.
 pub fn image(path: &str, files: &mut Files<'_>, notes: &mut Vec<String>) -> Option<Arc<genmanip_core::Texture>> {
     match files.image(path) {
         Ok((texture, note)) => {

@@ -1,4 +1,4 @@
-//! Meshes of primitive shapes.
+//! Triangle meshes of primitive shapes.
 
 use std::f64::consts::{PI, TAU};
 
@@ -8,7 +8,7 @@ use glam::DVec3;
 use crate::collision::hull::convex_hull;
 use crate::raw::RawMesh;
 
-/// Number of vertices around a round shape, and rows per hemisphere.
+/// Number of vertices around the circumference of a round shape, and (`ROWS`) rows per hemisphere. Chosen by hand.
 const AROUND: usize = 32;
 const ROWS: usize = 8;
 

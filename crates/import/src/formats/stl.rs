@@ -18,8 +18,8 @@ pub fn read(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
     Ok(RawMesh { positions: corners, uvs: Vec::new(), triangles })
 }
 
-/// Vertices of the triangles of an STL file, three each; none if it has no triangles. The number is not checked in text
-/// files, and bytes behind the triangles of a binary file are ignored.
+/// Vertices of the triangles of an STL file, three each; empty if the file has no triangles. In text files the number
+/// of vertices is not checked, and bytes after the triangles of a binary file are ignored.
 ///
 /// # Errors
 /// If it is neither binary nor text STL, or has more than `max_triangles`.
@@ -36,7 +36,7 @@ pub fn corners(path: &str, bytes: &[u8], max_triangles: usize) -> Result<Vec<DVe
     } else if is_text {
         text_corners(path, bytes, max_triangles)
     } else if (80..84).contains(&bytes.len()) {
-        // A header alone.
+        // A header without triangles.
         Ok(Vec::new())
     } else {
         Err(ImportError::new(path, "neither text nor binary STL: its length does not match its number of triangles"))

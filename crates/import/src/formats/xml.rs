@@ -8,20 +8,21 @@ use roxmltree::{Document, Node, ParsingOptions};
 use crate::ImportError;
 use crate::files::{Files, shortened};
 
-/// Maximum number of elements and attributes, and maximum nesting depth.
+/// Maximum number of elements and attributes, and (`MAX_DEPTH`) maximum nesting depth. Bounds time and memory for
+/// hostile files.
 const MAX_NODES: u32 = 400_000;
 const MAX_DEPTH: usize = 128;
-/// Maximum number of undeclared prefixes.
+/// Maximum number of undeclared namespace prefixes. Bounds time for hostile files.
 const MAX_PREFIXES: usize = 16;
 
-/// An XML element.
+/// An XML element with its place in the file.
 #[derive(Clone, Debug, Default)]
 pub struct Element {
-    /// Tag name.
+    /// Tag name without namespace prefix, except that of xacro.
     pub tag: String,
     /// Attributes by name.
     pub attributes: BTreeMap<String, String>,
-    /// Child elements.
+    /// Child elements, in the order of the file.
     pub children: Vec<Element>,
     /// File and line of the element.
     pub place: (String, u32),
@@ -50,7 +51,8 @@ pub fn parse(path: &str, files: &mut Files<'_>) -> Result<Element, ImportError> 
     Err(ImportError::new(path, format!("more than {MAX_PREFIXES} undeclared prefixes")))
 }
 
-/// The text with a declaration of its type blanked; one that defines entities stays, and is refused.
+/// Text with its document type declaration blanked; a declaration that defines entities is kept, and then rejected by
+/// the parser.
 fn without_doctype(text: String) -> String {
     let Some(start) = text.find("<!DOCTYPE") else { return text };
     let Some(end) = text[start..].find('>').map(|end| start + end + 1) else { return text };
@@ -62,7 +64,7 @@ fn without_doctype(text: String) -> String {
     format!("{}{blank}{}", &text[..start], &text[end..])
 }
 
-/// The text with a prefix declared at its first element.
+/// Text with a namespace prefix declared at the first element that uses it; `None` if none does.
 fn with_prefix(text: &str, prefix: &str) -> Option<String> {
     let is_start = |(at, _): &(usize, &str)| text[at + 1..].starts_with(|c: char| c.is_alphabetic() || c == '_');
     let mut outside = 0;
@@ -97,7 +99,7 @@ fn element(path: &str, node: Node<'_, '_>, depth: usize) -> Result<Element, Impo
 }
 
 impl Element {
-    /// The value of an attribute.
+    /// The value of an attribute. `None` if it is absent.
     pub fn attribute(&self, name: &str) -> Option<&str> {
         self.attributes.get(name).map(String::as_str)
     }
@@ -107,7 +109,7 @@ impl Element {
         self.children.iter().filter(move |child| child.tag == tag)
     }
 
-    /// The first child with a tag.
+    /// The first child with a tag. `None` if there is none.
     pub fn first(&self, tag: &str) -> Option<&Element> {
         self.children.iter().find(|child| child.tag == tag)
     }

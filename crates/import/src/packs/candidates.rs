@@ -9,12 +9,14 @@ use genmanip_core::limits;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
-/// Maximum number of files and nesting depth that are searched.
+/// Maximum number of files, and (`MAX_DEPTH`) maximum nesting depth of folders that are searched. Bounds the time for a
+/// folder named by mistake.
 const MAX_FILES: usize = 50_000;
 const MAX_DEPTH: usize = 16;
-/// Extensions of importable files; of files with the same stem in one folder, the first is used.
+/// Extensions of importable files, in order of preference: of several meshes with the same stem in one folder, only the
+/// most preferred one is imported.
 const EXTENSIONS: [&str; 8] = ["urdf", "xml", "glb", "gltf", "obj", "dae", "stl", "msh"];
-/// Words in the names of collision meshes, which accompany visual ones.
+/// Parts of names of collision meshes, which accompany visual meshes and are not imported.
 const COLLISION_WORDS: [&str; 5] = ["collision", "_col", "vhacd", "coacd", "convex"];
 /// YCB folders with alternative reconstructions of the same object.
 const OTHER_SCANS: [&str; 3] = ["poisson", "tsdf", "clouds"];
@@ -28,12 +30,13 @@ pub struct Candidate {
     pub path: String,
 }
 
-/// The objects of files and folders: a file is one object; a folder contains descriptions (URDF, MJCF), and meshes
-/// that no description refers to. An object's files must lie in `root`, or by default in the given folder or the
-/// file's folder.
+/// Importable objects among files and folders. A file is one object. A folder contains descriptions (URDF, MJCF), and
+/// meshes that no description refers to. An object's files must lie in `root`; without `root`, in the given folder or
+/// in the file's folder.
 ///
 /// # Errors
-/// If a path lies outside the root, a folder cannot be listed, or a folder contains nothing importable.
+/// If a path cannot be read or lies outside `root`, a folder cannot be listed or has more than `MAX_FILES` files, or,
+/// without `root`, a folder contains nothing importable.
 pub fn candidates(paths: &[PathBuf], root: Option<&Path>) -> Result<Vec<Candidate>, WorkspaceError> {
     let mut found = BTreeSet::new();
     for path in paths {
@@ -122,7 +125,7 @@ fn rank(path: &str) -> usize {
     EXTENSIONS.iter().position(|known| extension(path).eq_ignore_ascii_case(known)).unwrap_or(EXTENSIONS.len())
 }
 
-/// File names, without folders, in quotation marks anywhere in a description.
+/// Names, without folders, of files that a description mentions in quotation marks.
 fn referenced_files(text: &str) -> impl Iterator<Item = String> + '_ {
     let quoted = text.split(['"', '\'']).filter(|part| part.len() < 300 && part.contains('.') && !part.contains('<'));
     quoted.map(|part| part.rsplit(['/', '\\']).next().unwrap_or(part).to_owned())

@@ -27,26 +27,26 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 use genmanip_workspace::worlds;
-/// Rotation while settling beyond which an object counts as toppled, rad.
+/// Rotation while settling beyond which an object counts as toppled, rad. Chosen by hand.
 const TOPPLED_RAD: f64 = 0.3;
-/// Maximum number of times that an object is re-imported in its resting pose; once is nearly always enough, because
-/// the new base is cut where the object touches.
+/// Maximum number of times that an object is re-imported in its resting pose. Once is nearly always enough, since the
+/// new base is flattened where the object touches the table.
 const MAX_TURNS: u32 = 3;
-/// Maximum drift in 2 s of an object at rest, mm.
+/// Maximum drift in 2 s of an object at rest, mm. Chosen by hand.
 const DRIFT_MM: f64 = 1.0;
 /// Side of the preview images, pixels.
 const PREVIEW_PX: u32 = 256;
 
-/// Settings of an import.
+/// Settings of the import of objects into a pack.
 #[derive(Clone, Debug)]
 pub struct ImportSettings {
-    /// Folder of the packs.
+    /// Folder that contains the packs.
     pub folder: PathBuf,
     /// Name of the pack.
     pub pack: String,
-    /// The user's choices for the files' frames.
+    /// The user's choices for unit and up axis of the files.
     pub given: Given,
-    /// Licence, if the files do not state one.
+    /// Licence, if the files do not state one; `None` if the user gives none.
     pub licence: Option<String>,
     /// True to skip grasp trials.
     pub without_grasps: bool,
@@ -57,18 +57,18 @@ pub struct ImportSettings {
 /// Result of importing one file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ImportRow {
-    /// The file.
+    /// Path of the imported file.
     pub file: String,
-    /// Reason why it was rejected.
+    /// Reason why the file was rejected; `None` if it was imported.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
-    /// Suggested fix.
+    /// Advice on how to fix the error. `None` if there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hint: Option<String>,
-    /// Uid of the object.
+    /// Uid of the imported object; `None` if the file was rejected.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub uid: Option<String>,
-    /// Its name.
+    /// Name of the object.
     pub name: String,
     /// True if it stays where it is placed on the table.
     pub rests: bool,
@@ -80,7 +80,7 @@ pub struct ImportRow {
     pub can_grasp: bool,
     /// Number of grasps that held in every trial.
     pub grasps: usize,
-    /// Guesses.
+    /// Guessed properties with the reasons.
     pub guesses: Vec<Guess>,
     /// Repairs, downscaled textures and omissions.
     pub repairs: Vec<String>,
@@ -155,7 +155,7 @@ pub fn import(
     Ok(rows)
 }
 
-/// Contents of the pack so far.
+/// Entries and grasps of the pack so far.
 struct PackContents {
     entries: BTreeMap<String, PackEntry>,
     grasps: GraspFile,
@@ -223,7 +223,7 @@ fn one(
         tried = found.unwrap_or_default();
         row.grasps = tried.len();
         if let Some(because) = because {
-            // The trials decide; the row still reports the estimate.
+            // Grasp trials decide; the row still reports the estimate from size and mass.
             object.model.card.can_grasp = false;
             object.report.guesses.push(Guess::new(format!("can_grasp with {}", trials.robot.name), "false", because));
         }
@@ -257,7 +257,7 @@ fn put_on_table(
             let error = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
             (format!("{}: rejected by the simulator: {error}", candidate.path), Some(hint.to_owned()))
         })?;
-        // An object that rocked for long may still be at rest at the end.
+        // An object that rocked beyond the settling time may still be at rest at the end.
         let lies_still = rest.drift_mm < DRIFT_MM;
         if rests(&rest) || !lies_still || given.up.is_some() || turns == MAX_TURNS {
             return Ok((object, rest));

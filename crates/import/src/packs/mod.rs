@@ -28,11 +28,11 @@ use genmanip_workspace::documents;
 
 /// Name of a pack's index file.
 const LIST: &str = "pack.json";
-/// Maximum number of packs in a folder, and of objects in a pack.
+/// Maximum number of packs in a folder, and (`MAX_OBJECTS`) of objects in a pack.
 const MAX_PACKS: usize = 1000;
 const MAX_OBJECTS: usize = 100_000;
 
-/// Index of a pack.
+/// Index of a pack, in its `pack.json`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PackList {
@@ -44,11 +44,11 @@ pub struct PackList {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PackEntry {
-    /// Description for people and language models.
+    /// Card of the object, for people and language models.
     pub card: ObjectCard,
-    /// Provenance.
+    /// Provenance: source files, licence and creator.
     pub origin: Origin,
-    /// Guesses and repairs of its import.
+    /// Guesses and repairs of the object's import.
     pub report: Report,
 }
 
@@ -84,8 +84,8 @@ pub struct Packs {
     models: Mutex<BTreeMap<String, Arc<ObjectModel>>>,
 }
 
-/// Opens every pack in a folder, registering their objects and tried grasps for the whole program; returns the number
-/// of objects.
+/// Opens every pack in a folder, and registers their objects and tested grasps for the whole process; returns the
+/// number of objects.
 ///
 /// # Errors
 /// If an index cannot be read or is invalid.
@@ -129,12 +129,12 @@ fn object_file(pack: &Path, uid: &str) -> PathBuf {
     pack.join(format!("{uid}.object"))
 }
 
-/// File of a pack's grasps tried with a robot.
+/// File of a pack's grasps that were tested with a robot.
 fn grasps_file(pack: &Path, robot: &str) -> PathBuf {
     pack.join(format!("grasps-{robot}.json"))
 }
 
-/// Registers the tried grasps of a pack.
+/// Registers the tested grasps of a pack.
 fn register_grasps(pack: &Path) -> Result<(), WorkspaceError> {
     for robot in genmanip_assets::robots::names() {
         let path = grasps_file(pack, &robot);

@@ -1,4 +1,4 @@
-//! Resting test: simulates an object on the table.
+//! Resting test: simulates an object on the table until it settles.
 
 use std::sync::Arc;
 
@@ -8,12 +8,12 @@ use genmanip_sim::{Model, SceneObject, SettleSettings, Sim, SimError};
 
 /// Position of the object on the table, m: near the centre of the workspace.
 const PLACE: DVec3 = DVec3::new(0.5, 0.0, 0.0);
-/// Height from which it is dropped, m.
+/// Height from which the object is dropped, m: just above the table, so that it starts without penetration.
 const DROP_M: f64 = 0.0005;
-/// Maximum settling time, and duration of the drift measurement, simulated seconds.
+/// Maximum settling time, and (`DRIFT_S`) duration of the drift measurement, simulated seconds. Chosen by hand.
 const SETTLE_S: f64 = 3.0;
 const DRIFT_S: f64 = 2.0;
-/// Physics rate, Hz.
+/// Rate of the physics steps, Hz.
 const STEPS_HZ: f64 = 480.0;
 
 /// Result of the resting test.
@@ -21,13 +21,13 @@ const STEPS_HZ: f64 = 480.0;
 pub struct AtRest {
     /// True if it came to rest within 3 s.
     pub settled: bool,
-    /// Largest drift in the following 2 s, mm.
+    /// Maximum distance from the settled position in the following 2 s, mm.
     pub drift_mm: f64,
-    /// Largest penetration depth, mm.
+    /// Maximum penetration depth into the table, mm.
     pub penetration_mm: f64,
     /// Tilt relative to the initial pose, rad.
     pub tilt_rad: f64,
-    /// Final up direction in the object's frame.
+    /// Final direction of the world's z axis in the object's frame.
     pub up: DVec3,
 }
 
@@ -49,7 +49,8 @@ pub fn at_rest(model: &Arc<ObjectModel>, pose: &Pose, joints: &[f64], world: &Wo
     for _ in 0..8 {
         sim.advance(steps / 8)?;
         let now = sim.object_states()[0].pose;
-        // Measured at the centre of the bounds, so that a rotation about a distant origin does not count as drift.
+        // Drift is measured at the centre of the bounding box, so that a rotation about a distant origin does not
+        // count.
         let middle = |pose: &Pose| pose.transform_point(DVec3::Z * model.card.size_m.z / 2.0);
         drift = drift.max(middle(&now).distance(middle(&before)));
     }

@@ -1,5 +1,5 @@
-//! Robot files from a URDF: an arm with proposals for what a URDF does not say, on which a gripper of the program is
-//! mounted.
+//! Robot files from a URDF: the arm, with proposed values for properties that a URDF lacks, and one of the program's
+//! grippers mounted on it.
 
 use genmanip_assets::AssetError;
 use genmanip_assets::robots::{self as registry, PartKind, compose};
@@ -15,26 +15,29 @@ use super::tool_frame::behind_fingers;
 use crate::collision::hull::convex_hull;
 use crate::units_and_frame::transformed_mass;
 
-/// Gripper where the user names none.
+/// Default gripper.
 pub const GRIPPER: &str = "panda_hand";
-/// Density of a link that states no mass, over the volume of its hulls, kg/m³.
+/// Density of a link that states no mass, over the volume of its hulls, kg/m³. Chosen by hand.
 const DENSITY: f64 = 800.0;
-/// Smallest mass of a link, kg, and moment of inertia, kg·m².
+/// Minimum mass of a link, kg, and (`LEAST_INERTIA`) minimum moment of inertia, kg·m². Chosen by hand.
 const LEAST_MASS_KG: f64 = 0.01;
 const LEAST_INERTIA: f64 = 1e-6;
-/// Natural frequency of a driven joint, rad/s: gains are critical for the inertia that it moves.
+/// Natural frequency of a driven joint, rad/s; gains give critical damping for the inertia that the joint moves.
 const FREQUENCY: f64 = 45.0;
-/// Payload and gripper that the gains are made for, kg.
+/// Mass of payload and gripper for which the gains are computed, kg. Chosen by hand.
 const PAYLOAD_KG: f64 = 1.5;
-/// Smallest and largest proposed acceleration [rad/s² or m/s²], and jerk per acceleration [1/s].
+/// Minimum and maximum proposed acceleration [rad/s² or m/s²], and (`JERK_PER_ACCELERATION`) ratio of jerk to
+/// acceleration [1/s]. Chosen by hand.
 const ACCELERATIONS: [f64; 2] = [1.0, 12.0];
 const JERK_PER_ACCELERATION: f64 = 400.0;
-/// Heights of the tool centre point at which home and reach are sought, m.
+/// Heights of the tool centre point at which a home configuration is sought, in order of preference, and (`PICK_M`) at
+/// which the reach is measured, m. Chosen by hand.
 const HOME_M: [f64; 5] = [0.45, 0.38, 0.32, 0.25, 0.18];
 const PICK_M: f64 = 0.05;
-/// Step between the distances from the base's z axis that are tried, m.
+/// Step between the tested horizontal distances from the base's z axis, m. Chosen by hand.
 const STEP_M: f64 = 0.025;
-/// Clearance of the postures, m; pairs within twice as much at nearly every configuration are not checked.
+/// Minimum clearance of proposed configurations, m; link pairs within twice this distance at nearly every configuration
+/// are excluded from self-collision checks.
 const NEAR_M: f64 = 0.003;
 
 /// Files of a new robot.
@@ -42,22 +45,22 @@ const NEAR_M: f64 = 0.003;
 pub struct Proposal {
     /// Name of robot and arm.
     pub name: String,
-    /// `arms/NAME.json`.
+    /// Contents of `arms/NAME.json`, the arm's file.
     pub arm: Value,
-    /// `NAME.json`.
+    /// Contents of `NAME.json`, which combines arm and gripper.
     pub robot: Value,
-    /// The composed robot.
+    /// Robot model composed of these files.
     pub model: RobotModel,
-    /// Names and values of the proposals.
+    /// Name and value of each proposed property, as text for the user.
     pub proposals: Vec<[String; 2]>,
-    /// Assumptions and omissions.
+    /// Assumptions and omissions, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// Proposes the files of a robot that was read with its visible surfaces.
+/// Proposes the files of a robot from its description, which was read with its visible surfaces.
 ///
 /// # Errors
-/// If the arm has no joint before its tool frame, or its files would be refused.
+/// If no joint moves the tool frame, or the files would be invalid.
 pub fn propose(read: PlannedRobot, name: &str, gripper: &str) -> Result<Proposal, WorkspaceError> {
     let PlannedRobot { model: described, mut notes } = read;
     let kept = kept_links(&described);
@@ -84,7 +87,8 @@ pub fn propose(read: PlannedRobot, name: &str, gripper: &str) -> Result<Proposal
         };
         compose(&format!("{name}.json"), &files.1.to_string(), &find).map_err(refused)
     };
-    // First at the middle of the ranges, to find the pairs that are always near, which are not checked, then home and reach.
+    // First composed with a home at the middle of the joint ranges, to find the link pairs to exclude, then with the
+    // home and reach found.
     let first = composed(&written(&home, reach, &never))?;
     let near = genmanip_motion::always_near(&first, 2.0 * NEAR_M)
         .map_err(|error| WorkspaceError::broken("the robot's shapes cannot be compiled", error))?;
@@ -129,7 +133,7 @@ fn planner(model: RobotModel) -> Result<Planner, WorkspaceError> {
         .map_err(|error| WorkspaceError::broken("the robot cannot be planned for", error))
 }
 
-/// Links that only joints before the tool frame move, fingers left out.
+/// Indices of the links that are moved only by joints before the tool frame, without fingers.
 fn kept_links(robot: &RobotModel) -> Vec<usize> {
     let mut carriers = vec![robot.hand];
     while let Some(parent) = robot.links[carriers[carriers.len() - 1]].parent {
@@ -147,7 +151,8 @@ fn kept_links(robot: &RobotModel) -> Vec<usize> {
     kept
 }
 
-/// Frame of the gripper's hand in the tool frame: its z along the axis of the tool that points away from the arm.
+/// Pose of the gripper's hand frame in the tool frame: the hand's z axis is the axis of the tool frame that points away
+/// from the arm.
 fn mount(robot: &RobotModel) -> Pose {
     let poses = robot.link_poses(&robot.home, 0.0);
     let tool = poses[robot.hand];
@@ -160,7 +165,7 @@ fn mount(robot: &RobotModel) -> Pose {
         link = robot.links[index].parent;
     }
     let Some(&last) = above.first() else { return Pose::IDENTITY };
-    // Away from the arm: from the joint before the last, which a flange always has behind it.
+    // "Away" is measured from the joint before the last one, which always lies behind the flange.
     let before = above.get(1).map_or(DVec3::ZERO, |link| poses[*link].position);
     let away = tool.position - before;
     let axis = robot.links[last].joint.as_ref().map(|joint| poses[last].transform_vector(joint.axis));
@@ -190,14 +195,14 @@ fn robot_file(name: &str, gripper: &str, mount: &Pose, never: &[[String; 2]]) ->
     })
 }
 
-/// The arm to be written.
+/// Arm from which the files are written.
 struct Arm<'a> {
     described: &'a RobotModel,
     kept: &'a [usize],
     name: &'a str,
 }
 
-/// Proposed drive of a joint.
+/// Proposed drive of a joint: gains and limits.
 struct Dynamics {
     kp: f64,
     kv: f64,
@@ -348,14 +353,15 @@ impl Arm<'_> {
     }
 }
 
-/// Corners of a piece, few enough for a part, and outward triangles.
+/// Vertices of a piece, simplified to the limit of a collision part, and outward-facing triangles. `None` if the piece
+/// has no hull.
 fn solid(piece: &genmanip_core::Piece) -> Option<(Vec<DVec3>, Vec<[u32; 3]>)> {
     let (corners, _) = triangulate(piece).ok()?;
     convex_hull(&hull(corners)?.corners)
 }
 
-/// Inertia as [xx, yy, zz, xy, xz, yz], diagonal at least `LEAST_INERTIA`; the products are dropped if it is not positive
-/// definite with them.
+/// Inertia as [xx, yy, zz, xy, xz, yz], with diagonal entries of at least `LEAST_INERTIA`; the products of inertia are
+/// set to 0 if the matrix would not be positive definite.
 fn positive(inertia: DMat3) -> [f64; 6] {
     let [x, y, z] = [inertia.x_axis, inertia.y_axis, inertia.z_axis];
     let least = LEAST_INERTIA;
@@ -393,7 +399,7 @@ fn visible(part: &genmanip_core::VisualPart) -> Value {
     }})
 }
 
-/// Home and range of a robot that picks from above.
+/// Home configuration and range of distances at which the tool reaches down from above.
 struct Reached {
     home: Vec<f64>,
     farthest_m: f64,

@@ -1,8 +1,8 @@
-//! Convex hulls with a bounded number of corners that contain a mesh.
+//! Convex hulls of meshes with a bounded number of vertices.
 //!
-//! A hull with too many corners is replaced by a polytope around it, refined where it is farthest from the mesh
-//! (Kamenev's method of closest points): at each step the farthest corner is cut off by the plane that supports the mesh
-//! in the direction of the corner. The time is linear in the size of the mesh.
+//! A hull with too many vertices is replaced by an enclosing polytope, which is refined where it is farthest from the
+//! mesh (Kamenev's method of closest points): at each step, the farthest vertex is cut off by the supporting plane of
+//! the mesh in the direction of that vertex. The time is linear in the size of the mesh.
 
 use genmanip_core::{Aabb, glam::DVec3};
 use parry3d_f64::math::{Pose, Vector};
@@ -11,29 +11,30 @@ use parry3d_f64::shape::SupportMap;
 
 use crate::collision::hull::convex_hull;
 
-/// Maximum number of corners; larger hulls are simplified.
+/// Maximum number of vertices; larger hulls are simplified.
 pub const MAX_CORNERS: usize = 256;
-/// Distance from the mesh at which refinement ends, m.
+/// Distance between polytope and mesh at which refinement ends, m. Chosen by hand.
 const TOLERANCE_M: f64 = 0.0005;
-/// Hulls of more points than this are simplified without computing them.
+/// Number of points above which the exact hull is not computed but approximated at once. Chosen by hand: bounds the
+/// time.
 const MAX_EXACT: usize = 1500;
-/// Thickness given to flat meshes, m.
+/// Thickness given to flat meshes, m. Chosen by hand.
 const THICKNESS_M: f64 = 0.001;
-/// Corners closer than this are one, m.
+/// Distance below which vertices are merged, m.
 const SAME_M: f64 = 1e-7;
 
-/// A hull, and how far it differs from that of the points.
+/// A hull, and its error against the exact hull of the points.
 #[derive(Debug)]
 pub struct Hull {
-    /// Corners.
+    /// Vertices of the hull.
     pub corners: Vec<DVec3>,
-    /// Maximum distance of a corner from the points' hull, m; 0 for the hull itself.
+    /// Maximum distance of a vertex from the exact hull, m; 0 if the hull is exact.
     pub error_m: f64,
-    /// True if the points lie in a plane and were given a thickness.
+    /// True if the points are coplanar and the hull was given a thickness.
     pub thickened: bool,
 }
 
-/// The hull of points, or a polytope around it with at most [`MAX_CORNERS`] corners; `None` without points.
+/// Convex hull of points, or an enclosing polytope with at most [`MAX_CORNERS`] vertices; `None` without points.
 pub fn hull(mut points: Vec<DVec3>) -> Option<Hull> {
     points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
     points.dedup();
@@ -59,7 +60,7 @@ pub fn hull(mut points: Vec<DVec3>) -> Option<Hull> {
     Some(Hull { corners, error_m, thickened })
 }
 
-/// Evenly spread directions (Fibonacci lattice).
+/// Unit vectors spread evenly over the sphere (Fibonacci lattice).
 fn spread() -> Vec<DVec3> {
     const COUNT: usize = 256;
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
@@ -96,7 +97,7 @@ fn thickened(points: &[DVec3]) -> Vec<DVec3> {
     points.iter().flat_map(|&point| shifts.iter().flat_map(move |&by| [point + by, point - by])).collect()
 }
 
-/// Removes points that are certainly inside the hull of the extreme points along directions.
+/// Points without those that are certainly inside the hull of the support points along the directions.
 fn outermost(points: Vec<DVec3>, directions: &[DVec3]) -> Vec<DVec3> {
     let mut extremes: Vec<DVec3> = directions.iter().map(|along| farthest(&points, *along)).collect();
     extremes.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
@@ -110,7 +111,7 @@ fn outermost(points: Vec<DVec3>, directions: &[DVec3]) -> Vec<DVec3> {
             Some((outward, outward.dot(a)))
         })
         .collect();
-    // Strictly inside: points in the planes may be corners.
+    // Only points strictly inside are removed: points in the face planes may be vertices.
     let is_inside = |point: &DVec3| planes.iter().all(|(outward, reach)| outward.dot(*point) < reach - 1e-9);
     points.into_iter().filter(|point| !is_inside(point)).collect()
 }
@@ -126,7 +127,7 @@ fn farthest(points: &[DVec3], along: DVec3) -> DVec3 {
     best.1
 }
 
-/// Points as a convex body.
+/// Convex hull of points, as a support mapping for GJK.
 struct Cloud<'a>(&'a [DVec3]);
 
 impl SupportMap for Cloud<'_> {
@@ -135,7 +136,7 @@ impl SupportMap for Cloud<'_> {
     }
 }
 
-/// A single point, the origin of its frame.
+/// A single point at the origin of its frame, as a support mapping for GJK.
 struct Origin;
 
 impl SupportMap for Origin {
@@ -144,7 +145,7 @@ impl SupportMap for Origin {
     }
 }
 
-/// A corner of the polytope and its distance from the points' hull, with the direction of that distance.
+/// Vertex of the polytope, with direction and distance from the hull of the points.
 struct Corner {
     at: DVec3,
     away: DVec3,
@@ -159,18 +160,18 @@ fn corner(points: &[DVec3], at: DVec3) -> Corner {
     let found = gjk::closest_points(&pose, &Cloud(points), &Origin, f64::MAX, true, &mut simplex);
     let offset = match found {
         GJKResult::ClosestPoints(nearest, _, _) => at - DVec3::from_array(nearest.to_array()),
-        // Touching, or too near to tell.
+        // The vertex touches the hull, or is too close to measure its distance.
         GJKResult::Intersection | GJKResult::Proximity(_) | GJKResult::NoIntersection(_) => DVec3::ZERO,
     };
     Corner { at, away: offset.normalize_or_zero(), distance_m: offset.length() }
 }
 
-/// A polytope around points, and the largest distance of its corners from their hull.
+/// Polytope that encloses points, and the maximum distance of its vertices from their hull.
 fn around(points: &[DVec3]) -> (Vec<DVec3>, f64) {
     let bounds = Aabb::from_points(points.iter().copied());
     let mut polytope = Polytope::cuboid(bounds.min, bounds.max);
     let mut corners: Vec<Corner> = polytope.corners().into_iter().map(|at| corner(points, at)).collect();
-    // Every cut removes at least a corner and adds some; a hull of the largest size is long finished after these.
+    // Every cut removes at least one vertex and adds some; refinement to the maximum size needs far fewer cuts.
     for _ in 0..4 * MAX_CORNERS {
         let worst = corners.iter().max_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
         let Some(worst) = worst else { return (Vec::new(), 0.0) };
@@ -193,7 +194,7 @@ fn around(points: &[DVec3]) -> (Vec<DVec3>, f64) {
                 None => corners.push(corner(points, at)),
             }
         }
-        // A cut that leaves its own corner makes no progress.
+        // If the cut has not removed its vertex, further cuts make no progress.
         if corners.iter().any(|corner| corner.distance_m >= error_m && corner.away == away) {
             return finished(corners);
         }
@@ -218,7 +219,7 @@ impl Polytope {
         Self { faces: faces.iter().map(|face| face.iter().map(|index| at(*index)).collect()).collect() }
     }
 
-    /// Distinct corners.
+    /// Distinct vertices of all faces.
     fn corners(&self) -> Vec<DVec3> {
         let mut found: Vec<DVec3> = Vec::new();
         for &corner in self.faces.iter().flatten() {
@@ -229,7 +230,7 @@ impl Polytope {
         found
     }
 
-    /// Removes what lies beyond a plane.
+    /// Cuts off the part of the polytope beyond the plane `outward · x = reach`.
     fn cut(&mut self, outward: DVec3, reach: f64) {
         let beyond = |point: DVec3| outward.dot(point) - reach;
         let mut rim: Vec<DVec3> = Vec::new();
@@ -242,7 +243,8 @@ impl Polytope {
                     kept.push(here);
                 }
                 if (a < 0.0 && b > 0.0) || (a > 0.0 && b < 0.0) {
-                    // From the same end in both faces of the edge, so that they get the same corner.
+                    // Interpolated from the inner end in both faces of the edge, so that both get exactly the same
+                    // vertex.
                     let (inner, outer, s, t) = if a < 0.0 { (here, next, a, b) } else { (next, here, b, a) };
                     let crossing = inner + (outer - inner) * (s / (s - t));
                     kept.push(crossing);
@@ -275,7 +277,7 @@ impl Polytope {
 mod tests {
     use super::*;
 
-    /// Points on an ellipsoid.
+    /// Points on the surface of an ellipsoid.
     fn cloud(count: usize, half: DVec3) -> Vec<DVec3> {
         let point = |index: usize| {
             let z = 1.0 - (2.0 * index as f64 + 1.0) / count as f64;
@@ -295,7 +297,7 @@ mod tests {
             let hull = hull(points.clone()).unwrap();
             assert!((4..=MAX_CORNERS).contains(&hull.corners.len()), "{}", hull.corners.len());
             assert!(hull.error_m < 0.04 * half.max_element(), "{} for {half}", hull.error_m);
-            // The error is what the corners protrude from the ellipsoid, whose points are dense.
+            // The error is the distance by which vertices protrude from the ellipsoid, since its points are dense.
             let protrudes = hull
                 .corners
                 .iter()

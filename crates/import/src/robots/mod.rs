@@ -1,4 +1,4 @@
-//! Robots from URDF: a file with its meshes, wherever ROS keeps them, and its SRDF.
+//! Robots from URDF: a description with its meshes in ROS packages, and its SRDF.
 
 pub mod add;
 pub mod hulls;
@@ -24,23 +24,23 @@ use crate::ImportError;
 use crate::files::{Files, Packages};
 use crate::formats::urdf;
 
-/// Source of a robot: places of its meshes and choices.
+/// Settings of reading a robot: where its meshes are, and options of the reader.
 #[derive(Clone, Debug, Default)]
 pub struct Settings {
-    /// Folders of ROS packages.
+    /// Folders of ROS packages, in which meshes are searched.
     pub packages: Packages,
-    /// Choices of the reader.
+    /// Options of the reader.
     pub choices: Choices,
 }
 
 impl Settings {
-    /// Named packages and choices, with the packages of the environment variable `ROS_PACKAGE_PATH`.
+    /// Settings with named packages and options, and the packages of the environment variable `ROS_PACKAGE_PATH`.
     pub fn new(packages: &[(String, PathBuf)], choices: Choices) -> Self {
         let Self { packages: Packages { search, .. }, .. } = Self::of_environment();
         Self { packages: Packages { named: packages.iter().cloned().collect(), search }, choices }
     }
 
-    /// Default choices, with the packages of the environment variable `ROS_PACKAGE_PATH`.
+    /// Settings with default options, and the packages of the environment variable `ROS_PACKAGE_PATH`.
     pub fn of_environment() -> Self {
         let listed = std::env::var_os("ROS_PACKAGE_PATH").unwrap_or_default();
         let search = std::env::split_paths(&listed).filter(|path| !path.as_os_str().is_empty()).collect();

@@ -1,6 +1,6 @@
 //! Planning model of a robot from its description.
 //!
-//! Values missing in URDF are chosen here: accelerations, velocities, a home configuration, and the tool frame. Every
+//! Values missing in URDF are proposed here: accelerations, velocities, a home configuration, and the tool frame. Every
 //! collision mesh is replaced by its convex hull.
 
 use std::collections::BTreeMap;
@@ -19,34 +19,35 @@ use crate::files::{Files, shortened};
 use crate::formats::urdf::{self, Form, Link, Motion};
 use crate::formats::{self, xml::Element};
 
-/// Joint limits missing in URDF: acceleration [rad/s² or m/s²] and jerk [rad/s³ or m/s³].
+/// Joint limits missing in URDF: acceleration [rad/s² or m/s²] and (`JERK`) jerk [rad/s³ or m/s³]. Chosen by hand.
 const ACCELERATION: f64 = 10.0;
 const JERK: f64 = 5000.0;
-/// Velocity [rad/s or m/s] and effort [N·m or N] of a joint that states none, or 0.
+/// Velocity [rad/s or m/s] and (`EFFORT`) effort [N·m or N] of a joint that states none, or 0. Chosen by hand.
 const VELOCITY: f64 = 1.0;
 const EFFORT: f64 = 1.0;
-/// Limits beyond which a revolute joint has none, rad: files in degrees have smaller ones.
+/// Limit beyond which a revolute joint counts as continuous, rad: limits mistakenly given in degrees are smaller.
 const NO_LIMIT: f64 = 1000.0;
-/// Twice the clearance that the planner keeps (m): a search could hardly move pairs that are always closer.
+/// Distance below which a link pair counts as always near (m): twice the clearance that the planner keeps, since a
+/// search could hardly move pairs that always stay closer.
 const ALWAYS_NEAR_M: f64 = 0.006;
-/// Simplification of a hull that is worth a note, m.
+/// Minimum simplification error of a hull that is noted, m. Chosen by hand.
 const NOTED_M: f64 = 0.001;
 
-/// Choices of the reader.
+/// Options of the reader.
 #[derive(Clone, Debug, Default)]
 pub struct Choices {
-    /// Link of the tool frame.
+    /// Name of the link that is the tool frame; `None` to choose it automatically.
     pub tip: Option<String>,
-    /// Hulls of visual meshes replace missing collision geometry.
+    /// True to replace missing collision geometry by hulls of visual meshes.
     pub visuals_collide: bool,
-    /// Surfaces are read for rendering; planning needs none.
+    /// True to read surfaces for rendering; planning needs none.
     pub visible: bool,
 }
 
-/// A robot for planning, and what was assumed or left out.
+/// A robot model for planning, with the assumptions made.
 #[derive(Debug)]
 pub struct PlannedRobot {
-    /// The robot.
+    /// Robot model with collision hulls.
     pub model: RobotModel,
     /// Assumptions, repairs and omissions, one sentence each.
     pub notes: Vec<String>,
@@ -54,8 +55,8 @@ pub struct PlannedRobot {
 
 /// Builds the model of a parsed description.
 ///
-/// Adjacent links, pairs that the SRDF disables, and pairs that are near at nearly every configuration are never checked
-/// against each other.
+/// Adjacent links, pairs that the SRDF disables, and pairs that are near at nearly every configuration are excluded
+/// from self-collision checks.
 ///
 /// # Errors
 /// With file and line of the first problem.
@@ -146,7 +147,7 @@ pub fn build(
     Ok(PlannedRobot { model, notes })
 }
 
-/// The first few of a list.
+/// The first few names of a list, joined for a message.
 fn listed(names: &[String]) -> String {
     const SHOWN: usize = 6;
     let shown = names.iter().take(SHOWN).cloned().collect::<Vec<_>>().join(", ");
@@ -157,9 +158,9 @@ struct Builder<'a, 'b> {
     path: &'a str,
     files: &'a mut Files<'b>,
     notes: Vec<String>,
-    /// Hull corners by file and scale.
+    /// Hull vertices of a mesh by file and scale.
     hulls: BTreeMap<(String, [u64; 3]), Option<Vec<DVec3>>>,
-    /// File, corners of its hull before and after, and error (m).
+    /// File, number of hull vertices before and after simplification, and error (m).
     simplified: Vec<(String, usize, usize, f64)>,
 }
 
@@ -212,7 +213,8 @@ impl Builder<'_, '_> {
         Ok(links)
     }
 
-    /// A moving joint; `None` if its range is empty. The link that a coupled joint follows is filled in later.
+    /// A moving joint; `None` if its range is empty. For a mimic joint, the joint that it follows is filled in by
+    /// [`Self::follow`].
     fn joint(&mut self, name: &str, node: &Element, motion: &Motion<'_>) -> Result<Option<RobotJoint>, ImportError> {
         let coupled = motion.mimic.is_some();
         let endless =
@@ -265,7 +267,7 @@ impl Builder<'_, '_> {
         }))
     }
 
-    /// Resolves the joints that coupled joints follow, through chains of them.
+    /// Resolves the joints that mimic joints follow, also through chains of mimic joints.
     fn follow(&mut self, described: &[Link<'_>], links: &mut [RobotLink]) -> Result<(), ImportError> {
         let mimic = |link: usize| described[link].joint.as_ref()?.1.motion.as_ref()?.mimic;
         for link in 0..described.len() {
@@ -293,11 +295,11 @@ impl Builder<'_, '_> {
             match (&mut links[link].joint, driver) {
                 (Some(joint), Some(limits)) => {
                     joint.mimic = Some(Mimic { link: at, multiplier, offset });
-                    // It moves as far as its driver takes it, whatever limits of its own it states.
+                    // A mimic joint moves as far as the joint that it follows; its own stated limits are ignored.
                     let [one, other] = limits.map(|limit| multiplier * limit + offset);
                     (joint.lower, joint.upper) = (one.min(other), one.max(other));
                 }
-                // What follows a fixed joint is fixed too.
+                // A joint that follows a fixed joint is fixed as well.
                 (joint, _) => *joint = None,
             }
         }
@@ -325,13 +327,13 @@ impl Builder<'_, '_> {
         Ok(Some(Piece { shape, link_from_piece }))
     }
 
-    /// Hull corners of a mesh; `None` if it has no triangles.
+    /// Hull vertices of a mesh; `None` if it has no triangles.
     fn corners(&mut self, file: &str, scale: DVec3) -> Result<Option<Vec<DVec3>>, ImportError> {
         let key = (file.to_owned(), scale.to_array().map(f64::to_bits));
         if let Some(known) = self.hulls.get(&key) {
             return Ok(known.clone());
         }
-        // A hull beside the mesh is read instead.
+        // A precomputed hull beside the mesh is read instead of the mesh.
         let beside = format!("{file}.convex.stl");
         let source = if std::path::Path::new(&beside).is_file() { beside } else { file.to_owned() };
         let mut points = formats::vertices(&source, self.files).map_err(formats::advised)?;

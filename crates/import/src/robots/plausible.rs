@@ -1,14 +1,14 @@
-//! Plausibility bounds of robot descriptions that keep all derived data small and fast.
+//! Plausibility limits of robot descriptions that keep all derived data small and fast.
 //!
-//! All bounds are chosen: generous for real arms (the largest industrial ones reach five metres) and far below what
-//! grids, tables and sampled motions could not handle. A file in millimetres exceeds them by a factor of a thousand.
+//! All limits are chosen by hand: generous for real arms (the largest industrial ones reach five metres), and far below
+//! what would overload grids, tables and sampled motions. A file in millimetres exceeds them by a factor of a thousand.
 
 use genmanip_core::{JointKind, RobotLink, RobotModel, Shape, glam::DVec3};
 
 use crate::ImportError;
 use crate::formats::xml::Element;
 
-/// Maximum number of links.
+/// Maximum number of links of a robot.
 pub const MAX_LINKS: usize = 512;
 /// Maximum number of moving joints: more than a humanoid with hands.
 pub const MAX_JOINTS: usize = 128;
@@ -28,17 +28,17 @@ pub(super) const SPEEDS: [f64; 2] = [1e-4, 1e3];
 const MAX_CROSSING_S: f64 = 1000.0;
 /// Maximum joint effort [N·m or N].
 pub(super) const MAX_EFFORT: f64 = 1e6;
-/// Maximum mass of a link (kg) and moment of inertia [kg·m²].
+/// Maximum mass of a link (kg) and maximum moment of inertia [kg·m²].
 const MAX_MASS: f64 = 1e5;
-/// Rounding error of a moment of inertia, kg·m².
+/// Tolerance for rounding errors of a moment of inertia, kg·m².
 const ROUNDING: f64 = 1e-9;
 
-/// Likely causes of oversized values.
+/// Hint on likely causes of oversized values.
 const MILLIMETRES: &str =
     "is this in millimetres? URDF is in metres; a mesh can be scaled with scale=\"0.001 0.001 0.001\"";
 const DEGREES: &str = "is this in degrees? URDF is in radians";
 
-/// Checks each link, then the whole.
+/// Checks each link, then the robot as a whole.
 pub(super) fn check(path: &str, links: &[RobotLink]) -> Result<(), ImportError> {
     let joints = links.iter().filter(|link| link.joint.is_some()).count();
     let pieces = links.iter().map(|link| link.pieces.len()).sum();
@@ -57,7 +57,7 @@ pub(super) fn check(path: &str, links: &[RobotLink]) -> Result<(), ImportError> 
 
 /// Checks the reach of the whole robot.
 pub(super) fn check_reach(path: &str, robot: &RobotModel) -> Result<(), ImportError> {
-    // Stretched out: each frame at the end of its parent, each slide at its farther limit.
+    // Upper bound of the reach: the lengths of all link offsets and the larger joint limits of slides are added up.
     let mut reach_m: Vec<f64> = Vec::with_capacity(robot.links.len());
     for link in &robot.links {
         let above = link.parent.and_then(|parent| reach_m.get(parent)).copied().unwrap_or(0.0);
@@ -122,7 +122,7 @@ fn check_frame(path: &str, place: &str, position: DVec3) -> Result<(), ImportErr
 
 fn check_joint(path: &str, link: &RobotLink) -> Result<(), ImportError> {
     let Some(joint) = &link.joint else { return Ok(()) };
-    // A coupled joint may turn several times for one turn of its driver.
+    // A mimic joint may turn several times for one turn of the joint that it follows.
     if joint.mimic.is_some() && joint.kind == JointKind::Revolute && (joint.upper - joint.lower).is_finite() {
         return Ok(());
     }
@@ -168,7 +168,8 @@ fn check_joint(path: &str, link: &RobotLink) -> Result<(), ImportError> {
     Ok(())
 }
 
-/// Checks mass and moments of inertia of a link, which planning does not use: implausible ones indicate a misread file.
+/// Checks mass and moments of inertia of a link. Planning does not use them, but implausible values indicate a misread
+/// file.
 pub(super) fn check_inertial(node: &Element) -> Result<(), ImportError> {
     let hint = "masses are in kg, moments of inertia in kg·m²";
     let within = |element: &Element, name: &str, [low, high]: [f64; 2]| {

@@ -1,4 +1,4 @@
-//! SRDF: pairs of links that are never checked, and the end effector.
+//! SRDF: link pairs excluded from self-collision checks, and the end effector.
 
 use genmanip_core::limits;
 
@@ -9,9 +9,9 @@ use crate::formats::xml;
 /// Contents of an SRDF that planning uses.
 #[derive(Debug, Default)]
 pub struct Semantics {
-    /// Pairs of links of `disable_collisions`.
+    /// Pairs of link names from `disable_collisions`.
     pub disabled: Vec<[String; 2]>,
-    /// Parent link of the first end effector.
+    /// Parent link of the first end effector; `None` if there is none.
     pub end_effector: Option<String>,
 }
 

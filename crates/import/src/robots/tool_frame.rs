@@ -1,17 +1,17 @@
-//! The tool frame of an arm: a flange, a hand or a frame on it, before the fingers.
+//! Tool frame of an arm: a flange, a hand or a frame on it, before the fingers.
 
 use genmanip_core::glam::{DMat3, DVec3};
 use genmanip_core::{JointKind, MassProperties, Pose, RobotLink, RobotModel};
 
-/// Parts of the names of finger joints and of links behind them.
+/// Parts of names of finger joints, and (`FINGER_LINKS`) of finger links.
 const FINGER_JOINTS: [&str; 7] = ["finger", "gripper", "knuckle", "jaw", "claw", "thumb", "grip_"];
 const FINGER_LINKS: [&str; 5] = ["finger", "knuckle", "jaw", "claw", "thumb"];
-/// Names of tool frames, best first; the part of a name is enough.
+/// Parts of names of tool frames, best first.
 const TOOL_NAMES: [&str; 7] = ["tcp", "tool0", "tool", "grasp", "ee_", "end_effector", "gripper_frame"];
-/// Longest slide that can be a finger, m.
+/// Maximum range of a prismatic joint that can be a finger, m. Chosen by hand.
 const FINGER_SLIDE_M: f64 = 0.15;
 
-/// The links that are fingers or hang on one.
+/// For each link, true if it is a finger or descends from one.
 pub fn behind_fingers(links: &[RobotLink]) -> Vec<bool> {
     let named = |name: &str, parts: &[&str]| parts.iter().any(|part| name.to_lowercase().contains(part));
     let mut behind = vec![false; links.len()];
@@ -45,7 +45,7 @@ fn is_below(links: &[RobotLink], mut link: usize, ancestor: usize) -> bool {
     false
 }
 
-/// Number of joints that move a link by themselves, its own included.
+/// Number of independent joints from a link, its own included, up to the root; mimic joints do not count.
 fn joints_above(links: &[RobotLink], mut link: usize) -> usize {
     let moves = |link: usize| usize::from(links[link].joint.as_ref().is_some_and(|joint| joint.mimic.is_none()));
     let mut joints = moves(link);
@@ -56,12 +56,12 @@ fn joints_above(links: &[RobotLink], mut link: usize) -> usize {
     joints
 }
 
-/// The frame at the end of the longest arm, fingers left out: preferably a leaf without geometry, best with the name of
-/// a tool frame, otherwise the last link before a branch.
+/// Tool frame at the end of the arm with the most joints, fingers excluded: preferably a leaf without geometry whose
+/// name is that of a tool frame, otherwise the last link before a branch.
 pub fn tool_frame(links: &[RobotLink]) -> usize {
     let mut left_out = behind_fingers(links);
     let depth = |link: usize| joints_above(links, link);
-    // A hand without an arm: its longest finger is the arm.
+    // A hand without an arm: the longest finger is treated as the arm.
     if (0..links.len()).filter(|link| !left_out[*link]).all(|link| depth(link) == 0) {
         left_out = vec![false; links.len()];
     }
@@ -85,7 +85,7 @@ pub fn tool_frame(links: &[RobotLink]) -> usize {
     last
 }
 
-/// Adds a link without geometry at the tool frame: a link moved by a joint cannot be the hand.
+/// Adds a link without geometry at the tool frame: a link that a joint moves cannot be the hand.
 pub fn add_tool_frame(robot: &mut RobotModel) {
     let parent = &robot.links[robot.hand];
     robot.links.push(RobotLink {

@@ -1,4 +1,4 @@
-//! Rendered surfaces of a robot.
+//! Visual surfaces of a robot, for rendering.
 
 use genmanip_core::{Material, Pose, RobotLink, TriMesh, VisualPart};
 use genmanip_motion::triangulate;
@@ -10,11 +10,11 @@ use crate::formats::urdf::{Link, Surfaces};
 use crate::formats::xml::Element;
 use crate::simplify::reduced;
 
-/// Maximum number of triangles of a surface.
+/// Maximum number of triangles of a surface. Chosen by hand: bounds the time of rendering.
 const MAX_TRIANGLES: usize = 6000;
 
-/// Adds what is visible to the links: the URDF's visual geometry, or the collision geometry where a robot has none.
-/// Missing and damaged meshes are noted and left out.
+/// Adds visual surfaces to the links: the URDF's visual geometry, or the collision geometry if the robot has none.
+/// Missing and damaged meshes are noted and omitted.
 ///
 /// # Errors
 /// If a colour of the robot is invalid.
@@ -46,7 +46,7 @@ pub fn add(
     Ok(())
 }
 
-/// Makes the collision pieces of a link visible.
+/// Adds the collision pieces of a link as visual surfaces.
 fn show_pieces(link: &mut RobotLink) {
     let pieces = link.pieces.iter().filter_map(|piece| triangulate(piece).ok());
     let part = |(corners, triangles): (Vec<glam::DVec3>, Vec<[u32; 3]>)| {

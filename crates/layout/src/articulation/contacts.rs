@@ -8,7 +8,7 @@ use glam::{DQuat, DVec3};
 
 use super::{JointSettings, Motion};
 
-/// A contact of the gripper with a moving link.
+/// A candidate contact of the gripper with a moving link.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointContact {
     /// TCP pose at the start of the motion.
@@ -21,7 +21,7 @@ pub struct JointContact {
     pub hold_width: f64,
     /// Distance between gripper and link before contact (m); 0 for a grasp.
     pub gap_m: f64,
-    /// True if the gripper need not follow the link's rotation.
+    /// True if the gripper need not follow the link's rotation: the shares of [`JointSettings::follow`] are then tried.
     pub turns_freely: bool,
     /// Share of the link's rotation that the gripper follows.
     pub follow: f64,
@@ -33,18 +33,17 @@ pub struct JointContact {
 const PREFERRED_APPROACH: DVec3 = DVec3::new(0.35, 0.0, -0.94);
 /// Total free space between the pads and a handle, both sides (m); chosen.
 const FINGER_CLEARANCE_M: f64 = 0.016;
-/// Difference between handle width and commanded width while holding (m); smaller is gentler; chosen.
+/// Squeeze: difference between handle width and commanded width while holding (m). Chosen by hand; smaller is gentler.
 const SQUEEZE_M: f64 = 0.006;
-/// The same for a handle that pivots between the pads: a stronger grip resists the rotation and tips the object over.
+/// Squeeze of a handle that pivots between the pads: a stronger grip resists the rotation and tips the object over.
 /// At 1.5 mm (15 N, about 0.5 N·m at pad friction 1) bins of 0.6 kg, which tip at 0.4 N·m, fell over; chosen.
 const PIVOT_SQUEEZE_M: f64 = 0.0006;
 /// Distances from the TCP to the side, back and tip of the closed fingers [m]: half a pad's width, both fingers' depth,
-/// and
-/// the tip; from the colliders of the Panda's fingers in `assets`.
+/// and the tip; from the colliders of the Panda's fingers in `assets`.
 const SIDE_M: f64 = 0.0105;
 const BACK_M: f64 = 0.025;
 const TIP_M: f64 = 0.009;
-/// Number of surface points sampled for pushes, and of pushes kept; search limits, chosen.
+/// Number of surface points sampled for pushes, and of pushes kept. Search limits, chosen.
 const PUSH_POINTS: usize = 160;
 const PUSHES: usize = 10;
 
@@ -65,12 +64,12 @@ fn cost(world_from_tcp: &Pose) -> f64 {
     world_from_tcp.transform_vector(DVec3::Z).angle_between(PREFERRED_APPROACH)
 }
 
-/// Excludes approach directions up or back towards the robot.
+/// True for approach directions that point neither up nor back towards the robot.
 fn is_allowed_approach(approach: DVec3) -> bool {
     approach.z < 0.3 && approach.x > -0.7
 }
 
-/// Grasps of the handle from all directions.
+/// Grasps of the handle with all approach directions, closing directions and depths.
 fn grasps(link: &ObjectLink, motion: &Motion, robot: &RobotModel) -> Vec<JointContact> {
     let handle = link.visual.iter().filter(|part| part.name == HANDLE);
     let points: Vec<DVec3> = handle
@@ -115,7 +114,7 @@ fn grasps(link: &ObjectLink, motion: &Motion, robot: &RobotModel) -> Vec<JointCo
     found
 }
 
-/// Closing directions in the link frame with their cost: the axes, then oblique directions.
+/// Closing directions in the link frame, each with its cost: the axes, then oblique directions.
 fn closing_directions() -> Vec<(DVec3, f64)> {
     let axes = [DVec3::X, DVec3::Y, DVec3::Z];
     let mut found: Vec<(DVec3, f64)> = axes.iter().map(|&axis| (axis, 0.0)).collect();
@@ -127,7 +126,8 @@ fn closing_directions() -> Vec<(DVec3, f64)> {
     found
 }
 
-/// TCP position at which the pads cover a share of the near end of a handle, and the handle's width there.
+/// TCP position at which the pads cover a share of the near end of a handle, and the handle's width there (m); `None`
+/// without points.
 fn between_pads(
     points: &[DVec3],
     approach: DVec3,
@@ -167,7 +167,7 @@ fn pushes(link: &ObjectLink, motion: &Motion, settings: &JointSettings) -> Vec<J
     }
     points.sort_by(|a, b| b.0.total_cmp(&a.0));
     let longest = points.first().map_or(0.0, |point| point.0);
-    // Spread over the outer part, farthest from the axis first.
+    // Every n-th point of the outer part, farthest from the axis first.
     let outer: Vec<_> = points.into_iter().filter(|point| point.0 >= 0.6 * longest).collect();
     let stride = (outer.len() / PUSHES).max(1);
     let chosen = outer.iter().step_by(stride);
@@ -179,7 +179,7 @@ fn pushes_at(point: DVec3, direction: DVec3, lever: f64, settings: &JointSetting
     let start = direction.any_orthonormal_vector();
     for turn in 0..12 {
         let around = DQuat::from_axis_angle(direction, f64::from(turn) / 12.0 * TAU) * start;
-        // The fingertip, straight and tilted.
+        // Pushes with the fingertip, straight and tilted.
         for tilt in [0.0, 0.4, 0.8] {
             let y = direction.cross(around);
             let approach = DQuat::from_axis_angle(y, tilt) * direction;
@@ -190,7 +190,7 @@ fn pushes_at(point: DVec3, direction: DVec3, lever: f64, settings: &JointSetting
                 found.push((Pose::from_axes(DVec3::ZERO, x, y, approach), tool, gap, 0.1));
             }
         }
-        // The wide and narrow sides of the fingers.
+        // Pushes with the wide and narrow sides of the fingers.
         for sign in [1.0, -1.0] {
             let face = direction * sign;
             let broad = Pose::from_axes(DVec3::ZERO, face, around.cross(face), around);

@@ -12,11 +12,12 @@ const CONTACT_M: f64 = 0.0005;
 
 /// Path of a joint to one target.
 pub(super) struct JointPath {
-    /// Target joint position.
+    /// Target joint position [rad or m].
     pub target: f64,
-    /// Motion of the link.
+    /// Motion of the moving link at the current joint position.
     pub motion: Motion,
-    /// Joint displacements with the object's collision world; the first one includes everything else.
+    /// Joint displacements from the current position, each with the collision world of the object there; the first
+    /// world includes everything else.
     pub worlds: Vec<(f64, CollisionWorld)>,
 }
 
@@ -45,13 +46,13 @@ impl<'a> PathCheckers<'a> {
         Self { planner, no_contact, paths, others, width, with_clearance: OnceCell::new(), along }
     }
 
-    /// True if the arm keeps its clearance to everything but the object.
+    /// True if the arm keeps its clearance to everything but the object itself.
     pub fn has_clearance(&self, config: &[f64]) -> bool {
         let (others, clearance_m) = self.others;
         self.with_clearance.get_or_init(|| self.checker(others, clearance_m)).is_free(config)
     }
 
-    /// True if the gripper is free at the start, which does not depend on the arm configuration.
+    /// True if the gripper is collision-free at the start, which does not depend on the arm configuration.
     pub fn gripper_is_free(&self, config: &[f64]) -> bool {
         self.along(0, 0).gripper_is_free(config)
     }

@@ -14,7 +14,7 @@ use genmanip_relations::{PosedObject, PosedScene};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// Settings of joint motions.
+/// Settings of arm motions that follow a joint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointSettings {
@@ -25,7 +25,7 @@ pub struct JointSettings {
     /// Shares of the link's rotation that the gripper follows, in the order tried; a grasp follows all of it unless the
     /// handle pivots between the pads.
     pub follow: Vec<f64>,
-    /// Arm configurations tried per contact.
+    /// Maximum number of arm configurations tried per contact.
     pub configurations: usize,
     /// Clearance to everything but the object while the joint moves (m).
     pub room_m: f64,
@@ -50,7 +50,7 @@ impl Default for JointSettings {
             configurations: 6,
             // Chosen: the expert's clearance at a grasp.
             room_m: 0.003,
-            // Chosen: a motion between two free states 1 cm apart hardly collides.
+            // Chosen: a contact that moves by 1 cm between two free states hardly collides in between.
             step_m: 0.012,
             // Chosen: 3.4 degrees, 1 cm at the edge of a 20 cm door.
             step_rad: 0.06,
@@ -71,7 +71,7 @@ pub struct JointChange {
     pub joint: usize,
     /// Current position [rad or m].
     pub from: f64,
-    /// Acceptable target positions, preferred one first.
+    /// Acceptable target positions [rad or m], preferred one first.
     pub targets: Vec<f64>,
 }
 
@@ -134,7 +134,8 @@ impl Motion {
         })
     }
 
-    /// Direction of motion of a point on the link, and its speed per unit of joint velocity.
+    /// Direction of motion of a point on the link (unit vector), and its speed per unit of joint velocity [m/rad or
+    /// m/m].
     pub fn velocity(&self, point: DVec3) -> (DVec3, f64) {
         let velocity = match self.kind {
             JointKind::Prismatic => self.axis,

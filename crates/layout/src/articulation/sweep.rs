@@ -16,18 +16,18 @@ const MIN_MAX_STEPS: [usize; 2] = [3, 60];
 /// Minimum lever of a contact about the joint axis (m), to avoid division by zero.
 const MIN_LEVER_M: f64 = 1e-3;
 
-/// A contact and an arm configuration that can follow it.
+/// A contact, and an arm configuration from which the arm can follow the moving link.
 #[derive(Clone, Debug)]
 pub struct JointSweep {
-    /// The joint change.
+    /// The joint change that the sweep makes.
     pub change: JointChange,
-    /// Target joint position.
+    /// Target joint position [rad or m].
     pub target: f64,
     /// Contact of the gripper with the link.
     pub contact: JointContact,
-    /// Arm configuration at the start.
+    /// Arm configuration at the start of the motion (rad).
     pub config: Vec<f64>,
-    /// Straight approach path to that start.
+    /// Straight approach path that ends at `config`.
     pub approach: Path,
 }
 
@@ -37,7 +37,7 @@ pub struct Sweeper<'a> {
     settings: &'a JointSettings,
     object: &'a PosedObject,
     change: &'a JointChange,
-    /// Collision world without the object.
+    /// Collision world without the articulated object.
     others: CollisionWorld,
 }
 
@@ -77,7 +77,7 @@ impl<'a> Sweeper<'a> {
             }
             let at =
                 known.iter().position(|path_checkers| path_checkers.width == start.open_width).unwrap_or_else(|| {
-                    // All pushes share one width; every grasp has its own.
+                    // All pushes share one gripper width, so their checkers are kept; every grasp has its own width.
                     known.retain(|path_checkers| path_checkers.width == 0.0);
                     let others = (&self.others, self.settings.room_m);
                     known.push(PathCheckers::new(self.planner, &no_contact, &joint_path, others, start.open_width));
@@ -128,9 +128,9 @@ impl<'a> Sweeper<'a> {
         Err(Failure { cause: if possible > 0 { FailureCause::Planning } else { FailureCause::NoIk }, evidence })
     }
 
-    /// Arm configurations at `count` equal joint steps from the current position to `to`, without the start.
+    /// Arm configurations at `count` equal joint steps from the current position to `to`, without the first one.
     ///
-    /// `None` if the arm cannot follow.
+    /// `None` if inverse kinematics fails at a step.
     pub fn follow(&self, sweep: &JointSweep, to: f64, count: usize) -> Option<Vec<Vec<f64>>> {
         let motion = Motion::of(self.object, self.change, sweep.target)?;
         let path = (1..=count)
@@ -138,7 +138,7 @@ impl<'a> Sweeper<'a> {
         self.planner.follow(&sweep.config, path, self.settings.max_arm_step_rad)
     }
 
-    /// Commanded joint position; for a push slightly beyond the target.
+    /// Commanded joint position [rad or m]; for a push slightly beyond the target.
     pub fn end(&self, sweep: &JointSweep) -> f64 {
         let motion = Motion::of(self.object, self.change, sweep.target);
         sweep.target + motion.map_or(0.0, |motion| overshoot(&motion, &sweep.contact))
@@ -159,14 +159,15 @@ impl<'a> Sweeper<'a> {
         world
     }
 
-    /// Direction of motion at the contact, and its speed per unit of joint velocity.
+    /// Direction of motion at the contact (unit vector), and its speed per unit of joint velocity.
     pub fn velocity(&self, sweep: &JointSweep) -> (DVec3, f64) {
         let point = sweep.contact.world_from_tcp.transform_point(sweep.contact.tool_point);
         let velocity = Motion::of(self.object, self.change, sweep.target).map(|motion| motion.velocity(point));
         velocity.map_or((DVec3::ZERO, 1.0), |(direction, lever)| (direction, lever.max(MIN_LEVER_M)))
     }
 
-    /// Joint path to a target: the object at every step, and everything else at the first.
+    /// Joint path to a target, with the object at every step and everything else at the first. `None` if the change
+    /// refers to no joint.
     fn path(&self, target: f64) -> Option<JointPath> {
         let motion = Motion::of(self.object, self.change, target)?;
         let size = self.object.model.world_bounds(&Pose::IDENTITY, &self.object.joint_positions).size().max_element();
@@ -184,7 +185,7 @@ impl<'a> Sweeper<'a> {
         Some(JointPath { target, motion, worlds: (0..=steps).map(at).collect() })
     }
 
-    /// Straight approach along the fingers.
+    /// Straight approach along the fingers; `None` if it is unreachable or blocked.
     fn approach(&self, contact: &JointContact, config: &[f64], world: &CollisionWorld) -> Option<Path> {
         let no_contact = AllowedCollisions::none();
         let back = contact.world_from_tcp.transform_vector(DVec3::NEG_Z) * self.settings.approach_m;
@@ -210,7 +211,7 @@ impl<'a> Sweeper<'a> {
         for (step, by) in path.worlds.iter().map(|(by, _)| *by).chain([end]).enumerate().skip(1) {
             let pose = tcp_at(&path.motion, contact, by);
             arm = self.planner.ik_near(&pose, &arm, self.settings.max_arm_step_rad)?;
-            // The clearance check covers everything else; only the object itself remains.
+            // The clearance check covers everything but the object, which is checked along the path up to the target.
             if !path_checkers.has_clearance(&arm) || (step <= last && !path_checkers.is_free(at, step, &arm)) {
                 return Some(false);
             }
@@ -235,13 +236,13 @@ fn scene_with<'a>(
     PlanningScene { world, attached: None, allowed, gripper_width: contact.open_width }
 }
 
-/// Overshoot of the gripper beyond the joint target: a push first closes the gap.
+/// Overshoot of the gripper beyond the joint target (rad or m): a push first closes the gap.
 fn overshoot(motion: &Motion, contact: &JointContact) -> f64 {
     let (_, lever) = motion.velocity(contact.world_from_tcp.transform_point(contact.tool_point));
     contact.gap_m / lever.max(MIN_LEVER_M) * motion.sign
 }
 
-/// TCP pose after a joint displacement `by`.
+/// TCP pose after a joint displacement `by` (rad or m).
 fn tcp_at(motion: &Motion, contact: &JointContact, by: f64) -> Pose {
     let start = contact.world_from_tcp;
     match motion.kind {

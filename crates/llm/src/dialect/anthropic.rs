@@ -17,7 +17,7 @@ const INTERFACE_VERSION: &str = "2023-06-01";
 /// every model of the service.
 const MAX_TOKENS: u64 = 4096;
 
-/// `POST {base_url}/messages`.
+/// Dialect with the endpoint `POST {base_url}/messages`.
 pub(crate) struct Anthropic;
 
 impl Wire for Anthropic {
@@ -30,7 +30,7 @@ impl Wire for Anthropic {
         [("anthropic-version", INTERFACE_VERSION.into())].into_iter().chain(key).collect()
     }
 
-    /// Prompt only: tools are not used to enforce a structure.
+    /// Prompt only: tools are not used to enforce structured output.
     fn structures(&self) -> &'static [Structure] {
         &[Structure::Plain]
     }
@@ -100,7 +100,7 @@ fn block(part: &Part) -> Value {
 }
 
 /// Tokens read from the service's prompt cache are reported separately from `input_tokens` but belong to the
-/// conversation.
+/// conversation. `None` if the reply reports no usage.
 fn usage(value: &Value) -> Option<Usage> {
     let count = |name: &str| value.get(name).and_then(Value::as_u64);
     let cached = ["cache_creation_input_tokens", "cache_read_input_tokens"].map(|name| count(name).unwrap_or(0));

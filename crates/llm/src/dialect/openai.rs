@@ -11,7 +11,7 @@ use crate::reply::{ChatReply, Structure, Usage};
 use crate::request::ChatRequest;
 use crate::secret::ApiKey;
 
-/// `POST {base_url}/chat/completions`.
+/// Dialect with the endpoint `POST {base_url}/chat/completions`.
 pub(crate) struct OpenAi;
 
 impl Wire for OpenAi {
@@ -44,9 +44,9 @@ impl Wire for OpenAi {
         body.into()
     }
 
-    /// Accepts common deviations: content as a string, a list of text parts or an object; the answer as a call of a tool,
-    /// in `parsed`, or after the thoughts in `reasoning_content` or `reasoning`; thoughts before the reply, missing token
-    /// counts.
+    /// Accepts common deviations. The content may be a string, a list of text parts or an object. The answer may also
+    /// stand in a tool call, in `parsed`, or at the end of `reasoning_content` or `reasoning`. A reasoning block may
+    /// precede the reply, and token counts may be missing.
     fn reply(&self, body: &Value, structure: Structure, url: &str) -> Result<ChatReply, ChatError> {
         let missing = |path: &str, expected: &str| ChatError::NotACompletion {
             url: url.into(),
@@ -68,7 +68,8 @@ impl Wire for OpenAi {
     }
 }
 
-/// Places of the answer in a message, the usual one first; thoughts are taken where there is nothing else.
+/// JSON pointers to the answer in a message, in order of preference; the reasoning fields are used only if nothing else
+/// is present.
 const SAID_IN: [&str; 6] = [
     "/content",
     "/parsed",

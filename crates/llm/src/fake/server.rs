@@ -10,12 +10,12 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-/// Maximum request size (bytes).
+/// Maximum request size that the fake server accepts (bytes).
 const MAX_REQUEST_BYTES: usize = 64 << 20; // twice what the default settings let a client send
-/// Socket timeout.
+/// Timeout of reading from and writing to a socket.
 const SOCKET_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Behaviour for one request.
+/// Scripted behaviour of the server for one request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Behaviour {
     /// A normal reply with this text, in the dialect of the requested path.
@@ -24,42 +24,42 @@ pub enum Behaviour {
     Status(u16, Vec<(String, String)>, String),
     /// Status 200 with a content type and a body.
     Body(String, String),
-    /// Wait, then behave as given.
+    /// Wait, then behave as the second field says.
     Slow(Duration, Box<Behaviour>),
-    /// Announce more bytes than are sent, then close the connection.
+    /// Announce more bytes than are sent (the given text), then close the connection.
     CutOff(String),
     /// Send this many bytes with status 200.
     Flood {
-        /// Bytes to send.
+        /// Number of bytes to send.
         bytes: u64,
-        /// Send `Content-Length`.
+        /// True to send `Content-Length`.
         announced: bool,
     },
-    /// Send an endless JSON text byte by byte.
+    /// Send JSON text byte by byte, without completing it.
     Drip {
-        /// Bytes to send.
+        /// Number of bytes to send.
         bytes: usize,
-        /// Pause before each.
+        /// Pause before each byte.
         every: Duration,
     },
     /// Close the connection without a response.
     HangUp,
 }
 
-/// A received request.
+/// A request that the fake server received.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SeenRequest {
-    /// Index, from 0.
+    /// Index of the request, from 0.
     pub index: usize,
     /// Method and path, e.g. `POST /v1/chat/completions`.
     pub target: String,
     /// Headers, names in lower case.
     pub headers: BTreeMap<String, String>,
-    /// The body; null if it is not JSON.
+    /// Body of the request; null if it is not JSON.
     pub body: Value,
 }
 
-/// The server; it stops when dropped.
+/// A fake server on a loopback port; it stops when dropped.
 pub struct FakeServer {
     address: SocketAddr,
     shared: Arc<Shared>,
@@ -69,15 +69,15 @@ pub struct FakeServer {
 struct Shared {
     behaviour: Box<dyn Fn(&SeenRequest) -> Behaviour + Send + Sync>,
     seen: Mutex<Vec<SeenRequest>>,
-    /// Number of requests received.
+    /// Number of requests received so far.
     count: AtomicUsize,
     records: bool,
     bytes_sent: AtomicU64,
     stopped: AtomicBool,
 }
 
-/// Starts a server that answers each question with the answer of the first of these texts it contains, or with an empty
-/// answer: for concurrent questions in unknown order.
+/// Starts a server for concurrent questions in unknown order. Of the given pairs of text and answer, the first whose
+/// text the question contains determines the answer; without a match, the answer is empty.
 ///
 /// # Errors
 /// Fails if there is no free port.
@@ -130,8 +130,8 @@ impl FakeServer {
         Self::listen(true, behaviour)
     }
 
-    /// Like [`FakeServer::start`] without recording requests: [`FakeServer::seen`] stays empty, for many large
-    /// requests.
+    /// Like [`FakeServer::start`] but without recording requests, for many large requests: [`FakeServer::seen`] stays
+    /// empty.
     ///
     /// # Errors
     /// Fails if there is no free loopback port.
@@ -179,7 +179,7 @@ impl FakeServer {
         self.shared.seen.lock().map(|seen| seen.clone()).unwrap_or_default()
     }
 
-    /// Body bytes handed to the operating system.
+    /// Number of body bytes passed to the operating system so far.
     pub fn bytes_sent(&self) -> u64 {
         self.shared.bytes_sent.load(Ordering::SeqCst)
     }

@@ -6,9 +6,9 @@ use rand::RngExt;
 use super::body::bodies_closer_than;
 use super::robot_shape::{RobotError, RobotShape};
 
-/// Sampled configurations.
+/// Number of sampled configurations. Chosen by hand.
 const SAMPLES: usize = 200;
-/// Share of them at which a pair must be near; MoveIt's setup assistant uses the same.
+/// Share of the sampled configurations at which a pair must be near; MoveIt's setup assistant uses the same.
 const SHARE: f64 = 0.95;
 
 /// Link pairs closer than `distance` (m) at nearly every configuration: a search could never keep them apart.

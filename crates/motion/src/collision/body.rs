@@ -26,7 +26,7 @@ pub(super) struct Body<'a> {
 pub enum MovingBody {
     /// A link, by its index in the robot model.
     Link(usize),
-    /// The attached object.
+    /// The object attached to the gripper.
     Attached,
 }
 
@@ -35,16 +35,16 @@ pub enum MovingBody {
 pub(super) struct BodyPair {
     pub(super) first: usize,
     pub(super) second: usize,
-    /// Required clearance (m).
+    /// Required clearance between the bodies (m).
     pub(super) margin: f64,
     /// Joints that move one body relative to the other, each with its motion bound: the maximum speed of a point per
     /// unit joint velocity.
     pub(super) movers: Vec<(usize, f64)>,
-    /// Index of the pair's distance table in the robot shape.
+    /// Index of the pair's distance table in `RobotShape::tables`; `None` with the attached object.
     pub(super) table: Option<usize>,
 }
 
-/// Maximum distance evaluated in conservative advancement (m).
+/// Maximum distance evaluated in conservative advancement (m): a larger one counts as this. Chosen by hand.
 pub(super) const MAX_DISTANCE_M: f64 = 0.1;
 
 /// True if two bodies are closer than `margin` (m); a negative margin allows that much penetration.

@@ -13,7 +13,7 @@ use super::robot_shape::RobotShape;
 use super::world::{AllowedCollisions, Attached, CollisionWorld};
 use crate::rigid::Rigid;
 
-/// A pair that is too close.
+/// Pair of bodies that are closer than their clearance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CollisionReport {
     /// Moving body: name of a link or the attached object.
@@ -52,7 +52,7 @@ pub struct Checker<'a> {
     /// Motion bounds of each body: per joint the maximum speed of its points per unit joint velocity [m/rad] (1 for
     /// prismatic joints).
     pub(super) motion_bounds: Vec<Vec<f64>>,
-    /// Motion bounds of the whole robot.
+    /// Motion bounds of the whole robot: per joint the maximum over all bodies.
     pub(super) motion_bound: Vec<f64>,
     /// Single-precision model of the fast path.
     pub(super) fast: FastModel<'a>,
@@ -102,7 +102,7 @@ impl<'a> Checker<'a> {
         checker
     }
 
-    /// The kinematic chain.
+    /// Kinematic chain of the checked robot.
     pub fn chain(&self) -> &'a crate::chain::Chain {
         &self.robot.chain
     }
@@ -145,7 +145,7 @@ impl<'a> Checker<'a> {
     pub fn is_free(&self, config: &[f64]) -> bool {
         let frames = self.robot.chain.frames(config);
         let world_from = |body: &Body| frames[body.frame] * body.frame_from_body;
-        // From the gripper down, where contacts are most frequent.
+        // From the gripper to the base, since contacts are most frequent at the gripper.
         if (0..self.bodies.len()).rev().any(|index| self.violates_obstacle(index, &frames)) {
             return false;
         }
@@ -235,8 +235,8 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Pieces of robot and attached object at a configuration (`true`), then those of obstacles (`false`); without
-    /// surfaces.
+    /// Convex pieces of robot and attached object at a configuration (with `true`), then those of obstacles (with
+    /// `false`). Surfaces have none.
     pub(crate) fn solids(&self, config: &[f64]) -> impl Iterator<Item = (Solid<'_>, bool)> {
         let frames = self.robot.chain.frames(config);
         let moving = self.bodies.iter().flat_map(move |body| {

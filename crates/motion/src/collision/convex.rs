@@ -14,9 +14,9 @@ use crate::rigid::Rigid;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("collision piece {index} of {owner}: {what}")]
 pub struct GeometryError {
-    /// Object or link.
+    /// Name of the object or link.
     pub owner: String,
-    /// Index of the piece.
+    /// Index of the invalid collision piece.
     pub index: usize,
     /// Description of the problem.
     pub what: String,
@@ -33,7 +33,7 @@ pub(crate) struct Convex {
     pub(crate) ball: Ball,
 }
 
-/// A sphere.
+/// Bounding sphere, or any other sphere; all lengths in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ball {
     pub(crate) center: DVec3,
@@ -68,7 +68,7 @@ impl Ball {
 #[derive(Clone, Debug)]
 pub(crate) enum Core {
     Point,
-    /// Along z, of this half length.
+    /// Segment along z of this half length (m).
     Segment(f64),
     Box(DVec3),
     Cylinder {
@@ -141,8 +141,8 @@ impl Core {
         if let Self::Hull { center, .. } = self { *center } else { DVec3::ZERO }
     }
 
-    /// Lower bound on the distance of a point to the core, exact except for hulls and ellipsoids (distance to their
-    /// box).
+    /// Lower bound on the distance of a point to the core (m), exact except for hulls and ellipsoids (distance to their
+    /// box); 0 inside.
     pub(crate) fn distance_bound(&self, point: DVec3) -> f64 {
         self.nearest(point).distance(point)
     }
@@ -228,7 +228,7 @@ fn with_neighbors(points: Vec<DVec3>) -> (Vec<DVec3>, Vec<Vec<u32>>) {
 
 /// Hill climbing along edges; on a convex hull a local maximum is global.
 fn hill_climb(corners: &[DVec3], neighbors: &[Vec<u32>], direction: DVec3) -> DVec3 {
-    // Several spread starts shorten the walk.
+    // Of several spread vertices the best is the start, which shortens the walk.
     let stride = corners.len().div_ceil(12);
     let mut best = (f64::NEG_INFINITY, 0);
     for index in (0..corners.len()).step_by(stride) {
@@ -251,7 +251,7 @@ fn hill_climb(corners: &[DVec3], neighbors: &[Vec<u32>], direction: DVec3) -> DV
     }
 }
 
-/// parry uses a different glam version; convert by numbers.
+/// parry uses a different version of glam, so vectors are converted component by component.
 impl SupportMap for Core {
     fn local_support_point(&self, direction: Vector) -> Vector {
         Vector::from_array(self.farthest(DVec3::from_array(direction.to_array())).to_array())
@@ -261,7 +261,7 @@ impl SupportMap for Core {
 /// Distance query result, up to a limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Separation {
-    /// Beyond the limit.
+    /// Farther than the limit.
     Beyond,
     /// At this distance; negative is penetration depth.
     Within(f64),
@@ -278,13 +278,13 @@ impl Separation {
     }
 }
 
-/// True if `b` is closer than `margin` to `a`.
+/// True if `b` is closer than `margin` (m) to `a`.
 pub(crate) fn closer_than(a: &Convex, b: &Convex, world_from_a: &Rigid, world_from_b: &Rigid, margin: f64) -> bool {
     let pose = core_from_core(a, b, world_from_a, world_from_b);
     cores_closer_than(&pose, &a.core, &b.core, margin + a.radius + b.radius)
 }
 
-/// True if core `b` is closer than `reach` to core `a`.
+/// True if core `b` is closer than `reach` (m) to core `a`.
 pub(super) fn cores_closer_than(a_from_b: &ParryPose, a: &Core, b: &impl SupportMap, reach: f64) -> bool {
     let mut simplex = first_simplex(a_from_b, a, b);
     match gjk::closest_points(a_from_b, a, b, reach.max(0.0), false, &mut simplex) {
@@ -293,10 +293,10 @@ pub(super) fn cores_closer_than(a_from_b: &ParryPose, a: &Core, b: &impl Support
     }
 }
 
-/// Fast inconclusive version of `closer_than` with one support point of `b`.
+/// Fast, inconclusive version of `closer_than` with one support point of `b`; `None` if undecided.
 ///
-/// The direction from obstacle `a` to the centre of `b` often separates them; if the support point of `b` against it is
-/// within the margin, they are too close.
+/// The direction from obstacle `a` to the centre of `b` often separates them. If the support point of `b` against this
+/// direction is within the margin, they are too close.
 pub(crate) fn try_closer_than(
     a: &Convex,
     b: &Convex,
@@ -348,7 +348,7 @@ pub(super) fn cores_separation(
     }
 }
 
-/// GJK reports "far apart" when it runs out of iterations: verify with a separating direction.
+/// GJK reports "far apart" when it runs out of iterations, so the result is verified with a separating direction.
 fn separated(pose: &ParryPose, a: &Core, b: &impl SupportMap, direction: Vector, reach: f64) -> bool {
     -direction.dot(CsoPoint::from_shapes(pose, a, b, direction).point) > reach
 }

@@ -32,14 +32,14 @@ pub(crate) fn cover(body: &Convex) -> Vec<CoverBall> {
     balls.into_iter().map(placed).collect()
 }
 
-/// Depth of a point inside the core (m); outside negative, at least the distance.
+/// Lower bound on the depth of a point inside the core (m); not positive outside.
 fn depth_in(core: &Core, point: DVec3) -> f64 {
     match core {
         Core::Point => -point.length(),
         Core::Segment(half_length) => -point.distance(DVec3::Z * point.z.clamp(-half_length, *half_length)),
         Core::Box(half) => (*half - point.abs()).min_element(),
         Core::Cylinder { radius, half_height } => (radius - point.truncate().length()).min(half_height - point.z.abs()),
-        // Scaled unit sphere.
+        // Depth in the unit sphere after scaling by 1 / radii; scaled back, it is at least this.
         Core::Ellipsoid(radii) => (1.0 - (point / *radii).length()) * radii.min_element(),
         Core::Hull { corners, .. } => depth_in_hull(corners, point),
     }
@@ -58,7 +58,7 @@ fn depth_in_hull(corners: &[DVec3], point: DVec3) -> f64 {
 pub(super) fn corners(core: &Core) -> Vec<DVec3> {
     const SIDES: usize = 16;
     let prism = |radius: f64, half_height: f64| {
-        // Circumscribed polygon.
+        // The polygon is circumscribed, so that it contains the circle.
         let outer = radius / (std::f64::consts::PI / SIDES as f64).cos();
         let corner = move |side: usize, z: f64| {
             let (sin, cos) = (std::f64::consts::TAU * side as f64 / SIDES as f64).sin_cos();
@@ -107,7 +107,8 @@ fn split(corners: Vec<DVec3>, rounding: f64, depth: usize, balls: &mut Vec<Ball>
     };
     let cut = center.dot(axis);
     let (mut low, mut high): (Vec<DVec3>, Vec<DVec3>) = corners.iter().partition(|corner| corner.dot(axis) < cut);
-    // Every edge across the cut joins a vertex below to one above.
+    // Every edge across the cut joins a vertex below to one above, so the crossings of all such pairs include the cut's
+    // corners.
     let mut crossings = Vec::with_capacity(low.len() * high.len());
     for a in &low {
         for b in &high {
@@ -121,7 +122,7 @@ fn split(corners: Vec<DVec3>, rounding: f64, depth: usize, balls: &mut Vec<Ball>
     split(extreme(high), rounding, depth - 1, balls);
 }
 
-/// Reduces points to hull vertices if worthwhile.
+/// Reduces more than 32 points to the vertices of their hull.
 fn extreme(points: Vec<DVec3>) -> Vec<DVec3> {
     if points.len() <= 32 {
         return points;

@@ -37,7 +37,7 @@ impl Checker<'_> {
             }
             self.unresolved_are_free(&scratch.unresolved, |lane| lerp(from, to, time(lane)))
         });
-        // Last, because self-collision follows the whole edge, and most edges end at an obstacle.
+        // Self-collision is checked last, because it follows the whole edge, and most edges end at an obstacle.
         obstacles_are_clear
             && self
                 .body_pairs
@@ -82,7 +82,7 @@ impl Checker<'_> {
         }
     }
 
-    /// Exact checks of the pairs that the fast path could not prove clear.
+    /// True if the exact check finds clear all pairs that the fast path could not prove clear.
     pub(super) fn unresolved_are_free(&self, unresolved: &[Unresolved], config: impl Fn(usize) -> Vec<f64>) -> bool {
         let mut cached: [Option<Vec<Rigid>>; LANES] = Default::default();
         let count = self.obstacles.len();

@@ -22,7 +22,7 @@ pub(super) struct FastModel<'a> {
     pub(super) joints: Vec<FastJoint>,
     pub(super) bodies: Vec<FastBody<'a>>,
     pub(super) obstacles: Vec<FastObstacle<'a>>,
-    /// Row-major by body; `None` if contact is allowed or out of reach.
+    /// Clearance thresholds per body and obstacle, row-major by body; `None` if contact is allowed or out of reach.
     pub(super) margins: Vec<Option<FastMargin>>,
     pub(super) body_pairs: Vec<(usize, usize, f32)>,
 }
@@ -32,7 +32,8 @@ pub(super) struct FastJoint {
     pub(super) parent_frame: usize,
     pub(super) parent_from_joint: Transform,
     pub(super) is_prismatic: bool,
-    /// Index of the joint position that moves it, and multiplier and offset of a coupled joint.
+    /// Index of the entry of the configuration that moves the joint. `coupling` holds multiplier and offset of a
+    /// coupled joint.
     pub(super) driver: usize,
     pub(super) coupling: Option<[f32; 2]>,
 }
@@ -59,7 +60,7 @@ pub(super) struct FastBody<'a> {
 pub(super) struct FastObstacle<'a> {
     pub(super) ball: FastBall,
     pub(super) pieces: Vec<FastPiece>,
-    /// Distance field of a surface, which has no pieces.
+    /// Distance field of a surface; `None` for an obstacle of convex pieces.
     pub(super) field: Option<&'a DistanceField>,
 }
 
@@ -67,7 +68,7 @@ pub(super) struct FastObstacle<'a> {
 pub(super) struct FastBall {
     center: [f32; 3],
     radius: f32,
-    /// Inscribed radius around the centre (m); 0 if unknown.
+    /// Radius around the centre that is certainly inside the body (m); 0 if unknown.
     inner: f32,
 }
 
@@ -93,7 +94,7 @@ struct Near {
 pub(super) struct Scratch {
     /// Joint positions, one per joint and lane.
     pub(super) config: Vec<Lanes>,
-    /// Per body: added to the clearance (m).
+    /// Length added to the clearances of each body (m), for checks of whole segments.
     pub(super) inflation: Vec<f32>,
     frames: Vec<LaneFrame>,
     centers: Vec<Point>,
@@ -116,7 +117,7 @@ pub(super) fn find_unresolved(model: &FastModel<'_>, scratch: &mut Scratch) -> b
     }
     let count = model.obstacles.len();
     scratch.near.clear();
-    // From gripper to base: most contacts are at the tip, and one is enough.
+    // From the gripper to the base, since most contacts are at the gripper and one is enough.
     for (index, body) in model.bodies.iter().enumerate().rev() {
         let center = scratch.centers[index];
         scratch.cover.clear();

@@ -11,7 +11,7 @@ pub(super) struct FastPiece {
     pub(super) core_from_world: Transform,
     shape: FastShape,
     pub(super) rounding: f32,
-    /// True if the primitive equals the piece.
+    /// True if the primitive equals the piece, so that being within it proves contact.
     pub(super) exact: bool,
 }
 
@@ -22,7 +22,7 @@ enum FastShape {
         radius: f32,
         half_height: f32,
     },
-    /// A segment of this half length; a point if 0.
+    /// A segment along z of this half length; a point if 0.
     Segment(f32),
 }
 
@@ -52,7 +52,7 @@ impl FastPiece {
         (self.squared_distance(center) - Lanes::all(reach * reach)).not_positive()
     }
 
-    /// Squared distance of a point to the primitive without its rounding radius.
+    /// Squared distance of a point to the primitive without its rounding radius [m²].
     #[inline(always)]
     pub(super) fn squared_distance(&self, center: &Point) -> Lanes {
         let Transform { rows, translation } = &self.core_from_world;

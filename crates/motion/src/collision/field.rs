@@ -9,21 +9,21 @@ use glam::DVec3;
 use super::lane_geometry::{Point, ROUNDING};
 use super::lanes::{LANES, Lanes, Verdict};
 
-/// Minimum cell size (m).
+/// Minimum cell size (m). Chosen by hand.
 const CELL_M: f64 = 0.0125;
-/// Maximum number of cells; larger surfaces have larger cells.
+/// Maximum number of cells, to bound memory; larger surfaces have larger cells.
 const MAX_CELLS: f64 = 800_000.0;
 /// Maximum gap (cells); its square fits into a byte.
 const WINDOW: usize = 16;
 
-/// Bounds on the distance to a surface.
+/// Distance field: bounds on the distance to a surface per cell of a regular grid.
 #[derive(Clone, Debug)]
 pub(super) struct DistanceField {
     low: [f32; 3],
-    /// Cells along each axis.
+    /// Number of cells along x, y and z.
     counts: [usize; 3],
     cell: f32,
-    /// Radius of the surface around its marked facets (m).
+    /// Radius by which the facets of the surface are inflated (m), such as that of cloud points.
     radius: f32,
     /// Lower bound per cell, x fastest: squared distance to the nearest marked cell [cells²].
     squared_lower: Vec<u8>,
@@ -111,12 +111,13 @@ impl DistanceField {
         (squared - Lanes::all(reach * reach)).not_positive()
     }
 
-    /// Nearest cells of points, and the squared distances of the points from the grid.
+    /// Indices of the cells nearest to points, and the squared distances of the points from the grid's box (m²), 0
+    /// inside.
     #[inline(always)]
     fn cells_at(&self, point: &Point) -> ([usize; LANES], Lanes) {
         let per_cell = 1.0 / self.cell;
         let (mut outside, mut index) = (Lanes::all(0.0), Lanes::all(0.0));
-        // Integers of this size are exact.
+        // `f32` holds cell indices exactly: they are below 2²⁴.
         for axis in [2, 1, 0] {
             let count = self.counts[axis] as f32;
             let along = point[axis] - Lanes::all(self.low[axis]);
@@ -148,7 +149,8 @@ impl DistanceField {
     fn propagate_along_rows(&mut self) {
         let nx = self.counts[0];
         for row in self.squared_lower.chunks_exact_mut(nx) {
-            // First the distance to the nearest marked cell before, then to the nearest on either side, squared.
+            // First the distance (cells) to the nearest marked cell before in the row, then the squared gap to the
+            // nearest on either side.
             let mut steps = WINDOW as u8 + 1;
             for cell in row.iter_mut() {
                 steps = if *cell == 0 { 0 } else { (steps + 1).min(WINDOW as u8 + 1) };
@@ -161,7 +163,8 @@ impl DistanceField {
         }
     }
 
-    /// One pass along an axis with neighbours `stride` bytes apart, `count` of them, in `blocks` blocks.
+    /// One pass along an axis whose neighbouring cells are `stride` cells apart: `count` cells along it in each of
+    /// `blocks` blocks of `block` cells.
     fn propagate_across(&mut self, stride: usize, count: usize, blocks: usize, block: usize) {
         let before = self.squared_lower.clone();
         let filled: Vec<bool> =
@@ -183,7 +186,7 @@ impl DistanceField {
     }
 }
 
-/// Squared gap between two cells [cells²].
+/// Squared gap between two cells that are `steps` cells apart [cells²]: adjacent cells have none.
 fn squared_gap(steps: usize) -> u8 {
     let gap = steps.saturating_sub(1).min(WINDOW);
     (gap * gap).min(usize::from(u8::MAX)) as u8

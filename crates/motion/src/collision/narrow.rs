@@ -1,9 +1,8 @@
 //! SIMD narrow phase: vertices of a convex body against bounding primitives of an obstacle, eight states at a time.
 //!
 //! Frank-Wolfe steps (M. Frank and P. Wolfe, *An algorithm for quadratic programming*, 1956) move a point of the body
-//! towards
-//! the obstacle. At every step a close point proves contact, and the direction to the obstacle proves clearance if all
-//! vertices are far enough along it; the exact check decides the rest.
+//! towards the obstacle. At every step a close point proves contact, and the direction to the obstacle proves clearance
+//! if all vertices are far enough along it; the exact check decides the rest.
 
 use genmanip_core::Pose;
 use glam::DVec3;
@@ -15,11 +14,11 @@ use super::lane_geometry::{LaneFrame, Point, ROUNDING, add, dot, place, scale, s
 use super::lanes::{LANES, Lanes, Verdict};
 use crate::rigid::Rigid;
 
-/// Maximum steps before the exact check.
+/// Maximum number of Frank-Wolfe steps before the exact check. Chosen by hand.
 const STEPS: usize = 5;
-/// Hulls with more vertices are simplified.
+/// Number of vertices above which hulls are simplified. Chosen by hand.
 const MAX_VERTICES: usize = 32;
-/// Maximum simplification error (m).
+/// Maximum simplification error (m). Chosen by hand.
 const MAX_ERROR_M: f64 = 0.0015;
 
 /// Simplified vertices of a convex body, in its owner's frame.
@@ -27,11 +26,12 @@ const MAX_ERROR_M: f64 = 0.0015;
 pub(crate) struct Skeleton {
     corners: Vec<[f32; 3]>,
     pub(super) center: [f32; 3],
-    /// Radius of the bounding sphere around `center`.
+    /// Radius of the bounding sphere around `center` (m).
     pub(super) ball_radius: f32,
-    /// The body contains everything within this distance of the vertices' hull; negative if even the hull is too large.
+    /// The body contains everything within this distance of the vertices' hull (m); negative if even the hull exceeds
+    /// the body.
     inner: f32,
-    /// The body is within this distance of the vertices' hull.
+    /// The body is within this distance of the vertices' hull (m).
     outer: f32,
 }
 
@@ -39,7 +39,7 @@ impl Skeleton {
     pub(crate) fn new(body: &Convex) -> Self {
         let (corners, slack) = match &body.core {
             Core::Hull { corners, .. } if corners.len() > MAX_VERTICES => simplified(corners),
-            // Sixteen inscribed sides instead of circumscribed ones.
+            // Vertices on the cylinder's rims, instead of those of the circumscribed 16-gon that `corners` returns.
             Core::Cylinder { radius, .. } => {
                 let shrink = (std::f64::consts::PI / 16.0).cos();
                 let inside = |corner: DVec3| DVec3::new(corner.x * shrink, corner.y * shrink, corner.z);
@@ -128,7 +128,7 @@ impl Skeleton {
     }
 }
 
-/// Simplified vertices, and how far the full hull extends beyond theirs (m).
+/// Simplified vertices, and how far the full hull extends beyond the hull of these (m).
 fn simplified(all: &[DVec3]) -> (Vec<DVec3>, f64) {
     let mut kept: Vec<DVec3> = Vec::new();
     for x in -1..=1 {
@@ -152,7 +152,7 @@ fn simplified(all: &[DVec3]) -> (Vec<DVec3>, f64) {
             return (kept, worst + 1e-6);
         }
         let before = kept.len();
-        // Farthest first; others of this round must be well away from those just added.
+        // Vertices farthest outside are added first; others of the same round must be well away from them.
         let mut order: Vec<usize> = (0..all.len()).filter(|index| beyond[*index] > 0.6 * worst).collect();
         order.sort_by(|a, b| beyond[*b].total_cmp(&beyond[*a]));
         for index in order {

@@ -8,7 +8,7 @@ use std::f64::consts::{PI, TAU};
 #[derive(Clone, Debug)]
 pub(crate) struct PairTable {
     axes: [Axis; 2],
-    /// Row-major, first joint first.
+    /// Bounds of all cells (m), row-major, first joint first.
     bounds: Vec<f32>,
 }
 
@@ -17,7 +17,7 @@ struct Axis {
     joint: usize,
     lower: f64,
     cell: f64,
-    /// Positions are reduced to one turn.
+    /// True for a continuous joint, whose positions are reduced to one turn.
     continuous: bool,
 }
 
@@ -28,15 +28,16 @@ pub(crate) struct Mover {
     /// Limits, or one turn of a continuous joint [rad or m].
     pub(crate) range: [f64; 2],
     pub(crate) continuous: bool,
-    /// Maximum approach speed of the bodies per unit joint velocity.
+    /// Maximum approach speed of the bodies per unit joint velocity [m/rad or m/m].
     pub(crate) bound: f64,
 }
 
-/// Cells per joint.
+/// Number of cells per joint. Chosen by hand.
 const CELLS: usize = 96;
 
 impl PairTable {
-    /// Fills the table from `distance` (at positions of the two joints, or a lower bound).
+    /// Fills the table; `distance` returns the distance of the bodies at positions of the two joints, or a lower bound
+    /// (m).
     pub(crate) fn new(movers: [Mover; 2], mut distance: impl FnMut([f64; 2]) -> f64) -> Self {
         // Slightly wider than the limits, for measured positions just outside.
         let axis = |Mover { joint, range: [lower, upper], continuous, .. }: Mover| Axis {
@@ -58,7 +59,7 @@ impl PairTable {
         Self { axes, bounds }
     }
 
-    /// Lower bound over the whole table (m).
+    /// Minimum of the bounds over the whole table (m).
     pub(crate) fn nearest(&self) -> f64 {
         self.bounds.iter().copied().fold(f32::INFINITY, f32::min).into()
     }

@@ -6,7 +6,7 @@ use super::surface::{RelaxedFacets, Surface};
 use super::world::Obstacle;
 use crate::rigid::Rigid;
 
-/// An obstacle with bounding spheres of itself and its pieces, world frame.
+/// Obstacle at its pose, with its bounding sphere in the world frame and the poses of its convex pieces.
 #[derive(Clone, Debug)]
 pub(super) struct PlacedObstacle<'a> {
     pub(super) name: &'a str,
@@ -14,11 +14,12 @@ pub(super) struct PlacedObstacle<'a> {
     pub(super) ball: Ball,
     pub(super) pieces: Vec<PlacedPiece<'a>>,
     pub(super) surface: Option<&'a Surface>,
-    /// Facets with a reduced clearance.
+    /// Facets of the surface with a reduced clearance for some body.
     pub(super) relaxed_facets: RelaxedFacets,
 }
 
-/// A piece of an obstacle.
+/// Convex piece of an obstacle (a core inflated by a radius), with the pose that maps world points into the core's
+/// frame.
 #[derive(Clone, Debug)]
 pub(super) struct PlacedPiece<'a> {
     pub(super) convex: &'a Convex,
@@ -26,7 +27,7 @@ pub(super) struct PlacedPiece<'a> {
 }
 
 impl PlacedPiece<'_> {
-    /// True if a sphere certainly keeps `margin` from the piece.
+    /// True if a sphere certainly keeps `margin` (m) from the piece.
     pub(super) fn clear_of(&self, ball: &Ball, margin: f64) -> bool {
         let reach = ball.radius + self.convex.radius + margin.max(0.0);
         self.convex.core.distance_bound(self.core_from_world.point(ball.center)) > reach
@@ -53,7 +54,7 @@ impl<'a> PlacedObstacle<'a> {
         }
     }
 
-    /// True if a sphere certainly keeps `margin` from the obstacle.
+    /// True if a sphere certainly keeps `margin` (m) from the obstacle.
     pub(super) fn clear_of(&self, ball: &Ball, margin: f64) -> bool {
         self.surface.is_none_or(|surface| ball.is_apart(&surface.ball, margin))
             && self.pieces.iter().all(|piece| piece.clear_of(ball, margin))
@@ -79,7 +80,7 @@ impl<'a> PlacedObstacle<'a> {
         })
     }
 
-    /// Distance of a body if it is at most `margin` (m).
+    /// Distance of a body (m) if it is at most `margin`.
     pub(super) fn separation(&self, body: &Body, world_from_body: &Rigid, margin: f64) -> Separation {
         if let Some(surface) = self.surface {
             return surface.separation(body, world_from_body, margin, &self.relaxed_facets);

@@ -14,60 +14,60 @@ const MAX_DISTANCE_M: f64 = 100.0;
 /// Error in a point cloud or triangle mesh obstacle.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SurfaceError {
-    /// No facets.
+    /// The cloud or mesh has no facets.
     #[error("{name} has no {what}; omit it")]
     Empty {
-        /// Obstacle.
+        /// Name of the obstacle.
         name: String,
-        /// `points` or `triangles`.
+        /// Kind of facet: `points` or `triangles`.
         what: &'static str,
     },
-    /// Too many facets.
+    /// The cloud or mesh has more than `limit` facets.
     #[error("{name} has {got} {what}, at most {limit} are allowed; downsample it")]
     Huge {
-        /// Obstacle.
+        /// Name of the obstacle.
         name: String,
-        /// `points` or `triangles`.
+        /// Kind of facet: `points` or `triangles`.
         what: &'static str,
-        /// Their number.
+        /// Number of facets.
         got: usize,
-        /// The limit.
+        /// Maximum number of facets.
         limit: usize,
     },
     /// A coordinate is not finite or too large.
     #[error("point {index} of {name} is not finite, or more than 100 m away")]
     NotFinite {
-        /// Obstacle.
+        /// Name of the obstacle.
         name: String,
-        /// Index of the point.
+        /// Index of the invalid point or vertex.
         index: usize,
     },
     /// The point radius is out of range.
     #[error("the points of {name} should have a radius above 0 and up to 1 m, got {radius_m} m")]
     BadRadius {
-        /// Obstacle.
+        /// Name of the obstacle.
         name: String,
-        /// The radius.
+        /// Radius given (m).
         radius_m: f64,
     },
     /// A triangle refers to a missing vertex.
     #[error("triangle {index} of {name} refers to vertex {corner}, but there are only {corners}")]
     NoSuchCorner {
-        /// Obstacle.
+        /// Name of the obstacle.
         name: String,
-        /// Index of the triangle.
+        /// Index of the invalid triangle.
         index: usize,
-        /// Vertex index.
+        /// Index of the missing vertex.
         corner: u32,
-        /// Number of vertices.
+        /// Number of vertices of the mesh.
         corners: usize,
     },
-    /// A degenerate triangle.
+    /// A triangle has (nearly) no area.
     #[error("triangle {index} of {name} is degenerate: its vertices are collinear; remove it")]
     Degenerate {
-        /// Obstacle.
+        /// Name of the obstacle.
         name: String,
-        /// Index of the triangle.
+        /// Index of the degenerate triangle.
         index: usize,
     },
 }
@@ -89,7 +89,7 @@ pub(super) fn check(name: &str, what: &'static str, count: usize, points: &[DVec
     if count > MAX_FACETS {
         return Err(SurfaceError::Huge { name: name.to_owned(), what, got: count, limit: MAX_FACETS });
     }
-    // NaN compares false.
+    // `!` rather than `>`, since every comparison with NaN is false.
     let far = |point: &DVec3| !point.abs().cmple(DVec3::splat(MAX_DISTANCE_M)).all();
     match points.iter().position(far) {
         Some(index) => Err(SurfaceError::NotFinite { name: name.to_owned(), index }),

@@ -8,9 +8,9 @@ use super::lanes::{LANES, Lanes, lanes_of};
 use crate::path::lerp;
 use crate::rigid::Rigid;
 
-/// Maximum length of a segment, in steps of the final spacing.
+/// Maximum length of a segment, in steps of the final spacing: one step per SIMD lane.
 const STEPS: usize = LANES;
-/// Step length for pairs with a relaxed clearance, as a share of the final spacing.
+/// Step length for pairs with a relaxed clearance, as a share of the final spacing. Chosen by hand.
 const RELAXED_STEP_SHARE: f64 = 0.2;
 
 impl Checker<'_> {
@@ -39,7 +39,7 @@ impl Checker<'_> {
         near.iter().all(|near| query.follow(near))
     }
 
-    /// Maximum speed of any point of each body along an edge of unit duration.
+    /// Maximum speed of any point of each body along an edge of unit duration (m per edge).
     fn speeds(&self, from: &[f64], to: &[f64]) -> Vec<f64> {
         let speed =
             |bounds: &Vec<f64>| bounds.iter().zip(from).zip(to).map(|((bound, a), b)| bound * (a - b).abs()).sum();
@@ -128,8 +128,8 @@ impl Query<'_, '_> {
         unresolved_pairs.iter().all(is_free).then_some(passes)
     }
 
-    /// Exact check of the middle state of a segment near a surface, for which the fast path proves no contact: often
-    /// the whole segment is free, and paths through a surface are rejected early.
+    /// Exact check of the middle state of a segment near a surface, which the fast path left undecided. It often proves
+    /// the whole segment free, and rejects paths through a surface early. `Near` for other obstacles.
     fn check_middle(&self, passes: &NearPass, frames: &mut Option<Vec<Rigid>>) -> SegmentState {
         let NearPass { segment: Segment { edge, middle, half }, body: index, obstacle } = *passes;
         let checker = self.checker;

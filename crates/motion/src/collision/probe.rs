@@ -11,8 +11,8 @@ use crate::rigid::Rigid;
 
 /// Face planes of a hull, in the frame of its core; empty for other shapes, whose distances have closed forms.
 ///
-/// In batches of eight, each next plane as different from the previous ones as possible, so that distant points are
-/// rejected after a few.
+/// The planes are in batches of eight and ordered so that each one differs most from all before it: distant points are
+/// rejected after a few planes.
 #[derive(Clone, Debug)]
 pub(crate) struct FacePlanes(Vec<EightPlanes>);
 
@@ -23,7 +23,7 @@ struct EightPlanes {
     offset: Lanes,
 }
 
-/// Rounding error of single precision over the size of a link and its surroundings (m).
+/// Rounding error of single precision over the size of a link and its surroundings (m). Chosen by hand.
 const SINGLE: f64 = 2e-6;
 /// Normals that differ by less are one face [rad² / 2].
 const SAME_FACE: f64 = 1e-9;
@@ -32,14 +32,14 @@ const SAME_FACE: f64 = 1e-9;
 #[derive(Clone, Debug)]
 pub(crate) struct Solid<'a> {
     pub(super) piece: &'a Convex,
-    /// Face planes, if precomputed.
+    /// Face planes of the piece; `None` if they were not precomputed, as for an attached object.
     pub(super) planes: Option<&'a FacePlanes>,
     pub(super) core_from_world: Rigid,
 }
 
 impl Solid<'_> {
-    /// True if a point is within `margin` of the piece; with face planes, of all planes, which is slightly more at
-    /// sharp edges.
+    /// True if a point is within `margin` (m) of the piece. With face planes, distance means that to the farthest
+    /// plane, so that points slightly farther away count near sharp edges.
     pub(crate) fn is_within(&self, point: DVec3, margin: f64) -> bool {
         let point = self.core_from_world.point(point);
         // Inside points count even without a margin.
@@ -52,7 +52,7 @@ impl Solid<'_> {
         }
     }
 
-    /// True if a point is certainly farther than `margin` from the piece.
+    /// True if a point is certainly farther than `margin` (m) from the piece.
     pub(crate) fn is_surely_beyond(&self, point: DVec3, margin: f64) -> bool {
         self.piece.core.distance_bound(self.core_from_world.point(point)) > margin + self.piece.radius
     }
@@ -72,7 +72,7 @@ impl FacePlanes {
         let corner = |index: u32| hull[index as usize];
         let normal = |[a, b, c]: &[u32; 3]| (corner(*b) - corner(*a)).cross(corner(*c) - corner(*a)).try_normalize();
         let normals: Vec<DVec3> = triangles.iter().filter_map(normal).collect();
-        // Cosine of each normal to the nearest chosen one.
+        // Cosine of the angle between each normal and the most similar normal chosen so far.
         let mut similarity = vec![-2.0_f64; normals.len()];
         let mut chosen: Vec<[f32; 4]> = Vec::new();
         while let Some(next) = (0..normals.len()).min_by(|a, b| similarity[*a].total_cmp(&similarity[*b])) {
@@ -94,8 +94,8 @@ impl FacePlanes {
     }
 }
 
-/// Largest signed distance of a point from a plane, negative inside, up to rounding: a lower bound of the distance to
-/// the hull. Values above `enough` may be reported early.
+/// Largest signed distance of a point from a plane (m), negative inside, up to rounding: a lower bound of the distance
+/// to the hull. Values above `enough` may be reported early.
 fn max_plane_distance(planes: &[EightPlanes], point: DVec3, enough: f64) -> f64 {
     let [x, y, z] = point.to_array().map(|value| Lanes::all(value as f32));
     let mut max_plane_distance = Lanes::all(f32::MIN);
@@ -113,7 +113,8 @@ impl<'a> Probe<'a> {
         Self { piece, planes }
     }
 
-    /// True if one of the first planes proves a sphere, in the core frame, `reach` away.
+    /// True if one of the first planes proves that a sphere's centre, in the core frame, is at least `reach` (m) from
+    /// the core.
     pub(super) fn is_roughly_beyond(&self, center: DVec3, reach: f64) -> bool {
         let few = &self.planes.0[..self.planes.0.len().min(2)];
         max_plane_distance(few, center, reach + SINGLE) > reach + SINGLE

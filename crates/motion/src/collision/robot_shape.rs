@@ -14,7 +14,7 @@ use super::world::Attached;
 use crate::chain::{Chain, ChainJoint, ModelError};
 use crate::rigid::Rigid;
 
-/// Links that always stay farther apart than this are not checked against each other (m).
+/// Distance (m): pairs of links that never come nearer than this are not checked. Chosen by hand.
 const NEVER_NEAR_M: f64 = 0.02;
 
 /// Exact convex bodies of a robot's links and the link pairs to check.
@@ -25,7 +25,7 @@ pub struct RobotShape {
     /// Link pairs that may collide: not in the same moving frame, not declared as never colliding, not always apart.
     pub(crate) pairs: Vec<(usize, usize)>,
     pub(crate) gripper_links: [usize; 3],
-    /// Distance tables of the pairs that only two joints move.
+    /// Distance tables, one per entry of `pairs`; `None` for fingers and where not exactly two joints move the pair.
     pub(crate) tables: Vec<Option<PairTable>>,
 }
 
@@ -37,14 +37,14 @@ pub(crate) struct LinkShape {
     pub(crate) cover: Vec<CoverBall>,
     /// Vertices for the SIMD narrow phase.
     pub(crate) skeletons: Vec<Skeleton>,
-    /// Face planes for points and triangles.
+    /// Face planes for tests against the points and triangles of surfaces.
     pub(crate) planes: Vec<FacePlanes>,
 }
 
 /// Error of compiling a robot for collision checking.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RobotError {
-    /// The kinematics are invalid.
+    /// The kinematics are invalid, such as an empty joint range.
     #[error(transparent)]
     Model(#[from] ModelError),
     /// A collision piece is invalid.
@@ -57,7 +57,7 @@ impl RobotShape {
     pub fn new(robot: &RobotModel) -> Result<Self, RobotError> {
         let mut shape = Self::without_tables(robot)?;
         shape.tables = shape.pair_tables(&robot.gripper.fingers);
-        // Drop pairs that never come near each other.
+        // Pairs with a table that never come near each other are dropped.
         let kept: Vec<bool> = shape
             .tables
             .iter()
@@ -99,7 +99,7 @@ impl RobotShape {
         Ok(Self { chain, links, pairs, gripper_links: [robot.hand, left, right], tables })
     }
 
-    /// The kinematic chain.
+    /// Kinematic chain of the robot.
     pub fn chain(&self) -> &Chain {
         &self.chain
     }
@@ -147,7 +147,7 @@ impl RobotShape {
             .collect()
     }
 
-    /// Index of a link pair (smaller index first) among the checked ones, which are sorted.
+    /// Index of a link pair (smaller index first) in `pairs`, which is sorted; `None` for a pair that is not checked.
     fn pair(&self, a: usize, b: usize) -> Option<usize> {
         self.pairs.binary_search(&(a, b)).ok()
     }

@@ -22,12 +22,12 @@ const STACK_SIZE: usize = 64;
 #[derive(Clone, Debug)]
 pub(crate) struct Surface {
     facets: Facets,
-    /// Radius around facets (m).
+    /// Radius by which facets are inflated (m).
     radius: f64,
     /// Levels of the hierarchy: facets in groups of eight, then groups of groups, up to a single one.
     levels: Vec<Vec<Node>>,
     pub(super) field: DistanceField,
-    /// Bounding sphere of the surface.
+    /// Bounding sphere of the surface, world frame.
     pub(super) ball: Ball,
 }
 
@@ -75,7 +75,7 @@ impl Surface {
         self.facets.len()
     }
 
-    /// True if a body is closer than `margin` to the surface; relaxed facets have their own clearance.
+    /// True if a body is closer than `margin` (m) to the surface; relaxed facets have their own clearance.
     pub(super) fn closer_than(
         &self,
         body: &Body,
@@ -102,7 +102,7 @@ impl Surface {
         })
     }
 
-    /// Distance of a body if it is at most `margin`; relaxed facets count only if closer than their own clearance.
+    /// Distance of a body (m) if it is at most `margin`; relaxed facets count only if closer than their own clearance.
     pub(super) fn separation(
         &self,
         body: &Body,
@@ -189,7 +189,7 @@ impl Node {
         let center = |axis: usize| Lanes::from_array(std::array::from_fn(|lane| ball(lane).center[axis] as f32));
         let count = balls.len();
         let balls: [Ball; LANES] = std::array::from_fn(ball);
-        // Upper bound of the rounding error of centres.
+        // Enlarged by an upper bound of the error from rounding centres to single precision.
         let rounded = |ball: Ball| (ball.radius + 1e-7 * (ball.radius + ball.center.abs().max_element())) as f32;
         Self { count, centers: [center(0), center(1), center(2)], radii: Lanes::from_array(balls.map(rounded)), balls }
     }
@@ -206,7 +206,7 @@ fn nodes_of(balls: &[Ball]) -> Vec<Node> {
 /// Facets with a reduced clearance for a body that is near them at the start or goal of a motion.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RelaxedFacets {
-    /// Body, facet and clearance, sorted.
+    /// Body, index of the facet and clearance (m), sorted.
     facets: Vec<(MovingBody, u32, f64)>,
 }
 
@@ -237,7 +237,7 @@ fn probes<'a>(body: &Body<'a>) -> impl Iterator<Item = Probe<'a>> + use<'a> {
     body.pieces.iter().zip(body.planes).map(|(piece, planes)| Probe::new(piece, planes))
 }
 
-/// A facet of the hierarchy.
+/// Point or triangle of a [`Surface`].
 trait Facet: Copy {
     fn low(&self) -> DVec3;
     fn high(&self) -> DVec3;
@@ -281,7 +281,7 @@ impl Facets {
         }
     }
 
-    /// Cell size for which subdividing all triangles stays cheap (m).
+    /// Cell size of the distance field (m) for which subdividing all triangles stays cheap.
     fn smallest_cell(&self) -> f64 {
         const PIECES: f64 = 4e6;
         let Self::Triangles(triangles) = self else { return 0.0 };

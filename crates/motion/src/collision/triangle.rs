@@ -25,7 +25,8 @@ impl Triangle {
         a.distance(b) + b.distance(c) + c.distance(a)
     }
 
-    /// Calls `mark` with boxes that together contain the triangle, each at most about as large as a cell.
+    /// Calls `mark` with the lower and upper corners of boxes that together contain the triangle, each at most about
+    /// `cell` (m) large.
     pub(super) fn subdivide(&self, cell: f64, mark: &mut dyn FnMut(DVec3, DVec3)) {
         let [a, b, c] = self.0;
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));

@@ -41,7 +41,7 @@ pub(crate) struct Obstacle {
     pub(crate) surface: Option<Arc<Surface>>,
 }
 
-/// An object held by the gripper, rigidly attached to the TCP.
+/// An object held by the gripper, rigidly attached to the TCP; checked against obstacles and links.
 #[derive(Clone, Debug)]
 pub struct Attached {
     pub(crate) name: String,
@@ -59,7 +59,7 @@ pub struct Attached {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct AllowedCollisions {
     pairs: Vec<(MovingBody, String)>,
-    /// Obstacles ignored entirely.
+    /// Names of obstacles ignored entirely.
     ignored: Vec<String>,
 }
 
@@ -124,7 +124,7 @@ impl CollisionWorld {
         }
     }
 
-    /// Number of points or triangles of an obstacle; `None` if it has none.
+    /// Number of points or triangles of an obstacle; `None` if it is no cloud or mesh, or unknown.
     pub fn facet_count(&self, name: &str) -> Option<usize> {
         let obstacle = self.obstacles.iter().find(|obstacle| obstacle.name == name)?;
         obstacle.surface.as_ref().map(|surface| surface.facet_count())
@@ -154,17 +154,17 @@ impl Attached {
         Ok(Self { name: name.to_owned(), pieces, cover, skeletons, planes, tcp_from_object })
     }
 
-    /// Name of the object.
+    /// Name of the object, as in collision reports.
     pub fn name(&self) -> &str {
         &self.name
     }
 }
 
 impl AllowedCollisions {
-    /// No allowed contacts.
+    /// Every pair is checked.
     pub const NONE: Self = Self { pairs: Vec::new(), ignored: Vec::new() };
 
-    /// No allowed contacts.
+    /// Every pair is checked, see [`Self::NONE`].
     pub fn none() -> Self {
         Self::NONE
     }
@@ -189,7 +189,7 @@ impl AllowedCollisions {
         self.and(MovingBody::Attached, obstacle)
     }
 
-    /// Ignores an obstacle entirely.
+    /// Excludes an obstacle from all checks.
     #[must_use]
     pub fn and_all(mut self, obstacle: &str) -> Self {
         self.ignored.push(obstacle.to_owned());

@@ -15,7 +15,7 @@ use pixels::{Grid, View};
 
 use crate::collision::{Checker, Solid, SurfaceError};
 
-/// Settings of depth filtering.
+/// Settings for the conversion of depth images to obstacle points.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DepthSettings {
@@ -52,7 +52,7 @@ impl Default for DepthSettings {
     }
 }
 
-/// Error in depth images.
+/// Reason why depth images cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DepthError {
     /// The number of depths differs from the number of pixels.
@@ -96,9 +96,9 @@ pub enum DepthError {
     /// The robot configuration in the images has the wrong length or is not finite.
     #[error("expected {expected} finite joint positions of the robot in the images, got {got:?}")]
     Configuration {
-        /// Number of arm joints.
+        /// Number of arm joints, which is the required length.
         expected: usize,
-        /// The given values.
+        /// Values given.
         got: Vec<f64>,
     },
     /// The remaining points form no valid cloud.
@@ -151,7 +151,7 @@ fn check(index: usize, image: &RgbdImage) -> Result<(), DepthError> {
     Ok(())
 }
 
-/// Voxels along the edge of a block, as a power of two.
+/// Number of voxels along the edge of a block, as a power of two.
 const BLOCK_BITS: u32 = 3;
 /// 64-bit words of a block's occupancy bits.
 const WORDS: usize = (1 << (3 * BLOCK_BITS)) / 64;
@@ -159,7 +159,7 @@ const WORDS: usize = (1 << (3 * BLOCK_BITS)) / 64;
 /// A sparse voxel grid over the robot's reach with occupied voxels and nearby known solids.
 struct VoxelGrid<'a> {
     grid: Grid,
-    /// Blocks along each axis.
+    /// Number of blocks along each axis.
     count: u32,
     /// Index into `blocks` plus one, for each block of the grid; 0 if empty.
     block_at: Vec<u32>,
@@ -173,7 +173,7 @@ struct VoxelGrid<'a> {
 
 struct Block {
     seen: [u64; WORDS],
-    /// Range in `near`.
+    /// Start and end of the block's range in [`VoxelGrid::near`].
     near: [u32; 2],
 }
 

@@ -10,14 +10,15 @@ use crate::collision::lanes::{LANES, Lanes};
 pub(super) struct Grid {
     pub(super) low: DVec3,
     pub(super) cells_per_m: f64,
-    /// Voxels along each axis.
+    /// Number of voxels along each axis.
     pub(super) count: u32,
 }
 
-/// Pixel rays of an image.
+/// Pixel rays of an image, world frame.
 pub(super) struct View {
     camera: DVec3,
-    /// Ray of the first pixel at a depth of 1 m, and the steps to the next column and the next row.
+    /// Ray of the first pixel (its point at a depth of 1 m, relative to the camera), and the steps to the next column
+    /// and the next row.
     corner: DVec3,
     right: DVec3,
     down: DVec3,
@@ -58,7 +59,7 @@ fn find_cells(axes: &[[f32; 3]; 3], limit: f32, depths_m: &[f32], cells: &mut Ve
         let mut depth = [0.0; LANES];
         depth[..eight.len()].copy_from_slice(eight);
         let depth = Lanes::from_array(depth);
-        // NaN compares false.
+        // NaN compares false, so it becomes 0, which means no depth.
         let depth = zero.below(depth).pick(depth, zero);
         let depth = depth.below(Lanes::all(f32::INFINITY)).pick(depth, zero);
         let along = |[camera, start, step]: [f32; 3]| (columns * step + Lanes::all(start)) * depth + Lanes::all(camera);

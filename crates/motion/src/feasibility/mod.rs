@@ -2,7 +2,7 @@
 //!
 //! A [`PickQuery`] holds the obstacles, the object, goal poses and the arm configuration. [`PickQuery::grasps`] checks
 //! grasp candidates in order and yields the feasible ones:
-//! 1. an arm configuration is reachable and free of everything but the object, as is the pre-grasp if
+//! 1. an IK solution collides with nothing but possibly the object, and so does one for the pre-grasp if
 //!    [`FeasibilitySettings::tests_pregrasp`] is set;
 //! 2. the open fingers fit beside the object;
 //! 3. at some goal pose the same grasp can release the object, as low as possible.
@@ -34,7 +34,8 @@ use crate::collision::{AllowedCollisions, Checker, CollisionWorld};
 use crate::plan::PlanError;
 use crate::planner::{Planner, PlanningScene};
 
-/// Maximum joint motion between grasp and pre-grasp (rad); other IK branches are farther away.
+/// Maximum joint motion between grasp and pre-grasp (rad) within one IK branch; the solutions of other branches are
+/// farther away.
 const SAME_BRANCH_RAD: f64 = 1.0;
 
 /// The object to be picked, at its pose.
@@ -60,24 +61,24 @@ pub struct PlaceGoal {
     pub clear_height_m: f64,
 }
 
-/// Query for picking one object.
+/// Query for feasible grasps of one object.
 #[derive(Clone, Copy, Debug)]
 pub struct PickQuery<'a> {
-    /// Robot and gripper.
+    /// Planner of the robot, which also has the gripper.
     pub planner: &'a Planner,
-    /// All obstacles, including the object under its name.
+    /// All obstacles, including the picked object under [`PickedObject::name`].
     pub world: &'a CollisionWorld,
-    /// The object.
+    /// The object to be picked.
     pub object: PickedObject<'a>,
     /// Goal poses, one of which must allow a release; empty for none.
     pub goals: &'a [PlaceGoal],
     /// Current arm configuration (rad); IK solutions near it are preferred.
     pub arm: &'a [f64],
-    /// Feasibility criteria.
+    /// Criteria by which a grasp counts as feasible.
     pub settings: &'a FeasibilitySettings,
 }
 
-/// A feasible grasp.
+/// A grasp that meets all criteria, with its arm configuration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FeasibleGrasp {
     /// The grasp, object frame; possibly the candidate rotated by half a turn.
@@ -104,7 +105,7 @@ impl<'a> PickQuery<'a> {
         }
     }
 
-    /// Ignores the object; its clearance is checked separately.
+    /// Allowed collisions that exclude the object; its clearance is checked separately.
     fn without_object(&self) -> AllowedCollisions {
         AllowedCollisions::none().and_all(self.object.name)
     }
@@ -124,7 +125,7 @@ impl<'a> PickQuery<'a> {
         widened.into_iter().chain([self.planner.opening(grasp)])
     }
 
-    /// The grasp at its free configurations, up to the configured number.
+    /// Feasible grasps with the configurations of a candidate, at most [`FeasibilitySettings::configurations_kept`].
     fn configurations_of(&self, grasp: &Grasp) -> Result<Vec<FeasibleGrasp>, LazyRejection> {
         let PickQuery { planner, object, settings, .. } = *self;
         let Some(opening_m) = self.openings(grasp).next() else { return Ok(Vec::new()) };
@@ -183,7 +184,7 @@ impl<'a> PickQuery<'a> {
         self.settings.object_clearance_m.is_none_or(keeps)
     }
 
-    /// Minimum release height above a goal pose (m).
+    /// Minimum release height above a goal pose (m); `None` if no goal allows a release.
     fn release_height_m(&self, grasp: &Grasp, config: &[f64], at_grasp: &Checker) -> Option<f64> {
         let (planner, settings) = (self.planner, self.settings);
         // The object will have left its current pose.
@@ -235,12 +236,13 @@ fn no_approach() -> GraspRejection {
 pub struct FeasibleGrasps<'a, I> {
     query: PickQuery<'a>,
     candidates: I,
-    /// The last candidate rotated by half a turn, if still to be tried.
+    /// The last candidate rotated by half a turn, if still to be tried; otherwise `None`.
     turned: Option<Grasp>,
     pending: VecDeque<FeasibleGrasp>,
     found: usize,
     rejections: GraspRejections,
-    /// Openings (m) and configurations of blocked grasps.
+    /// Openings (m) and configurations of grasps that collide, from which [`FeasibleGrasps::rejections`] determines the
+    /// obstacles.
     blocked: Vec<(f64, Vec<f64>)>,
 }
 

@@ -9,8 +9,8 @@ use crate::path::Path;
 use crate::plan::PlanError;
 use crate::planner::PlanningScene;
 
-/// Maximum joint step between states of an approach checked against the object [rad]: less than 0.5 mm of finger motion
-/// at the forearm's length.
+/// Maximum joint step between states of an approach checked against the object [rad]: 2 mm of finger motion at the
+/// forearm's length of 0.4 m, mostly along the approach.
 const APPROACH_STEP_RAD: f64 = 0.005;
 
 /// Motions of one pick, in order; the gripper closes after the second.
@@ -36,10 +36,10 @@ impl PickQuery<'_> {
         Ok(PickMotions { reach, approach, lift })
     }
 
-    /// Straight to the grasp along the fingers.
+    /// Straight motion from the pre-grasp to the grasp along the fingers.
     ///
     /// # Errors
-    /// Fails with the planning error.
+    /// The planning error, if the line is unreachable or blocked.
     pub fn approach(&self, grasp: &FeasibleGrasp) -> Result<Path, PlanError> {
         let (planner, settings) = (self.planner, self.settings);
         let world_from_tcp = planner.tcp_pose(&grasp.config);
@@ -68,7 +68,7 @@ impl PickQuery<'_> {
     /// Free motion to the pre-grasp.
     ///
     /// # Errors
-    /// Fails with the planning error.
+    /// The planning error, if no path is found.
     pub fn reach(&self, grasp: &FeasibleGrasp, approach: &Path, seed: Seed) -> Result<Path, PlanError> {
         let no_contact = AllowedCollisions::none();
         let open = self.empty_gripper(&no_contact, grasp.opening_m);
@@ -78,7 +78,7 @@ impl PickQuery<'_> {
     /// Straight lift with the object in the gripper.
     ///
     /// # Errors
-    /// Fails with the planning error.
+    /// The planning error, if the line is unreachable or blocked.
     pub fn lift(&self, grasp: &FeasibleGrasp) -> Result<Path, PlanError> {
         let held = &grasp.object_from_tcp;
         let world_from_tcp = self.planner.tcp_pose(&grasp.config);

@@ -12,13 +12,13 @@ use crate::planner::{Planner, PlanningScene};
 /// Query for placing the held object.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaceQuery<'a> {
-    /// Robot and gripper.
+    /// Planner of the robot, which also has the gripper.
     pub planner: &'a Planner,
     /// All obstacles except the object.
     pub world: &'a CollisionWorld,
-    /// Name of the object.
+    /// Name of the held object.
     pub name: &'a str,
-    /// Convex collision pieces, object frame.
+    /// Convex collision pieces of the held object, object frame.
     pub pieces: &'a [Piece],
     /// Object pose in the TCP frame.
     pub tcp_from_object: Pose,
@@ -26,13 +26,13 @@ pub struct PlaceQuery<'a> {
     pub arm: &'a [f64],
     /// Current gripper opening (m).
     pub held_width_m: f64,
-    /// Gripper opening for the release (m).
+    /// Gripper opening after the release (m).
     pub open_width_m: f64,
-    /// Feasibility criteria.
+    /// Clearances, heights and search limits.
     pub settings: &'a FeasibilitySettings,
-    /// Maximum failed motion searches; `usize::MAX` for no limit.
+    /// Maximum number of failed motion searches in total; `usize::MAX` for no limit.
     pub searches: usize,
-    /// Maximum failed motion searches per goal pose.
+    /// Maximum number of failed motion searches per goal pose.
     pub searches_per_goal: usize,
 }
 

@@ -7,25 +7,25 @@ use crate::plan::PlanError;
 /// Reason why a grasp is infeasible.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GraspRejection {
-    /// No IK solution.
+    /// No IK solution at the grasp.
     #[error("out of reach")]
     OutOfReach,
-    /// Every configuration collides; the obstacle is that of the first.
+    /// Every configuration of the arm collides at the grasp.
     #[error("blocked by {by}")]
     Blocked {
-        /// Name of the obstacle, or of a robot link in self-collision.
+        /// Name of the obstacle that blocks the first configuration, or of a robot link in self-collision.
         by: String,
     },
     /// The object cannot be released at any goal pose.
     #[error("no release possible at any goal pose")]
     NoUse,
-    /// No straight approach.
+    /// No collision-free pre-grasp in the IK branch of the grasp, or no straight-line motion between the two.
     #[error("no straight approach: {0}")]
     NoApproach(PlanError),
     /// No free motion to the pre-grasp.
     #[error("no free motion to the approach: {0}")]
     NoReach(PlanError),
-    /// No straight lift.
+    /// No straight-line motion that lifts the object.
     #[error("no straight lift: {0}")]
     NoLift(PlanError),
 }
@@ -33,22 +33,22 @@ pub enum GraspRejection {
 /// Number of rejected grasps by reason; the gripper rotated by half a turn counts separately.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GraspRejections {
-    /// Unreachable grasps.
+    /// Number of grasps without an IK solution.
     pub out_of_reach: usize,
-    /// Blocked grasps, by the name of the first obstacle.
+    /// Number of blocked grasps by the name of the first obstacle.
     pub blocked: BTreeMap<String, usize>,
-    /// Grasps without a possible release at any goal pose.
+    /// Number of grasps without a possible release at any goal pose.
     pub no_use: usize,
-    /// Grasps without a straight approach.
+    /// Number of grasps without a straight approach.
     pub no_approach: usize,
-    /// Grasps without a free motion to the pre-grasp.
+    /// Number of grasps without a free motion to the pre-grasp.
     pub no_reach: usize,
-    /// Grasps without a straight lift.
+    /// Number of grasps without a straight lift.
     pub no_lift: usize,
 }
 
 impl GraspRejections {
-    /// Counts a rejection.
+    /// Adds a rejection to the number of its reason.
     pub fn count(&mut self, rejection: &GraspRejection) {
         match rejection {
             GraspRejection::OutOfReach => self.out_of_reach += 1,
@@ -74,7 +74,7 @@ impl GraspRejections {
 }
 
 impl GraspRejection {
-    /// Planning error, if that is the reason.
+    /// Planning error of the approach, reach or lift; `None` for other reasons.
     pub fn plan_error(&self) -> Option<&PlanError> {
         match self {
             Self::NoApproach(error) | Self::NoReach(error) | Self::NoLift(error) => Some(error),

@@ -13,9 +13,9 @@ use serde::{Deserialize, Serialize};
 pub struct FeasibilitySettings {
     /// Number of feasible grasps after which the search ends.
     pub wanted: usize,
-    /// Arm configurations tried per grasp, nearest to the current one first.
+    /// Maximum number of arm configurations tried per grasp, nearest to the current one first.
     pub configurations: usize,
-    /// Free configurations returned per grasp, each as a separate feasible grasp.
+    /// Maximum number of collision-free configurations returned per grasp, each as a separate feasible grasp.
     pub configurations_kept: usize,
     /// Treatment of the same grasp rotated by half a turn.
     pub half_turn: HalfTurn,
@@ -29,13 +29,14 @@ pub struct FeasibilitySettings {
     pub finger_room_m: Option<f64>,
     /// Length of the straight approach and retreat (m).
     pub approach_m: f64,
-    /// Check the pre-grasp together with the grasp; the line between them is checked when the motion is planned.
+    /// True to check the pre-grasp together with the grasp; the line between them is checked when the motion is
+    /// planned.
     pub tests_pregrasp: bool,
     /// Lift height, and minimum height from which the object is lowered (m).
     pub lift_m: f64,
     /// Release heights above a goal pose to try (m), lowest first.
     pub release_heights_m: Vec<f64>,
-    /// Arm configurations tried per goal pose and height.
+    /// Maximum number of arm configurations tried per goal pose and height.
     pub goal_configurations: usize,
 }
 
@@ -45,9 +46,9 @@ pub struct FeasibilitySettings {
 pub enum HalfTurn {
     /// Try it after the grasp as a separate grasp.
     Both,
-    /// Leave it out.
+    /// Do not try it.
     Neither,
-    /// Use the one of the two with the configuration nearer to the current one.
+    /// Use only the one of the two whose arm configuration is nearer to the current one.
     Nearer,
 }
 

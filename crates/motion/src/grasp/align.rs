@@ -9,18 +9,18 @@ use super::solid::Solid;
 use super::target::GraspTarget;
 use crate::collision::GeometryError;
 
-/// Turns at which an object must offer the same contacts to count as round.
+/// Number of turns about the vertical at which an object must offer the same contacts to count as round.
 const TURNS: usize = 12;
 /// Maximum difference of contact positions at these turns (m): more than the error of a body of revolution that is made
 /// of flat pieces.
 const SAME_CONTACT_M: f64 = 0.002;
 /// Maximum loss of the cosine between closing line and surface normals at these turns: pieces with 16 sides lose 0.02.
 const SAME_COSINE: f64 = 0.05;
-/// Start of the closing line before the tool (m): outside of any object that fits the gripper.
+/// Distance before the TCP at which rays along the closing line start (m): outside of any object that fits the gripper.
 const OUTSIDE_M: f64 = 0.3;
 
-/// Grasps (object frame), each turned about the vertical through the centre of mass as near to a tool orientation (world
-/// frame) as that gets, where the object is round; the others as they are.
+/// Grasps (object frame) on a round object, each turned about the vertical through the centre of mass as near to a tool
+/// orientation (world frame) as possible; other grasps unchanged.
 ///
 /// # Errors
 /// Fails if a collision piece has no volume.
@@ -49,14 +49,16 @@ pub(crate) fn turned_towards(
         if !is_round(&grasp) {
             return grasp;
         }
-        // The twist about the vertical of the rotation that is missing.
+        // Swing-twist decomposition: the twist about the vertical of the rotation from the grasp to the wanted
+        // orientation.
         let missing = wanted * grasp.pose.rotation.inverse();
         turn(&grasp, 2.0 * missing.xyz().dot(up).atan2(missing.w))
     };
     Ok(grasps.into_iter().map(towards).collect())
 }
 
-/// Ends of the closing line inside the object, relative to the tool (m), and the smaller cosine to the normals there.
+/// Ends of the closing line inside the object, relative to the TCP (m), and the smaller of the two cosines between
+/// closing line and surface normals there.
 struct Contacts {
     ends: [f64; 2],
     cosine: f64,

@@ -19,7 +19,7 @@ pub(super) struct GraspEvaluator<'a> {
     object: Vec<Convex>,
     /// Unit vector up from the table.
     up: DVec3,
-    /// Value of `up · point` on the table.
+    /// Support height: value of `up · point` on the table (m).
     table: f64,
 }
 
@@ -94,7 +94,7 @@ impl<'a> GraspEvaluator<'a> {
         self.fits(&Rigid::from(&grasp.pose), opening)
     }
 
-    /// Lowest `up · point` of hand and fingers.
+    /// Lowest `up · point` of hand and open fingers (m).
     fn lowest(&self, object_from_tcp: &Rigid, opening: f64) -> f64 {
         let gripper = self.gripper;
         let fingers = gripper.fingers.iter().map(|finger| (&finger.pieces, finger.place(opening)));
@@ -133,7 +133,7 @@ impl<'a> GraspEvaluator<'a> {
         })
     }
 
-    /// Opening at which a closing finger touches the object; `None` if it never does.
+    /// Opening (m) at which a closing finger touches the object; `None` if it never does.
     ///
     /// Conservative advancement: each step closes by the free distance, so thin walls are not skipped.
     fn touch(&self, object_from_tcp: &Rigid, finger: usize, opening: f64) -> Option<f64> {
@@ -154,7 +154,7 @@ impl<'a> GraspEvaluator<'a> {
         Some(width)
     }
 
-    /// Distance of pieces to the object if it is at most `limit`.
+    /// Distance of pieces to the object (m) if it is at most `limit`; otherwise `None`.
     fn distance(&self, pieces: &[Convex], object_from_pieces: &Rigid, limit: f64) -> Option<f64> {
         let mut nearest = limit;
         let mut found = false;

@@ -36,7 +36,7 @@ pub(crate) struct Finger {
 }
 
 impl Gripper {
-    /// Gripper of a robot.
+    /// Geometry of a robot's gripper, from its compiled collision pieces.
     pub(crate) fn of(robot: &RobotModel, shape: &RobotShape) -> Self {
         let (_, frame_from_tcp) = shape.chain.tcp_mount();
         let tcp_from_link = |link: usize, width: f64| frame_from_tcp.inverse() * shape.chain.link_mount(link, width).1;
@@ -83,7 +83,8 @@ impl Gripper {
         }
     }
 
-    /// Gripper opening for the approach: grasp width plus `clearance` on either side.
+    /// Gripper opening for the approach (m): grasp width plus `clearance` on either side, at most
+    /// [`Gripper::max_width`].
     pub fn opening_for(&self, grasp: &Grasp, clearance: f64) -> f64 {
         (grasp.width + 2.0 * clearance).min(self.max_width)
     }

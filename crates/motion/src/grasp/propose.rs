@@ -10,7 +10,7 @@ use super::solid::{Chord, Solid};
 use super::target::{GraspTarget, squareness};
 use crate::collision::GeometryError;
 
-/// Number of slices along either axis of flat objects.
+/// Number of slices along either horizontal axis of a flat object. Chosen by hand.
 const FLAT_SLICES: usize = 24;
 
 /// A TCP pose to be checked exactly, object frame.
@@ -67,7 +67,7 @@ pub(super) fn proposals(
     Ok(proposals)
 }
 
-/// Start points: half of them anywhere, half from the top 3 cm, where rims are.
+/// Random start points: half of them from the whole surface, half from its top 3 cm, where rims are.
 fn pick(surface: &[(DVec3, DVec3)], up: DVec3, high: f64, count: usize, rng: &mut impl Rng) -> Vec<(DVec3, DVec3)> {
     let top: Vec<(DVec3, DVec3)> = surface.iter().copied().filter(|(point, _)| point.dot(up) > high - 0.03).collect();
     let draw = |from: &[(DVec3, DVec3)], rng: &mut dyn FnMut(usize) -> usize| from[rng(from.len())];
@@ -77,7 +77,8 @@ fn pick(surface: &[(DVec3, DVec3)], up: DVec3, high: f64, count: usize, rng: &mu
     anywhere.into_iter().chain(rim).collect()
 }
 
-/// Pairs on a line through the solid: the body entered at `entry`, and everything from there to its far side.
+/// Antipodal pairs on a line through the solid: across the body entered at `entry`, and from there to the far side of
+/// the last body on the line.
 fn pairs_along(
     solid: &Solid,
     origin: DVec3,
@@ -106,7 +107,8 @@ fn pairs_along(
     }
 }
 
-/// Lines along the table across flat objects: at several slices, perpendicular to their long and short axes.
+/// Antipodal pairs on lines parallel to the table through flat objects: at several slices, perpendicular to the long
+/// and short axes.
 fn flat_pairs(
     solid: &Solid,
     surface: &[(DVec3, DVec3)],
@@ -155,7 +157,8 @@ fn flat_pairs(
     }
 }
 
-/// TCP poses for a pair: approaches perpendicular to the closing line, as vertical as the tilts allow.
+/// TCP poses for a pair: approach directions perpendicular to the closing line, the steepest one and others tilted by
+/// [`GraspSettings::tilts`] about the line, at most `max_tilt` (rad) from vertical.
 fn approaches(
     pair: &Pair,
     target: &GraspTarget,
@@ -200,7 +203,7 @@ fn jitter(direction: DVec3, amount: f64, rng: &mut impl Rng) -> DVec3 {
     (direction + offset).normalize_or(direction)
 }
 
-/// Nearest horizontal direction, or the direction itself if it is steep.
+/// Horizontal projection of a direction, normalised, or the direction itself if it is steep.
 fn flattened(direction: DVec3, up: DVec3) -> DVec3 {
     let flat = direction - up * direction.dot(up);
     if flat.length() > 0.7 { flat.normalize() } else { direction.normalize() }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Sampling and ranking settings.
+/// Settings for sampling and ranking grasps on exact geometry.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GraspSettings {
@@ -12,7 +12,7 @@ pub struct GraspSettings {
     pub tilts: Vec<f64>,
     /// Maximum angle between approach and vertical (rad).
     pub max_tilt: f64,
-    /// The same for objects at least `tall_height` high (rad).
+    /// Maximum angle between approach and vertical for objects at least `tall_height` high (rad).
     pub max_tilt_tall: f64,
     /// Minimum height of objects that may be grasped from the side (m).
     pub tall_height: f64,
@@ -28,13 +28,13 @@ pub struct GraspSettings {
     pub table_clearance: f64,
     /// Objects lower than this are also sampled with lines along the table (m).
     pub flat_height: f64,
-    /// Maximum number of proposals checked exactly.
+    /// Maximum number of proposals that are assessed with exact geometry.
     pub max_assessed: usize,
-    /// Maximum number of candidates.
+    /// Maximum number of candidates returned.
     pub max_candidates: usize,
     /// Candidates closer than this (m) and `same_angle` (rad) to a better one are dropped.
     pub same_distance: f64,
-    /// See `same_distance`.
+    /// Maximum angle (rad) between a candidate and a better one at which it is dropped, see `same_distance`.
     pub same_angle: f64,
     /// Distance from the centre of mass at which the lever term reaches 0 (m).
     pub longest_lever: f64,

@@ -7,7 +7,7 @@ use crate::collision::GeometryError;
 use crate::hull::convex_hull;
 use crate::rigid::Rigid;
 
-/// An object as a union of convex pieces for ray casting.
+/// An object as a union of convex pieces, for ray casting.
 pub(crate) struct Solid {
     pieces: Vec<RayPiece>,
 }
@@ -32,7 +32,7 @@ struct RayPiece {
 enum Surface {
     /// Outward unit normals and distances from the origin (m).
     Planes(Vec<(DVec3, f64)>),
-    /// Radii (m).
+    /// Semi-axes along x, y and z (m).
     Ellipsoid(DVec3),
     Cylinder {
         radius: f64,

@@ -1,9 +1,9 @@
-//! Object to be grasped.
+//! Input of the grasp sampler: one object at its pose.
 
 use genmanip_core::{Piece, Pose};
 use glam::DVec3;
 
-/// The object to be grasped, at its pose.
+/// Object for which grasps are sampled, at its pose.
 #[derive(Clone, Copy, Debug)]
 pub struct GraspTarget<'a> {
     /// Surface points with outward unit normals, object frame.

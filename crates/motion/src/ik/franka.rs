@@ -23,7 +23,7 @@ pub(crate) struct FrankaGeometry {
     frame7_from_tcp: Rigid,
 }
 
-/// Up to eight configurations without allocation.
+/// Up to eight solutions in fixed storage, without heap allocation.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Branches {
     configs: [[f64; 7]; 8],
@@ -44,7 +44,7 @@ impl Branches {
 }
 
 impl FrankaGeometry {
-    /// Detects the geometry; `None` if the chain differs.
+    /// Link lengths of a chain with the Panda's geometry; `None` if its axes differ.
     pub(crate) fn of(chain: &Chain) -> Option<Self> {
         const TOLERANCE: f64 = 1e-7;
         // sin of the twist between each axis and its predecessor; the cosine is 0, but 1 for the first.
@@ -139,7 +139,7 @@ impl FrankaGeometry {
     }
 }
 
-/// arccos, tolerating rounding just beyond ±1.
+/// arccos, tolerating rounding just beyond ±1; `None` farther outside.
 fn angle_of_cosine(cosine: f64) -> Option<f64> {
     (cosine.abs() <= 1.0 + 1e-9).then(|| cosine.clamp(-1.0, 1.0).acos())
 }

@@ -14,17 +14,18 @@ use crate::rigid::Rigid;
 use franka::FrankaGeometry;
 use numeric::{DescentSettings, Range, descend};
 
-/// Search and ranking settings.
+/// Settings for the search and ranking of IK solutions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct IkSettings {
-    /// Values of the free joint in the analytic solver's sweep, evenly spread over its range.
+    /// Number of values of the free joint (joint 7 of the Panda) in the analytic solver's sweep, evenly spread over its
+    /// range.
     pub free_joint_values: usize,
-    /// Values of the fine sweep if the coarse one finds nothing (poses at the reach limit).
+    /// Number of values of the fine sweep if the coarse one finds nothing (poses at the reach limit).
     pub fine_free_joint_values: usize,
     /// Margin to the joint limits, at most a twentieth of a joint's range [rad or m].
     pub limit_margin: f64,
-    /// Start configurations of the numeric solver.
+    /// Number of start configurations of the numeric solver.
     pub numeric_starts: usize,
     /// Maximum iterations of the numeric solver per start.
     pub numeric_iterations: usize,
@@ -32,7 +33,7 @@ pub struct IkSettings {
     pub tolerance: f64,
     /// Minimum distance of distinct solutions (largest joint difference) [rad or m].
     pub distinct: f64,
-    /// Maximum number of solutions.
+    /// Maximum number of solutions returned.
     pub max_solutions: usize,
     /// Weight of the distance to the reference configuration, per rad.
     pub reference_weight: f64,
@@ -46,7 +47,7 @@ pub struct IkSettings {
 /// Maximum limit margin of continued motions (rad); they may come closer than new ones.
 const CONTINUED_MARGIN: f64 = 0.005;
 
-/// Maximum iterations with drift.
+/// Maximum number of iterations of [`InverseKinematics::follow_drifting`]. Chosen by hand.
 const DRIFTING_ITERATIONS: usize = 30;
 
 impl Default for IkSettings {
@@ -76,7 +77,7 @@ pub struct InverseKinematics {
 }
 
 impl InverseKinematics {
-    /// Detects the arm's geometry.
+    /// Solver for an arm, closed-form if its geometry is that of the Panda.
     pub fn new(chain: Chain, settings: IkSettings) -> Self {
         Self { franka: FrankaGeometry::of(&chain), chain, settings }
     }
@@ -98,8 +99,8 @@ impl InverseKinematics {
         self.refined(world_from_tcp, reference, Self::unrefined)
     }
 
-    /// Like [`InverseKinematics::solutions`] without the fine sweep at the reach limit, thirty times faster for
-    /// unreachable poses with the closed form. Other arms are unaffected.
+    /// Like [`InverseKinematics::solutions`] without the fine sweep at the reach limit, which makes the closed form
+    /// thirty times faster for unreachable poses. Makes no difference for other arms.
     pub fn coarse_solutions(
         &self,
         world_from_tcp: &Pose,
@@ -128,7 +129,7 @@ impl InverseKinematics {
         solutions.into_iter().filter_map(move |config| descend(&self.chain, &wanted, &config, &how))
     }
 
-    /// Unrefined solutions, unordered.
+    /// Solutions before refinement, in no order.
     fn unrefined(&self, wanted: &Rigid, reference: &[f64]) -> Vec<Vec<f64>> {
         let mut solutions = Vec::new();
         if let Some(franka) = &self.franka {
@@ -162,7 +163,7 @@ impl InverseKinematics {
     }
 
     /// Like [`InverseKinematics::follow`] with null-space motion: each joint moves by `drift` (rad or m, base to hand)
-    /// as far as that leaves the tool pose unchanged. `None` if it does not converge, even if it would without drift.
+    /// as far as this does not change the tool pose. `None` if it does not converge, even if it would without drift.
     pub fn follow_drifting(
         &self,
         world_from_tcp: &Pose,
@@ -199,7 +200,7 @@ impl InverseKinematics {
         })
     }
 
-    /// Joint positions of which every solution is one: the limits less the margin, and one turn of a continuous joint.
+    /// Range per joint that contains all solutions: the limits less the margin, or one turn of a continuous joint.
     pub fn solved_ranges(&self) -> Vec<std::ops::RangeInclusive<f64>> {
         let margin = |joint: &crate::chain::ChainJoint| joint.margin(self.settings.limit_margin);
         let range = |joint: &crate::chain::ChainJoint| match joint.continuous {
@@ -248,7 +249,7 @@ impl InverseKinematics {
         solutions.map(|solution| self.unwound(solution, reference)).collect()
     }
 
-    /// The same posture with each joint that turns by more than a whole circle as near to the reference as its limits
+    /// The same posture, with each joint whose range exceeds a full turn moved as near to the reference as its limits
     /// allow; other joints have one position only.
     fn unwound(&self, mut config: Vec<f64>, reference: &[f64]) -> Vec<f64> {
         let turn = std::f64::consts::TAU;
@@ -260,13 +261,13 @@ impl InverseKinematics {
             }
             let turns = ((near - *q) / turn).round();
             let moved = *q + turns * turn;
-            // One circle back where the nearest lies beyond a limit.
+            // One turn back where the nearest position is beyond a limit.
             *q = [moved, moved + turn, moved - turn].into_iter().find(|q| (lower..=upper).contains(q)).unwrap_or(*q);
         }
         config
     }
 
-    /// Turns each angle by whole circles into its limits; `None` when one cannot be.
+    /// Configuration with each angle moved by full turns into its limits; `None` if one of them cannot be.
     fn within_limits(&self, config: &[f64], margin: f64) -> Option<Vec<f64>> {
         let turn = std::f64::consts::TAU;
         let mut inside = Vec::with_capacity(config.len());

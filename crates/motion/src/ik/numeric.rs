@@ -19,12 +19,12 @@ pub(crate) struct DescentSettings {
     pub ranges: Vec<Range>,
     /// Convergence tolerance [m and rad].
     pub tolerance: f64,
-    /// Maximum iterations.
+    /// Maximum number of iterations.
     pub iterations: usize,
-    /// Hold joints at the ends of their ranges and let the others compensate; mere clamping would converge short of the
-    /// pose.
+    /// True to hold joints at the ends of their ranges and let the others compensate; mere clamping would converge
+    /// short of the pose.
     pub hold_at_limits: bool,
-    /// Null-space displacement of each joint in the first step [rad or m].
+    /// Null-space displacement of each joint in the first step [rad or m]; `None` for none.
     pub drift: Option<Vec<f64>>,
 }
 
@@ -54,14 +54,15 @@ impl Range {
 /// Weight of orientation against position for arms with fewer than six joints (m/rad): low, so that they meet the
 /// position, and the orientation as well as they can.
 const FEW_WEIGHT: f64 = 0.01;
-/// Error of such a solution: position (m) and orientation (rad).
+/// Error bounds of such a solution: position ([`FEW_POSITION`], m) and orientation ([`FEW_ORIENTATION`], rad).
 const FEW_POSITION: f64 = 2e-4;
 const FEW_ORIENTATION: f64 = 0.06;
-/// Improvement of an iteration, relative to the error, at which such an arm has come as near as it can.
+/// Relative decrease of the error per iteration below which such an arm counts as converged to its nearest pose.
 const FEW_STALLED: f64 = 1e-3;
 
-/// Iterations in which the error of a followed pose must fall to [`PROGRESS`] of itself; else the limits keep the arm from
-/// it. Chosen: over 36,000 random tool motions, none that took longer converged within a hundred iterations.
+/// Number of iterations within which the error of a followed pose must fall to [`PROGRESS`] of its value; otherwise the
+/// limits keep the arm from the pose. Chosen: over 36,000 random tool motions, none that took longer converged within a
+/// hundred iterations.
 const PROGRESS_ITERATIONS: usize = 6;
 const PROGRESS: f64 = 0.9;
 
@@ -120,7 +121,7 @@ pub(crate) fn descend(chain: &Chain, desired: &Rigid, config: &[f64], settings: 
     None
 }
 
-/// First joint at an end of its range that a step would move beyond it.
+/// First joint at an end of its range that a step would move beyond it; `None` if there is none.
 fn pushed_beyond(config: &[f64], step: &[f64], ranges: &[Range]) -> Option<usize> {
     config
         .iter()
@@ -141,7 +142,7 @@ fn drifting_step(jacobian: &[[f64; 6]], error: &[f64; 6], damping: f64, drift: &
     Some(step.iter().zip(drift).map(|(step, drift)| step + drift).collect())
 }
 
-/// Jᵀ(J·Jᵀ + damping·1)⁻¹ · error.
+/// Damped least-squares step Jᵀ(J·Jᵀ + damping·1)⁻¹ · error; `None` if the matrix is singular.
 fn damped_step(jacobian: &[[f64; 6]], error: &[f64; 6], damping: f64) -> Option<Vec<f64>> {
     let mut gram = [[0.0; 6]; 6];
     for column in jacobian {

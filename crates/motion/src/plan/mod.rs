@@ -17,7 +17,7 @@ pub use settings::PlanSettings;
 pub use straight::StraightSettings;
 pub(crate) use straight::straight_line;
 
-/// Planning error.
+/// Reason why no motion was planned.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PlanError {
     /// A configuration has the wrong length or is not finite.
@@ -27,7 +27,7 @@ pub enum PlanError {
         which: &'static str,
         /// Number of arm joints.
         expected: usize,
-        /// The given values.
+        /// Values given.
         got: Vec<f64>,
     },
     /// A configuration lies outside the joint limits.
@@ -35,7 +35,7 @@ pub enum PlanError {
     OutsideLimits {
         /// `start` or `goal`.
         which: &'static str,
-        /// Excess (rad).
+        /// Largest excess of a joint over its limit (rad or m).
         beyond: f64,
     },
     /// The start is in collision.
@@ -55,7 +55,7 @@ pub enum PlanError {
     Blocked {
         /// Free share of the line, 0-1.
         fraction: f64,
-        /// The obstacle.
+        /// The obstacle in the way and its distance.
         report: CollisionReport,
     },
     /// The search ended without a path.
@@ -63,12 +63,13 @@ pub enum PlanError {
     Exhausted {
         /// Nodes added by all searches together.
         iterations: usize,
-        /// First collision of the straight joint-space path.
+        /// First collision of the straight joint-space path to the nearest goal; `None` if that path is free at the
+        /// states checked.
         straight_collision: Option<CollisionReport>,
     },
 }
 
-/// Advice on two links that block each other.
+/// Advice if two links of the robot block each other; empty otherwise.
 fn of_links(report: &CollisionReport) -> &'static str {
     match report.between_links {
         true => {
@@ -153,7 +154,8 @@ fn free_goals(
     Ok(free)
 }
 
-/// A goal with its continuous joints turned to within half a turn of the start, and once each the other way round.
+/// A goal with its continuous joints turned to within half a turn of the start, followed by variants in which one
+/// continuous joint turns the other way round.
 fn unwound(checker: &Checker, start: &[f64], goal: &[f64]) -> Vec<Vec<f64>> {
     let mut near = goal.to_vec();
     let mut around = Vec::new();
@@ -177,7 +179,7 @@ pub(crate) fn within_limits(checker: &Checker, which: &'static str, config: &[f6
     if config.len() != chain.dof() || !config.iter().all(|q| q.is_finite()) {
         return Err(PlanError::BadConfiguration { which, expected: chain.dof(), got: config.to_vec() });
     }
-    // Measured positions may be slightly outside.
+    // Measured positions may be slightly beyond a limit.
     let margin = chain.limit_margin(config);
     if margin < -2e-3 {
         return Err(PlanError::OutsideLimits { which, beyond: -margin });

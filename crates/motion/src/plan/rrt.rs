@@ -12,7 +12,7 @@ use crate::path::{distance, lerp};
 /// A tree of configurations; roots have no parent.
 struct Tree {
     dof: usize,
-    /// All configurations, concatenated.
+    /// Joint positions of all nodes, concatenated.
     numbers: Vec<f64>,
     parents: Vec<Option<usize>>,
 }
@@ -39,7 +39,8 @@ pub(super) fn connect(
         let ends = || goals.iter().map(|goal| goal[joint]).chain([start[joint]]);
         (ends().fold(f64::INFINITY, f64::min), ends().fold(f64::NEG_INFINITY, f64::max))
     };
-    // Half a circle beyond the ends a joint has shown every orientation: more only winds it up.
+    // A joint half a turn beyond start and goals has taken every orientation; rotating it further would only wind it
+    // up.
     let unwound = |(index, joint): (usize, &ChainJoint)| {
         let (lower, upper) = (joint.lower, joint.upper);
         if joint.is_prismatic || upper - lower <= TAU {
@@ -117,7 +118,7 @@ impl Tree {
         best.1
     }
 
-    /// Extends a node towards a target by at most the maximum edge.
+    /// Extends a node towards a target by at most [`PlanSettings::rrt_range`].
     fn extend(
         &mut self,
         checker: &Checker,

@@ -2,35 +2,35 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Settings of joint-space search and smoothing.
+/// Settings of joint-space search and path smoothing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PlanSettings {
     /// Clearance to everything that must not be touched (m).
     pub padding: f64,
-    /// Allowed penetration of start and goal (m) (physical contacts penetrate slightly).
+    /// Allowed penetration at start and goal (m), since physical contacts penetrate slightly.
     pub contact_tolerance: f64,
     /// Maximum edge of the search tree (rad) (`rrt_range` of the paper's planner, which used 0.001).
     pub rrt_range: f64,
-    /// Every second sample is drawn from the bounding box of start and goals extended by this (rad): most paths lead
-    /// through it, and shorter ones.
+    /// Half of the samples are drawn from the bounding box of start and goals extended by this (rad), since most paths
+    /// stay within it, and such paths are shorter.
     pub sample_around: f64,
-    /// Maximum iterations of the search.
+    /// Maximum number of iterations of the search.
     pub max_iterations: usize,
     /// Maximum motion of any robot point between states checked during the search (m).
     pub search_spacing: f64,
     /// Maximum motion of any robot point between states checked in the returned path (m); up to twice the padding
     /// nothing can be touched in between.
     pub final_spacing: f64,
-    /// Maximum repeated searches with denser checks after the final check finds a contact.
+    /// Maximum number of repeated searches with denser checks after the final check finds a contact.
     pub retries: usize,
-    /// Maximum random shortcuts.
+    /// Maximum number of random shortcuts.
     pub shortcuts: usize,
-    /// Consecutive failed shortcuts before shortening stops.
+    /// Number of consecutive failed shortcuts after which shortening stops.
     pub shortcut_failures: usize,
-    /// Maximum blend of a corner [rad on either edge].
+    /// Maximum length of a corner's blend along either of its edges [rad].
     pub blend: f64,
-    /// Maximum halvings of a blend before the robot has to stop at the corner.
+    /// Maximum number of halvings of a blend before the robot has to stop at the corner.
     pub blend_halvings: usize,
 }
 

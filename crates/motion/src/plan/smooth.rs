@@ -6,8 +6,8 @@ use super::settings::PlanSettings;
 use crate::collision::Checker;
 use crate::path::{Path, distance, lerp};
 
-/// Clearance on rounded corners (m), also for relaxed pairs: the timed motion deviates from the path there by fractions
-/// of a millimetre.
+/// Minimum clearance on rounded corners (m), also for relaxed pairs: the timed motion deviates from the path there by
+/// fractions of a millimetre.
 const CORNER_CLEARANCE: f64 = 0.001;
 
 /// Shortens a path, checks the remaining edges and rounds its corners; `None` if an edge is not free.
@@ -44,7 +44,7 @@ struct Route {
 }
 
 impl Route {
-    /// Connects each waypoint to the farthest later one in line of sight.
+    /// Connects each waypoint by an edge to the farthest later one to which the straight edge is free.
     fn skip(&mut self, checker: &Checker, spacing: f64) {
         let mut index = 0;
         while index + 2 < self.waypoints.len() {
@@ -88,7 +88,7 @@ impl Route {
     /// Inserts a checked shortcut with its ends on the edges after `first` and before `last`; without ends it connects
     /// the two waypoints.
     fn replace<const ENDS: usize>(&mut self, first: usize, last: usize, ends: [Vec<f64>; ENDS]) {
-        // Parts of checked edges are checked.
+        // Parts of edges that passed the final check passed it too.
         let (before, after) = (self.checked[first], self.checked[last - 1]);
         let checked: &[bool] = if ENDS == 0 { &[true] } else { &[before, true, after] };
         self.checked.splice(first..last, checked.iter().copied());

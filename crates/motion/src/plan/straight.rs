@@ -8,7 +8,7 @@ use crate::collision::{Checker, CollisionReport};
 use crate::ik::InverseKinematics;
 use crate::path::{Path, lerp};
 
-/// Settings of straight motions.
+/// Settings of straight TCP motions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StraightSettings {
@@ -90,7 +90,7 @@ fn follow(
     Ok(waypoints)
 }
 
-/// First contact of an edge: its position as a share of the edge, and the pair.
+/// First contact of an edge: its position as a share of the edge, and the pair; `None` if the edge is free.
 fn first_contact(checker: &Checker, from: &[f64], to: &[f64], spacing: f64) -> Option<(f64, CollisionReport)> {
     let steps = checker.edge_steps(from, to, spacing);
     (1..=steps).find_map(|step| {

@@ -1,4 +1,4 @@
-//! AdamW (Loshchilov and Hutter, 2019) with clipped gradients and an average of the weights.
+//! AdamW (Loshchilov and Hutter, 2019) with gradient clipping and an exponential moving average of the weights.
 
 use super::parameters::{Array, Parameters};
 use crate::TrainingSettings;
@@ -9,11 +9,11 @@ const EPSILON: f32 = 1e-8;
 /// State of the optimiser: one entry per value of the parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
-    /// Averages of the gradients.
+    /// First moments: exponential moving averages of the gradients.
     pub first: Vec<Vec<f32>>,
-    /// Averages of their squares.
+    /// Second moments: exponential moving averages of the squared gradients.
     pub second: Vec<Vec<f32>>,
-    /// Average of the weights.
+    /// Exponential moving average of the weights.
     pub average: Vec<Vec<f32>>,
 }
 
@@ -25,7 +25,7 @@ impl Adam {
         Self { first: zeros.clone(), second: zeros, average }
     }
 
-    /// One step, counted from 0; returns the norm of all gradients before clipping.
+    /// Applies step number `step`, counted from 0; returns the global gradient norm before clipping.
     pub fn step(
         &mut self,
         parameters: &mut Parameters,
@@ -40,7 +40,7 @@ impl Adam {
         let count = (step + 1).min(100_000) as i32;
         let correction = (1.0 - BETA.0.powi(count), 1.0 - BETA.1.powi(count));
         let rate_now = rate as f32;
-        // A young average forgets the initial weights.
+        // The decay is lower in early steps, so that the average forgets the initial weights.
         let keep = settings.average_decay.min((1.0 + step as f64) / (10.0 + step as f64)) as f32;
         let moments = self.first.iter_mut().zip(&mut self.second).zip(&mut self.average);
         for ((Array { shape, values, .. }, gradient), ((first, second), average)) in
@@ -61,7 +61,7 @@ impl Adam {
     }
 }
 
-/// Learning rate of a step: linear warm-up, then a cosine to 0 at the last step.
+/// Learning rate of a step: linear warm-up, then cosine decay to 0 at the last step.
 pub fn learning_rate(step: u64, steps: u64, settings: &TrainingSettings) -> f64 {
     if step < settings.warm_up {
         return settings.learning_rate * (step + 1) as f64 / settings.warm_up as f64;

@@ -1,4 +1,4 @@
-//! Layers by the names of their weights, and the values of these weights before training.
+//! Layers addressed by the names of their weights, and the initialisation of these weights.
 
 use std::collections::BTreeMap;
 
@@ -9,13 +9,13 @@ use super::neighbourhoods::NetworkBackend;
 use super::parameters::{Array, Parameters};
 use super::tensor::Tensor;
 
-/// Weights on a back end by name.
+/// Weights by name, as tensors of a back end.
 pub type Weights<B> = BTreeMap<String, Tensor<B>>;
 
-/// Layers by the names of their weights.
+/// Layers addressed by the names of their weights.
 pub(super) struct Layers<'a, B: NetworkBackend> {
     pub weights: &'a Weights<B>,
-    /// Attention heads.
+    /// Number of attention heads.
     pub heads: usize,
 }
 
@@ -34,7 +34,8 @@ impl<B: NetworkBackend> Layers<'_, B> {
         x.layer_norm(self.get(&format!("{name}.gain")), self.get(&format!("{name}.bias")))
     }
 
-    /// Attention of tokens to a memory, or to themselves, added to them: batch × tokens × width.
+    /// Pre-norm multi-head attention with a residual connection, to a memory or (without) to the tokens themselves; `x`
+    /// is batch × tokens × width.
     pub fn attend(&self, x: Tensor<B>, memory: Option<&Tensor<B>>, name: &str) -> Tensor<B> {
         let normed = self.norm(x.clone(), &format!("{name}.norm"));
         let source = memory.unwrap_or(&normed).clone();
@@ -57,11 +58,11 @@ impl<B: NetworkBackend> Layers<'_, B> {
     }
 }
 
-/// Arrays before training: values within a bound of a mean.
+/// Names, shapes and initial distributions of all weights.
 #[derive(Default)]
 pub(super) struct Initials(Vec<Initial>);
 
-/// An array before training.
+/// Name, shape and initial distribution of one array: uniform within `bound` of `mean`.
 struct Initial {
     name: String,
     shape: Vec<usize>,
@@ -70,7 +71,7 @@ struct Initial {
 }
 
 impl Initials {
-    /// The arrays with values by a seed.
+    /// Weights drawn from their initial distributions by a seed.
     pub fn drawn(self, seed: Seed) -> Parameters {
         let array = |Initial { name, shape, bound, mean }| {
             let mut rng = seed.fork("weights").fork(&name).rng();
@@ -81,7 +82,7 @@ impl Initials {
         Parameters { arrays: self.0.into_iter().map(array).collect() }
     }
 
-    /// Names and shapes of the arrays, without values.
+    /// Names and shapes of the arrays; their values are empty.
     pub fn empty(self) -> Parameters {
         let array = |Initial { name, shape, .. }| Array { name, shape, values: Vec::new() };
         Parameters { arrays: self.0.into_iter().map(array).collect() }
@@ -91,7 +92,7 @@ impl Initials {
         self.0.push(Initial { name, shape: shape.to_vec(), bound, mean });
     }
 
-    /// Weight and bias of [`Layers::linear`].
+    /// Adds weight and bias of [`Layers::linear`].
     pub fn linear(&mut self, name: &str, from: usize, to: usize) {
         self.weight(name, from, to);
         self.bias(name, to);
@@ -105,13 +106,13 @@ impl Initials {
         self.add(format!("{name}.bias"), &[to], 0.0, 0.0);
     }
 
-    /// Gain and bias of [`Layers::norm`].
+    /// Adds gain and bias of [`Layers::norm`].
     pub fn norm(&mut self, name: &str, width: usize) {
         self.add(format!("{name}.gain"), &[width], 0.0, 1.0);
         self.add(format!("{name}.bias"), &[width], 0.0, 0.0);
     }
 
-    /// Weights of one layer of a transformer with these attentions.
+    /// Adds the weights of one transformer layer with the named attentions.
     pub fn layer(&mut self, layer: &str, attentions: &[&str], width: usize, feed_forward: usize) {
         for attention in attentions {
             for part in ["query", "key", "value", "out"] {

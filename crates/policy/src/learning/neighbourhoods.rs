@@ -1,7 +1,8 @@
-//! Neighbourhoods of the cells of a grid: with them a convolution is one product of matrices, also in its gradients.
+//! im2col: 3×3 neighbourhoods of the cells of a grid, with which a convolution and its gradients become matrix
+//! products.
 //!
-//! Burn's own convolution derives the gradient of a weight as a convolution with a kernel of the size of the image, on
-//! which a processor spends most of a training.
+//! Burn's own convolution derives the weight gradient as a convolution with a kernel of the size of the image, which
+//! dominates the training time on a CPU.
 
 use burn_autodiff::checkpoint::base::Checkpointer;
 use burn_autodiff::checkpoint::strategy::NoCheckpointing;
@@ -12,16 +13,16 @@ use burn_backend::{Backend, TensorMetadata};
 
 use super::tensor::{Cpu, CpuTraining, Tensor};
 
-/// Side of a neighbourhood, cells.
+/// Side of the square neighbourhood (kernel size), cells.
 pub(super) const SIDE: usize = 3;
 
-/// Entries of the cells around each cell, row by row; 0 outside the grid: images × rows × columns × channels to
-/// images × cells × 9 · channels.
+/// im2col: entries of the 3×3 cells around each cell in row-major order, 0 outside the grid. Shape images × rows ×
+/// columns × channels becomes images × cells × (9 · channels).
 pub(super) fn neighbourhoods<B: NetworkBackend>(grid: Tensor<B>) -> Tensor<B> {
     Tensor::of(B::neighbourhoods(grid.primitive()))
 }
 
-/// Back end of the networks.
+/// Back end of the networks: Burn's, with im2col as an additional operation.
 pub trait NetworkBackend: Backend {
     /// [`neighbourhoods`] of the back end's tensor.
     fn neighbourhoods(grid: FloatTensor<Self>) -> FloatTensor<Self>;
@@ -40,7 +41,7 @@ impl NetworkBackend for Cpu {
     }
 }
 
-/// Gradient of the grid: each cell's sum over the neighbourhoods that hold it.
+/// Backward pass of im2col (col2im): gradient of a cell, summed over all neighbourhoods that contain it.
 #[derive(Debug)]
 struct Neighbours;
 
@@ -77,8 +78,8 @@ fn shape(grid: &impl TensorMetadata) -> [usize; 4] {
     grid.shape().dims()
 }
 
-/// Runs of entries that lie together in a grid and in the neighbourhoods of its cells: where they begin there and here,
-/// and their length.
+/// Contiguous runs of entries that a grid and its neighbourhoods have in common: calls `run` with the offset in the
+/// grid, the offset in the neighbourhoods, and the length.
 fn runs([images, rows, columns, channels]: [usize; 4], mut run: impl FnMut(usize, usize, usize)) {
     for image in 0..images {
         for row in 0..rows {

@@ -1,4 +1,4 @@
-//! A trained network, which predicts actions on the processor.
+//! Inference of a trained network on the CPU.
 
 use std::io;
 
@@ -18,23 +18,23 @@ pub struct Network {
     weights: Weights<Cpu>,
 }
 
-/// Inputs of a network at one moment.
+/// Network inputs of one observation, not yet normalised.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Seen {
     /// Numbers of robot and objects: [`crate::Inputs::width`].
     pub numbers: Vec<f32>,
-    /// Words of the instruction, see [`crate::instruction_words`].
+    /// Hashed words of the instruction, see [`crate::instruction_words`].
     pub words: Vec<f32>,
-    /// Images as [`crate::RowImages::read`] gives them.
+    /// Images in the format of [`crate::RowImages::read`].
     pub rgb: Vec<u8>,
 }
 
-/// Predicted chunk.
+/// Action chunk predicted by the network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction {
     /// Normalised actions, in the order of their execution.
     pub actions: Vec<Vec<f32>>,
-    /// Probability that the episode is over before each of them.
+    /// Probability for each action that the episode is over before it.
     pub end: Vec<f32>,
 }
 
@@ -44,13 +44,13 @@ pub enum NetworkError {
     /// The weights cannot be read.
     #[error(transparent)]
     Parameters(#[from] ParametersError),
-    /// The description contradicts itself.
+    /// The description is inconsistent.
     #[error(transparent)]
     Description(#[from] genmanip_core::DocumentError),
-    /// The weights are others than the description names.
+    /// The hash of the weights differs from that in the description.
     #[error("the tensors have hash {got}, expected {expected}")]
     OtherTensors {
-        /// Hash in the description.
+        /// SHA-256 in the description.
         expected: String,
         /// Hash of the file's tensors.
         got: String,
@@ -58,10 +58,10 @@ pub enum NetworkError {
 }
 
 impl Network {
-    /// From a description and the bytes of its weights.
+    /// Network from a description and the bytes of its weights file.
     ///
     /// # Errors
-    /// If the description contradicts itself, or the weights are damaged or others than those it names.
+    /// If the description is inconsistent, or the weights are damaged or have another hash.
     pub fn new(description: PolicyDescription, weights: &[u8]) -> Result<Self, NetworkError> {
         description.check()?;
         let PolicyDescription { model, inputs, contract, tensors_sha256, .. } = &description;
@@ -74,15 +74,15 @@ impl Network {
         Ok(Self { weights: Transformer::load(&parameters), description, transformer })
     }
 
-    /// Its description.
+    /// Description of the network.
     pub fn description(&self) -> &PolicyDescription {
         &self.description
     }
 
-    /// Predicted chunk.
+    /// Predicts the action chunk for an observation.
     ///
     /// # Errors
-    /// If the images have another size.
+    /// If the images have the wrong number of bytes.
     pub fn predict(&self, seen: &Seen) -> io::Result<Prediction> {
         let PolicyDescription { inputs: layout, normalisation, contract, .. } = &self.description;
         let mut batch = Batch::default();

@@ -1,11 +1,11 @@
-//! The transformer that predicts a chunk of actions at once, after ACT (Zhao et al., 2023) without its variational
-//! encoder: scripted demonstrations need none.
+//! Transformer that predicts a chunk of actions at once, after ACT (Zhao et al., 2023) but without its variational
+//! encoder, since scripted demonstrations have little multimodality.
 //!
-//! Tokens of the robot, the objects, the instruction and images pass through an encoder; learned queries, one per action
-//! of the chunk, read its output in a decoder. Layers normalise before attention.
+//! Tokens of the robot, the objects, the instruction and images pass through an encoder; learned queries, one per
+//! action of the chunk, read the encoder's output in a decoder by cross-attention. Layers are pre-norm.
 //!
-//! The keypoints of an image ([`super::vision`]) become a few tokens. Labelled points are located first, and become one
-//! token each, with what the images show there: the encoder sees them as it sees the objects of a privileged policy.
+//! The keypoints of an image ([`super::vision`]) become a few tokens. Labelled keypoints are first located in 3D, then
+//! become one token each with their image features, in analogy to the object tokens of a privileged policy.
 
 use genmanip_core::Seed;
 
@@ -16,7 +16,7 @@ use super::tensor::Tensor;
 use super::vision::{self, Keypoints};
 use crate::{Batch, ImageInput, Inputs, ModelSettings};
 
-/// The network: sizes without weights.
+/// Architecture of the network: sizes without weights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transformer {
     settings: ModelSettings,
@@ -24,40 +24,41 @@ pub struct Transformer {
     action: usize,
 }
 
-/// Output for a batch.
+/// Network output for a batch.
 pub struct Output<B: NetworkBackend> {
     /// Normalised actions: batch × chunk × action.
     pub actions: Tensor<B>,
     /// Logit that the episode is over before each action: batch × chunk × 1.
     pub end: Tensor<B>,
-    /// Positions of the labelled points in [`POINT_UNIT_M`], world frame: batch × 3 · points.
+    /// Positions of the labelled keypoints in units of [`POINT_UNIT_M`], world frame: batch × 3 · points; `None`
+    /// without labelled keypoints.
     pub points: Option<Tensor<B>>,
-    /// Keypoints of each image.
+    /// Keypoints of the images of each camera.
     pub keypoints: Vec<Keypoints<B>>,
 }
 
-/// Unit of predicted positions, m; about the deviation of positions on a table.
+/// Unit of predicted positions, m; about the standard deviation of object positions on a table.
 pub const POINT_UNIT_M: f32 = 0.1;
 
-/// Largest value of learned tokens before training.
+/// Bound of the initial values of learned tokens. Chosen by hand.
 const MAX_TOKEN: f32 = 0.1;
-/// Keypoints per token.
+/// Number of keypoints that are grouped into one token. Chosen by hand.
 const KEYPOINTS_PER_TOKEN: usize = 4;
-/// Names of the layers that locate the labelled points.
+/// Names of the hidden layers that locate the labelled keypoints in 3D.
 const LOCATE: [&str; 2] = ["locate.0", "locate.1"];
 
 impl Transformer {
-    /// The network for inputs and actions of these widths.
+    /// Architecture for these inputs and actions of `action` entries.
     pub fn new(settings: ModelSettings, inputs: Inputs, action: usize) -> Self {
         Self { settings, inputs, action }
     }
 
-    /// Images that it sees.
+    /// Input images of the network.
     pub fn images(&self) -> &[ImageInput] {
         &self.inputs.images
     }
 
-    /// Initial weights: uniform within the inverse square root of the number of inputs, biases 0.
+    /// Initial weights: uniform within the inverse square root of the number of inputs; biases are 0.
     pub fn initial(&self, seed: Seed) -> Parameters {
         self.arrays().drawn(seed)
     }
@@ -105,25 +106,25 @@ impl Transformer {
         arrays
     }
 
-    /// Number of tokens of the encoder.
+    /// Number of tokens that enter the encoder.
     fn tokens(&self) -> usize {
         let Inputs { slots, words, images, .. } = &self.inputs;
         let points = self.settings.labelled_points;
         1 + slots + usize::from(*words > 0) + images.len() * self.image_tokens() + points
     }
 
-    /// Number of tokens of an image.
+    /// Number of tokens of one image.
     fn image_tokens(&self) -> usize {
         self.settings.keypoints.div_ceil(KEYPOINTS_PER_TOKEN)
     }
 
-    /// Weights on a back end.
+    /// Weights as tensors of a back end.
     pub fn load<B: NetworkBackend>(parameters: &Parameters) -> Weights<B> {
         let load = |array: &Array| (array.name.clone(), Tensor::new(&array.values, &array.shape));
         parameters.arrays.iter().map(load).collect()
     }
 
-    /// Predictions for the inputs of a batch.
+    /// Forward pass for a batch.
     pub fn forward<B: NetworkBackend>(&self, weights: &Weights<B>, batch: &Batch) -> Output<B> {
         let (size, width) = (batch.size, self.settings.width);
         let image_numbers = self.settings.keypoints * (self.settings.channels + 2);
@@ -166,7 +167,7 @@ impl Transformer {
         Output { actions: out.narrow(2, 0..self.action), end, points, keypoints: seen }
     }
 
-    /// Positions of the labelled points; adds their tokens.
+    /// Predicts the 3D positions of the labelled keypoints, and appends one token per keypoint to `tokens`.
     fn locate<B: NetworkBackend>(
         &self,
         layers: &Layers<B>,

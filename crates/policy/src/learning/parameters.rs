@@ -8,14 +8,14 @@ use safetensors::{Dtype, SafeTensors};
 use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
 
-/// Named arrays of single precision in row-major order, in a fixed order.
+/// Named single-precision arrays in row-major order; the order of the arrays is fixed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Parameters {
     /// Name, shape and values of each array.
     pub arrays: Vec<Array>,
 }
 
-/// One array.
+/// Named tensor of a network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Array {
     /// Name, e.g. `encoder.0.attention.query.weight`.
@@ -29,7 +29,7 @@ pub struct Array {
 /// Floating-point format of the values in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
-    /// 32 bits.
+    /// Single precision, 32 bits.
     Single,
     /// 16 bits (IEEE 754 binary16); exact for values of [`Parameters::rounded_to_half`].
     Half,
@@ -43,7 +43,7 @@ impl Precision {
         }
     }
 
-    /// Bytes of a value.
+    /// Number of bytes per value.
     const fn size(self) -> usize {
         match self {
             Self::Single => 4,
@@ -55,26 +55,26 @@ impl Precision {
 /// Reason why a file of arrays is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ParametersError {
-    /// Not a safetensors file.
+    /// The file is not in safetensors format.
     #[error("not a safetensors file")]
     Format(#[from] safetensors::SafeTensorError),
     /// An array is missing or has another shape.
     #[error("array `{name}`: expected shape {expected:?} of 32-bit or 16-bit floats, got {got}")]
     Array {
-        /// Its name.
+        /// Name of the array.
         name: String,
-        /// Shape that the network has.
+        /// Shape in the network.
         expected: Vec<usize>,
         /// Shape and type in the file.
         got: String,
     },
-    /// A value is not finite.
+    /// A value of the named array is NaN or infinite.
     #[error("array `{0}` holds a value that is not finite")]
     NotFinite(String),
 }
 
 impl Parameters {
-    /// Number of values.
+    /// Total number of values of all arrays.
     pub fn count(&self) -> usize {
         self.arrays.iter().map(|array| array.values.len()).sum()
     }
@@ -90,7 +90,7 @@ impl Parameters {
         hexadecimal(&hasher.finalize())
     }
 
-    /// The same arrays with every value rounded to the nearest that 16 bits hold.
+    /// The same arrays with every value rounded to the nearest half-precision (binary16) value.
     #[must_use]
     pub fn rounded_to_half(mut self) -> Self {
         let values = self.arrays.iter_mut().flat_map(|array| &mut array.values);
@@ -98,7 +98,8 @@ impl Parameters {
         self
     }
 
-    /// A safetensors file: arrays in the order of their names, metadata sorted, so that equal arrays are equal bytes.
+    /// Bytes of a safetensors file: arrays sorted by name and metadata sorted by key, so that equal arrays give equal
+    /// bytes.
     pub fn to_bytes(&self, precision: Precision, metadata: &BTreeMap<String, String>) -> Vec<u8> {
         let mut sorted: Vec<&Array> = self.arrays.iter().collect();
         sorted.sort_by(|one, other| one.name.cmp(&other.name));
@@ -126,7 +127,8 @@ impl Parameters {
         bytes
     }
 
-    /// Values of a file for the arrays of a network, under names with a prefix; other arrays of the file are ignored.
+    /// Values read from a file for the arrays of this network, stored under names with a prefix; other arrays in the
+    /// file are ignored.
     ///
     /// # Errors
     /// If the file is damaged, or an array is missing, has another shape or a value that is not finite.
@@ -153,7 +155,7 @@ impl Parameters {
         Ok(Self { arrays: self.arrays.iter().map(read).collect::<Result<_, _>>()? })
     }
 
-    /// Metadata of a file.
+    /// Metadata of a safetensors file.
     ///
     /// # Errors
     /// If it is not a safetensors file.
@@ -162,7 +164,7 @@ impl Parameters {
         Ok(metadata.metadata().clone().unwrap_or_default().into_iter().collect())
     }
 
-    /// The same arrays under names with a prefix, with other values.
+    /// The same names (with a prefix) and shapes, with other values.
     pub(crate) fn with(&self, prefix: &str, values: &[Vec<f32>]) -> impl Iterator<Item = Array> {
         let arrays = self.arrays.iter().zip(values);
         arrays.map(move |(Array { name, shape, .. }, values)| Array {

@@ -1,4 +1,4 @@
-//! Tensors of single precision on a Burn back end, with the few operations that the networks need.
+//! Single-precision tensors on a Burn back end, with the few operations that the networks need.
 
 use std::ops::Range;
 
@@ -7,12 +7,12 @@ use burn_backend::ops::FloatTensorOps;
 use burn_backend::{AutodiffBackend, Backend, BackendTypes, Shape, Slice, TensorData, TensorMetadata, read_sync};
 use burn_flex::Flex;
 
-/// Processor back end of inference.
+/// CPU back end for inference.
 pub type Cpu = Flex;
-/// Processor back end of training, which records gradients.
+/// CPU back end for training, with automatic differentiation.
 pub type CpuTraining = Autodiff<Flex>;
 
-/// A tensor of single precision.
+/// A single-precision tensor.
 #[derive(Debug)]
 pub struct Tensor<B: Backend>(<B as BackendTypes>::FloatTensorPrimitive);
 
@@ -26,22 +26,22 @@ impl<B: Backend> Tensor<B> {
     /// A tensor of values in row-major order.
     ///
     /// # Panics
-    /// If the shape has another number of entries.
+    /// If the number of values is not that of the shape.
     pub fn new(values: &[f32], shape: &[usize]) -> Self {
         Self::owned(values.to_vec(), shape)
     }
 
-    /// The same without a copy.
+    /// As [`Tensor::new`], without a copy.
     pub fn owned(values: Vec<f32>, shape: &[usize]) -> Self {
         Self(B::float_from_data(TensorData::new(values, shape), &B::Device::default()))
     }
 
-    /// A tensor of the back end.
+    /// Wraps a tensor of the back end.
     pub fn of(primitive: <B as BackendTypes>::FloatTensorPrimitive) -> Self {
         Self(primitive)
     }
 
-    /// The back end's tensor.
+    /// Unwraps the back end's tensor.
     pub fn primitive(self) -> <B as BackendTypes>::FloatTensorPrimitive {
         self.0
     }
@@ -61,37 +61,37 @@ impl<B: Backend> Tensor<B> {
         self.shape()[dimension]
     }
 
-    /// Sum, broadcast.
+    /// Elementwise sum with broadcasting.
     pub fn add(self, other: Self) -> Self {
         Self(B::float_add(self.0, other.0))
     }
 
-    /// Difference, broadcast.
+    /// Elementwise difference with broadcasting.
     pub fn sub(self, other: Self) -> Self {
         Self(B::float_sub(self.0, other.0))
     }
 
-    /// Product of entries, broadcast.
+    /// Elementwise product with broadcasting.
     pub fn mul(self, other: Self) -> Self {
         Self(B::float_mul(self.0, other.0))
     }
 
-    /// All entries times a number.
+    /// Product of each entry with a number.
     pub fn scale(self, factor: f64) -> Self {
         Self(B::float_mul_scalar(self.0, factor.into()))
     }
 
-    /// Product of the matrices of the last two dimensions.
+    /// Batched matrix product over the last two dimensions.
     pub fn matmul(self, other: Self) -> Self {
         Self(B::float_matmul(self.0, other.0))
     }
 
-    /// Affine map of the last dimension: weight of inputs × outputs, bias of outputs.
+    /// Affine map of the last dimension; `weight` has shape inputs × outputs, `bias` outputs.
     pub fn linear(self, weight: Self, bias: Self) -> Self {
         Self(B::linear(self.0, weight.0, Some(bias.0)))
     }
 
-    /// Normalisation over the last dimension.
+    /// Layer normalisation over the last dimension.
     pub fn layer_norm(self, gain: Self, bias: Self) -> Self {
         Self(B::layer_norm(self.0, gain.0, Some(bias.0), 1e-5))
     }
@@ -102,33 +102,33 @@ impl<B: Backend> Tensor<B> {
         Self(B::softmax(self.0, last))
     }
 
-    /// Positive part.
+    /// Rectified linear unit: negative entries become 0.
     pub fn relu(self) -> Self {
         Self(B::relu(self.0))
     }
 
-    /// Absolute values.
+    /// Elementwise absolute value.
     pub fn abs(self) -> Self {
         Self(B::float_abs(self.0))
     }
 
-    /// Natural logarithms.
+    /// Elementwise natural logarithm.
     pub fn log(self) -> Self {
         Self(B::float_log(self.0))
     }
 
-    /// All entries plus a number.
+    /// Elementwise sum with a number.
     pub fn shift(self, number: f64) -> Self {
         Self(B::float_add_scalar(self.0, number.into()))
     }
 
-    /// log(1 + e^x) of each entry, without overflow.
+    /// Elementwise log(1 + e^x), without overflow.
     pub fn softplus(self) -> Self {
         let tail = Self(B::float_log1p(B::float_exp(self.clone().abs().scale(-1.0).0)));
         self.relu().add(tail)
     }
 
-    /// Sum of all entries.
+    /// Sum of all entries, as a tensor of one entry.
     pub fn sum(self) -> Self {
         Self(B::float_sum(self.0))
     }
@@ -138,12 +138,12 @@ impl<B: Backend> Tensor<B> {
         Self(B::float_reshape(self.0, Shape::from(shape)))
     }
 
-    /// Two dimensions exchanged.
+    /// Transposition of two dimensions, `one` and `other`.
     pub fn swap(self, one: usize, other: usize) -> Self {
         Self(B::float_swap_dims(self.0, one, other))
     }
 
-    /// Entries of a range along one dimension.
+    /// Slice: entries of a range along one dimension.
     pub fn narrow(self, dimension: usize, range: Range<usize>) -> Self {
         let slices: Vec<Slice> = (0..self.0.rank())
             .map(|at| if at == dimension { Slice::from(range.clone()) } else { Slice::from(..) })
@@ -151,25 +151,25 @@ impl<B: Backend> Tensor<B> {
         Self(B::float_slice(self.0, &slices))
     }
 
-    /// Repeated along a dimension of length 1.
+    /// Broadcast of dimensions of length 1 to a shape.
     pub fn expand(self, shape: &[usize]) -> Self {
         Self(B::float_expand(self.0, Shape::from(shape)))
     }
 
-    /// Tensors joined along a dimension.
+    /// Concatenation along a dimension.
     pub fn join(tensors: Vec<Self>, dimension: usize) -> Self {
         Self(B::float_cat(tensors.into_iter().map(|tensor| tensor.0).collect(), dimension))
     }
 }
 
 impl Tensor<CpuTraining> {
-    /// A leaf whose gradient is wanted.
+    /// Leaf of the autodiff graph, for [`Tensor::gradients`].
     pub fn leaf(values: &[f32], shape: &[usize]) -> Self {
         let Self(tensor) = Self::new(values, shape);
         Self(CpuTraining::float_set_require_grad(tensor, true))
     }
 
-    /// Gradients of a scalar with respect to leaves; zero where a leaf has no influence.
+    /// Gradients of a scalar with respect to leaves; zeros for a leaf that does not influence it.
     pub fn gradients(self, leaves: &[Self]) -> Vec<Vec<f32>> {
         let gradients = CpuTraining::backward(self.0);
         let gradient = |leaf: &Self| match CpuTraining::grad(&leaf.0, &gradients) {

@@ -1,8 +1,8 @@
-//! Training: the same demonstrations, settings, seed and number of steps give the same weights, bit for bit.
+//! Training: demonstrations, settings, seed and number of steps determine the weights bit for bit.
 //!
-//! A step is a function of weights, optimiser state and step number, so a training continues from a checkpoint exactly.
-//! The batch is divided into parts of a fixed size, whose gradients are added in a fixed order: the number of threads
-//! does not matter.
+//! A step is a function of weights, optimiser state and step number, so training resumes from a checkpoint exactly. The
+//! batch is divided into parts of a fixed size, whose gradients are added in a fixed order, so the number of threads
+//! does not affect the result.
 
 use std::collections::BTreeMap;
 use std::{io, thread};
@@ -19,17 +19,17 @@ use crate::{
     Batch, Demonstrations, ImageBatch, Inputs, ModelSettings, Normalisation, RowImages, Sampler, TrainingSettings,
 };
 
-/// Weight of the divergence of the cells of labelled points beside their L1 errors: it finds the right object soon, they
-/// place it within its cell.
+/// Weight of the KL divergence of the spatial softmax of labelled keypoints, relative to their L1 errors. The
+/// divergence soon finds the right object; the L1 error refines the position within a cell.
 const CELL_WEIGHT: f64 = 0.1;
-/// Added to shares before their logarithm.
+/// Added to the spatial softmax before the logarithm, to avoid infinity.
 const LEAST_SHARE: f64 = 1e-6;
-/// Samples whose gradients are computed together; of images fewer, whose neighbourhoods then stay in memory that the
-/// allocator keeps.
+/// Number of samples whose gradients are computed together; smaller (`PART_WITH_IMAGES`) with images, so that their
+/// im2col matrices fit in memory that the allocator keeps.
 const PART: usize = 32;
 const PART_WITH_IMAGES: usize = 8;
 
-/// A training in progress.
+/// A training run in progress.
 pub struct Trainer<'a> {
     demonstrations: &'a Demonstrations,
     images: &'a dyn RowImages,
@@ -43,44 +43,44 @@ pub struct Trainer<'a> {
     threads: usize,
 }
 
-/// Measures of one step.
+/// Losses and measures of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrainingStep {
-    /// Its number, from 0.
+    /// Number of the step, from 0.
     pub step: u64,
-    /// L1 error of the normalised actions.
+    /// Mean L1 error of the normalised actions.
     pub l1: f64,
-    /// Cross-entropy of the end of the episode.
+    /// Cross-entropy of the predicted end of the episode.
     pub end_loss: f64,
-    /// Error of labelled points: L1 of positions in units of 0.1 m and of normalised pixels, and a tenth of the
-    /// divergence of the shares of cells from those of the pixel.
+    /// Auxiliary loss of labelled keypoints: L1 errors of positions (units of 0.1 m) and of normalised pixels, plus a
+    /// tenth of the KL divergence of the spatial softmax from the bilinear target.
     pub label_loss: f64,
-    /// Norm of all gradients before clipping.
+    /// Global gradient norm before clipping.
     pub gradient_norm: f64,
-    /// Learning rate.
+    /// Learning rate of the step.
     pub learning_rate: f64,
 }
 
-/// State of a training in bytes, with what it belongs to.
+/// Checkpoint of a training run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
-    /// A safetensors file with weights, moments and average.
+    /// Safetensors file with weights, both moments and averaged weights.
     pub bytes: Vec<u8>,
 }
 
-/// Reason why a training cannot go on.
+/// Reason why a training run fails.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
-    /// There is nothing to learn from.
+    /// The demonstrations have no rows.
     #[error("there are no rows to learn from")]
     NoRows,
     /// An image cannot be read.
     #[error("the images of the demonstrations cannot be read")]
     Images(#[from] io::Error),
-    /// The loss is not a number any more.
+    /// The loss has become NaN or infinite.
     #[error("the loss of step {step} is not finite")]
     NotFinite {
-        /// The step.
+        /// Number of the step, from 0.
         step: u64,
     },
     /// The checkpoint cannot be read.
@@ -91,16 +91,16 @@ pub enum TrainError {
     NoStep,
 }
 
-/// Names of the arrays of a checkpoint.
+/// Prefixes of array names in a checkpoint: weights, first and second moments, averaged weights.
 const PREFIXES: [&str; 4] = ["weights.", "first.", "second.", "average."];
 /// Key of the number of finished steps in a checkpoint's metadata.
 const STEP: &str = "step";
 
 impl<'a> Trainer<'a> {
-    /// A training before its first step.
+    /// A training run before its first step.
     ///
     /// # Errors
-    /// If there are no rows.
+    /// If the demonstrations have no rows.
     pub fn new(
         demonstrations: &'a Demonstrations,
         images: &'a dyn RowImages,
@@ -133,22 +133,22 @@ impl<'a> Trainer<'a> {
         })
     }
 
-    /// Number of finished steps.
+    /// Number of finished steps, which is also the number of the next one.
     pub fn finished(&self) -> u64 {
         self.step
     }
 
-    /// Means and deviations of the demonstrations.
+    /// Means and standard deviations of the demonstrations' inputs and actions.
     pub fn normalisation(&self) -> &Normalisation {
         &self.normalisation
     }
 
-    /// Samples per step.
+    /// Number of samples per step.
     pub fn batch_size(&self) -> usize {
         self.settings.batch
     }
 
-    /// L1 error of the averaged weights on the samples of the first `batches` steps.
+    /// Mean L1 error of the averaged weights on the samples of the first `batches` steps.
     ///
     /// # Errors
     /// If it is not finite.
@@ -170,15 +170,15 @@ impl<'a> Trainer<'a> {
         if error.is_finite() { Ok(error) } else { Err(TrainError::NotFinite { step: self.step }) }
     }
 
-    /// Average of the weights, rounded to half precision: the policy.
+    /// Averaged weights rounded to half precision, which become the policy.
     pub fn average(&self) -> Parameters {
         Parameters { arrays: self.parameters.with("", &self.adam.average).collect() }.rounded_to_half()
     }
 
-    /// The next step of `steps`.
+    /// Performs the next step of a run of `steps` steps, on which the learning rate depends.
     ///
     /// # Errors
-    /// If the loss is not finite; the weights stay as they were.
+    /// If the loss is not finite; the weights are then unchanged.
     pub fn step(&mut self, steps: u64) -> Result<TrainingStep, TrainError> {
         let step = self.step;
         let parts = self.parts(step)?;
@@ -217,7 +217,7 @@ impl<'a> Trainer<'a> {
         Ok(TrainingStep { step, l1, end_loss, label_loss, gradient_norm, learning_rate })
     }
 
-    /// The batch of a step in parts.
+    /// Batch of a step, divided into parts.
     fn parts(&mut self, step: u64) -> Result<Vec<Batch>, TrainError> {
         let Self { demonstrations, images, normalisation, settings, .. } = self;
         let batch = self.sampler.batch(demonstrations, *images, normalisation, step, settings.batch)?;
@@ -225,7 +225,7 @@ impl<'a> Trainer<'a> {
         Ok(batch.parts(part, &demonstrations.inputs))
     }
 
-    /// The whole state, with further metadata.
+    /// Checkpoint of the whole state, with additional metadata.
     pub fn checkpoint(&self, metadata: &BTreeMap<String, String>) -> Checkpoint {
         let weights: Vec<Vec<f32>> = self.parameters.arrays.iter().map(|array| array.values.clone()).collect();
         let parts = [&weights, &self.adam.first, &self.adam.second, &self.adam.average];
@@ -235,10 +235,10 @@ impl<'a> Trainer<'a> {
         Checkpoint { bytes: Parameters { arrays: arrays.collect() }.to_bytes(Precision::Single, &metadata) }
     }
 
-    /// Continues from a checkpoint of the same training; the caller compares what it belongs to.
+    /// Restores the state of a checkpoint of the same run; the caller checks by the metadata that it is the same.
     ///
     /// # Errors
-    /// If it is damaged or of another network.
+    /// If the checkpoint is damaged or belongs to another network.
     pub fn resume(&mut self, checkpoint: &Checkpoint) -> Result<(), TrainError> {
         let metadata = Parameters::metadata(&checkpoint.bytes)?;
         let step = metadata.get(STEP).and_then(|step| step.parse().ok()).ok_or(TrainError::NoStep)?;
@@ -252,17 +252,17 @@ impl<'a> Trainer<'a> {
 }
 
 impl Checkpoint {
-    /// Metadata given when it was written.
+    /// Metadata given when the checkpoint was written.
     ///
     /// # Errors
-    /// If it is not a checkpoint.
+    /// If the bytes are not a checkpoint.
     pub fn metadata(&self) -> Result<BTreeMap<String, String>, ParametersError> {
         Parameters::metadata(&self.bytes)
     }
 }
 
 impl Batch {
-    /// The same samples in parts of at most `size`.
+    /// The same samples, divided into parts of at most `size`.
     fn parts(self, size: usize, inputs: &Inputs) -> Vec<Self> {
         let per = |values: &[f32]| values.len() / self.size.max(1);
         let (actions, mask, labels) = (per(&self.actions), per(&self.mask), per(&self.labels));
@@ -292,25 +292,25 @@ impl Batch {
     }
 }
 
-/// Loss of a batch, in parts.
+/// Loss function of a batch, evaluated in parts; the sums over parts are divided by the numbers of the whole batch.
 struct Loss<'a> {
     network: &'a Transformer,
     parameters: &'a Parameters,
-    /// Entries of an action.
+    /// Number of entries of an action.
     action: usize,
-    /// Entries of all targets of the batch.
+    /// Number of entries of all action targets of the batch.
     actions: f64,
-    /// Queries of the batch.
+    /// Number of decoder queries of the batch.
     queries: f64,
-    /// Samples of the batch.
+    /// Number of samples of the batch.
     size: f64,
-    /// Labelled points.
+    /// Number of labelled keypoints per sample.
     points: usize,
     end_weight: f64,
     label_weight: f64,
 }
 
-/// Share of a part in losses and gradients of its batch.
+/// Contribution of a part to losses and gradients of its batch.
 struct PartLoss {
     l1: f64,
     end: f64,
@@ -319,7 +319,7 @@ struct PartLoss {
 }
 
 impl Loss<'_> {
-    /// Losses of parts, each in a thread of its own; in their order.
+    /// Losses of the parts in their order; each is computed in a thread of its own.
     fn of_parts(&self, parts: &[Batch]) -> Vec<PartLoss> {
         match parts {
             [one] => vec![self.of(one)],
@@ -359,7 +359,7 @@ impl Loss<'_> {
         PartLoss { l1: l1_value, end: end_value, labels: labels_value, gradients: loss.gradients(&leaves) }
     }
 
-    /// Error of the labelled points, in space and in each image where they are seen; `None` without labels.
+    /// Auxiliary loss of the labelled keypoints, in 3D and in each image that shows them; `None` without labels.
     fn labels(
         &self,
         points: &Option<Tensor<CpuTraining>>,

@@ -1,9 +1,9 @@
 //! Keypoints of an image: convolutions, then the expected pixel of each channel of a spatial softmax (Levine et al., 2016),
 //! with the features found there.
 //!
-//! Convolutions see the same content alike wherever it lies, and a keypoint is a pixel to a fraction of a cell: few
-//! layouts suffice to learn where things are. The instruction scales the weights of the convolutions and shifts their
-//! output (FiLM, Perez et al., 2018), so that keypoints can follow the object it names.
+//! Convolutions are translation-equivariant, and a keypoint has sub-cell resolution: few layouts suffice to learn where
+//! objects are. The instruction scales the weights of the convolutions and shifts their output (FiLM, Perez et al.,
+//! 2018), so that keypoints can follow the object it names.
 
 use super::layers::{Initials, Layers};
 use super::neighbourhoods::{NetworkBackend, SIDE, neighbourhoods};
@@ -11,7 +11,7 @@ use super::tensor::Tensor;
 use crate::description::PATCH;
 use crate::{ImageBatch, ImageInput, ModelSettings, normalised_pixel};
 
-/// Convolutions after the first, each added to its input.
+/// Residual convolutions after the first one. Chosen by hand.
 const CONVOLUTIONS: usize = 3;
 
 /// Keypoints of the images of a batch.
@@ -20,11 +20,11 @@ pub struct Keypoints<B: NetworkBackend> {
     pub features: Tensor<B>,
     /// Normalised pixels in the images before augmentation: batch × keypoints × 2.
     pub pixels: Tensor<B>,
-    /// Share of each cell in each keypoint: batch × keypoints × cells.
+    /// Spatial softmax weights of the cells of each keypoint: batch × keypoints × cells.
     pub shares: Tensor<B>,
 }
 
-/// Adds the arrays of a camera.
+/// Adds the initial parameters of the vision network of one camera.
 pub(super) fn add(name: &str, settings: &ModelSettings, has_words: bool, arrays: &mut Initials) {
     let ModelSettings { width, channels, keypoints, .. } = *settings;
     arrays.linear(&format!("{name}.patch"), PATCH * PATCH * 3, channels);
@@ -72,7 +72,7 @@ pub(super) fn keypoints<B: NetworkBackend>(
     let scores = layers.linear(features.clone(), &format!("{name}.keypoint"));
     let shares = scores.swap(1, 2).softmax();
     let pixels = shares.clone().matmul(centres(input, rows, columns).expand(&[size, cells, 2]));
-    // Keypoints are those of the image before augmentation.
+    // Subtracting the augmentation's shift gives pixels of the original image.
     let pixels = pixels.sub(Tensor::new(&batch.shift, &[size, 1, 2]));
     Keypoints { features: shares.clone().matmul(features), pixels, shares }
 }
@@ -85,8 +85,8 @@ fn centres<B: NetworkBackend>(input: &ImageInput, rows: usize, columns: usize) -
     Tensor::new(&values, &[1, rows * columns, 2])
 }
 
-/// Shares of the cells whose expected pixel is a point of the augmented image, in normalised pixels: those of the four
-/// centres around it, or of the nearest ones at the border.
+/// Target weights of the cells, whose expected pixel is a given point of the augmented image (normalised pixels):
+/// bilinear weights of the four cell centres around the point, or of the nearest ones at the border.
 pub(super) fn target(point: [f32; 2], input: &ImageInput) -> Vec<f32> {
     let [rows, columns] = input.patches();
     let middle = (PATCH as f32 - 1.0) / 2.0;

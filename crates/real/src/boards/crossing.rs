@@ -1,36 +1,36 @@
-//! Crossings of a chessboard, to a few hundredths of a pixel.
+//! Subpixel refinement of chessboard corners, to a few hundredths of a pixel.
 
 use genmanip_core::glam::DVec2;
 
 use super::grey::GreyImage;
 use crate::least_squares::{Normal, minimise};
 
-/// Least difference of black and white, half of it.
+/// Minimum amplitude: half of the difference between black and white, in grey levels. Chosen by hand.
 const MIN_AMPLITUDE: f64 = 8.0;
-/// Largest rest of the fit, as a share of the amplitude.
+/// Maximum residual of the fit, as a share of the amplitude. Chosen by hand.
 const MAX_REST: f64 = 0.35;
-/// Smallest window, pixels from its middle.
+/// Minimum radius of the fitted window, pixels.
 const MIN_REACH: f64 = 2.0;
-/// Largest window.
+/// Maximum radius of the fitted window, pixels.
 const MAX_REACH: f64 = 8.0;
 
-/// Expected look of a crossing.
+/// Expected position and orientation of a chessboard corner in the image.
 #[derive(Clone, Copy, Debug)]
 pub struct Expected {
-    /// Pixel.
+    /// Approximate position, pixels.
     pub at: DVec2,
-    /// Directions in the image of the board's x and y.
+    /// Directions of the board's x and y axes in the image.
     pub axes: [DVec2; 2],
-    /// Distance up to which nothing else is printed, pixels.
+    /// Radius around the corner that contains no other edge, pixels.
     pub reach: f64,
-    /// True if it is dark between the two axes, and opposite.
+    /// True if the quadrant between the two axes, and the opposite one, are dark.
     pub is_dark: bool,
 }
 
-/// Pixel of a crossing; `None` if none is there.
+/// Refined pixel of a chessboard corner; `None` if the image shows no corner there.
 ///
-/// The brightness is fitted by a constant and the product of two smooth steps across the lines. A tone curve changes the
-/// levels, but not the symmetry about the crossing.
+/// Least-squares fit of the brightness by a constant plus the product of two sigmoids across the lines. A tone curve
+/// changes the grey levels, but not the symmetry about the corner.
 pub fn refined(image: &GreyImage, expected: &Expected) -> Option<DVec2> {
     let reach = expected.reach.min(MAX_REACH);
     if reach < MIN_REACH {
@@ -67,7 +67,7 @@ pub fn refined(image: &GreyImage, expected: &Expected) -> Option<DVec2> {
     Some(model.center)
 }
 
-/// Pixels around a place; `None` where the image ends.
+/// Pixels within the radius `reach` of a point, with their grey levels; `None` if the window crosses the image border.
 fn window(image: &GreyImage, center: DVec2, reach: f64) -> Option<Vec<(DVec2, f64)>> {
     let (low, high) = ((center - reach).ceil(), (center + reach).floor());
     let size = DVec2::new(image.width() as f64, image.height() as f64);
@@ -90,9 +90,9 @@ fn window(image: &GreyImage, center: DVec2, reach: f64) -> Option<Vec<(DVec2, f6
 #[derive(Clone, Copy, Debug)]
 struct Saddle {
     center: DVec2,
-    /// Angles of the board's x and y in the image, rad.
+    /// Angles of the board's x and y axes in the image, rad.
     angles: [f64; 2],
-    /// Logarithm of the width of the steps, pixels.
+    /// Natural logarithm of the edge width, pixels.
     log_width: f64,
     level: f64,
     amplitude: f64,
@@ -102,7 +102,7 @@ impl Saddle {
     fn fit(&self, window: &[(DVec2, f64)], turn: f64) -> Normal {
         let mut normal = Normal::new(7);
         let width = self.log_width.exp();
-        // Distances along the board's x from the line along y, and along y from the line along x.
+        // Signed distances: along the board's x axis from the line along y, and along y from the line along x.
         let across =
             [DVec2::from_angle(self.angles[1]).perp() * -turn, DVec2::from_angle(self.angles[0]).perp() * turn];
         for &(pixel, value) in window {
@@ -111,7 +111,7 @@ impl Saddle {
             let (s, t) = (u.tanh(), v.tanh());
             let (by_u, by_v) = (self.amplitude * (1.0 - s * s) * t, self.amplitude * s * (1.0 - t * t));
             let by_center = -(across[0] * by_u + across[1] * by_v) / width;
-            // A line that turns moves its normal by that turned.
+            // Derivative by a line's angle: its normal rotates by 90°.
             let by_angle = |across: DVec2| across.perp().dot(off) / width;
             let row = [
                 (0, by_center.x),

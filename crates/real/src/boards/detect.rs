@@ -1,4 +1,4 @@
-//! A board in an image: its tags, then its corners.
+//! Detection of a board in an image: first its tags, then its corners.
 
 use genmanip_core::glam::{DMat3, DVec2};
 use thiserror::Error;
@@ -10,44 +10,45 @@ use super::tags::{CELLS, decoded};
 use super::{quads, segments};
 use crate::homography::{homography, mapped};
 
-/// Least difference of the white around a tag from its black border.
+/// Minimum brightness difference between the white around a tag and its black border, grey levels. Chosen by hand.
 const MIN_CONTRAST: f64 = 15.0;
-/// Wrong cells of the border, at most.
+/// Maximum number of border cells of a tag that look white. Chosen by hand.
 const MOST_BRIGHT: usize = 2;
-/// Largest distance of a tag's corner from where the others put it, as a share of its side.
+/// Maximum distance between a tag's corner and the prediction by the homography of all tags, as a share of the tag's
+/// side. Chosen by hand.
 const MAX_ASTRAY: f64 = 0.4;
-/// Largest distance of a tag from a crossing that is predicted from it, in squares.
+/// Maximum distance between the centre of a tag and a chessboard corner that is predicted from it, in squares.
 const NEAR: f64 = 1.6;
 
 /// Reason why an image shows no board.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum NoBoard {
-    /// No tag at all.
+    /// No tag of the family was found.
     #[error("no board in the image")]
     NoTag,
-    /// Tags of another board.
+    /// All tags found belong to another board.
     #[error("{count} tags, none of this board; the first has id {id}: is this the board that is described?")]
     OtherTags {
-        /// Tags.
+        /// Number of tags that were found.
         count: usize,
-        /// Id of one.
+        /// Id of one of these tags.
         id: u32,
     },
-    /// A single tag.
+    /// Only one tag of the board was found.
     #[error("a single tag of the board; show more of it, nearer or with more light")]
     OneTag,
 }
 
-/// Corners of a board in an image, by id; pixel centres are whole numbers.
+/// Corners of a board in an image, by id; pixel centres are at integers.
 ///
 /// # Errors
-/// [`NoBoard`] if fewer than two of its tags are seen.
+/// [`NoBoard`] if fewer than two tags of the board are found.
 pub fn detect(image: &GreyImage, layout: &Layout) -> Result<Vec<(u32, DVec2)>, NoBoard> {
     let all = tags(image);
     let Some(first) = all.first() else { return Err(NoBoard::NoTag) };
     let place = |tag: &SeenTag| {
         let index = layout.tags.iter().position(|placed| placed.id == tag.id)?;
-        // The same id twice: one of them is a reflection or another print.
+        // If an id occurs twice, one of the tags is a reflection or another print.
         let is_unique = all.iter().filter(|other| other.id == tag.id).count() == 1;
         let (on_board, mut seen) = (layout.tags[index], tag.corners);
         seen.rotate_left(if on_board.is_turned { 2 } else { 0 });
@@ -63,7 +64,7 @@ pub fn detect(image: &GreyImage, layout: &Layout) -> Result<Vec<(u32, DVec2)>, N
     if placed.len() < MIN_TAGS {
         return Err(NoBoard::OneTag);
     }
-    // Sharp edges alias; smoothed, they have their place between pixels.
+    // Sharp edges alias; after smoothing, their subpixel position can be measured.
     let smooth = image.smoothed();
     let corner = |(id, corner): (usize, &Corner)| {
         let pixel = match corner.kind {
@@ -90,7 +91,8 @@ impl Placed {
     }
 }
 
-/// The tag that lies farthest from where all put it, if that is too far.
+/// Index of the tag with the largest error against the homography of all tags, if that error is too large. `None`
+/// otherwise.
 fn astray(placed: &[Placed]) -> Option<usize> {
     let map = homography(placed.iter().flat_map(Placed::pairs));
     let error = |it: &Placed| {
@@ -102,7 +104,8 @@ fn astray(placed: &[Placed]) -> Option<usize> {
     (error(&placed[worst]) > MAX_ASTRAY).then_some(worst)
 }
 
-/// Expected look of a crossing from the tags around it; `None` if none of them was seen.
+/// Expected position and orientation of a chessboard corner, from the homography of the tags around it; `None` if none
+/// of them was found.
 fn expected(at: DVec2, falls_dark: bool, placed: &[Placed], layout: &Layout) -> Option<Expected> {
     let square = layout.squares.first()?.size;
     let distance = |it: &Placed| ((it.on_board.outline.at + it.on_board.outline.size / 2.0 - at) / square).length();
@@ -112,15 +115,15 @@ fn expected(at: DVec2, falls_dark: bool, placed: &[Placed], layout: &Layout) -> 
     let toward = |x: f64, y: f64| Some(mapped(&map, at + DVec2::new(x, y) * layout.margin_m)? - pixel);
     let axes = [toward(1.0, 0.0)?.normalize(), toward(0.0, 1.0)?.normalize()];
     let diagonals = [toward(1.0, 1.0)?, toward(1.0, -1.0)?, toward(-1.0, 1.0)?, toward(-1.0, -1.0)?];
-    // Tags begin there; their blur reaches a little farther.
+    // The tags begin at this distance; their blurred edges reach 0.7 pixels closer.
     let reach = diagonals.iter().map(|off| off.length()).fold(f64::INFINITY, f64::min) - 0.7;
     Some(Expected { at: pixel, axes, reach, is_dark: falls_dark })
 }
 
-/// A tag in an image.
+/// A tag found in an image.
 struct SeenTag {
     id: u32,
-    /// Clockwise from the top left of the tag.
+    /// Pixels of the corners, clockwise from the tag's top left.
     corners: [DVec2; 4],
 }
 
@@ -134,7 +137,7 @@ fn tags(image: &GreyImage) -> Vec<SeenTag> {
     segments::outlines(image).into_iter().filter_map(tag).collect()
 }
 
-/// Bits of a quadrilateral, row by row from its first corner; `None` if it has no black border on white.
+/// Bits of a quadrilateral in row-major order from its first corner; `None` if it has no black border on white.
 fn bits(image: &GreyImage, corners: &[DVec2; 4]) -> Option<u64> {
     let side = f64::from(CELLS);
     let square = [DVec2::ZERO, DVec2::new(side, 0.0), DVec2::splat(side), DVec2::new(0.0, side)];
@@ -143,7 +146,7 @@ fn bits(image: &GreyImage, corners: &[DVec2; 4]) -> Option<u64> {
     let last = CELLS as i32 - 1;
     let ring = |near: i32, far: i32| (near..=far).flat_map(move |at| [(at, near), (at, far), (near, at), (far, at)]);
     let black = Shade::of(image, &map, ring(0, last).map(|(column, row)| center(column, row)))?;
-    // Half a cell outside: the white margin may be narrower than a cell.
+    // Sampled half a cell outside of the border: the white margin may be narrower than a cell.
     let white = Shade::of(
         image,
         &map,
@@ -159,7 +162,7 @@ fn bits(image: &GreyImage, corners: &[DVec2; 4]) -> Option<u64> {
     for (column, row) in ring(0, last) {
         bright += usize::from(is_bright(center(column, row))?);
     }
-    // Each corner cell stands in the ring four times.
+    // The ring visits each corner cell four times in total, others once.
     if bright > 2 * MOST_BRIGHT {
         return None;
     }
@@ -172,7 +175,7 @@ fn bits(image: &GreyImage, corners: &[DVec2; 4]) -> Option<u64> {
     Some(bits)
 }
 
-/// Mean brightness in the middle of a cell.
+/// Mean brightness in the middle of a cell; `None` outside of the image.
 fn read(image: &GreyImage, map: &DMat3, center: DVec2) -> Option<f64> {
     const OFFS: [f64; 2] = [-0.15, 0.15];
     let mut sum = 0.0;
@@ -184,7 +187,7 @@ fn read(image: &GreyImage, map: &DMat3, center: DVec2) -> Option<f64> {
     Some(sum / 4.0)
 }
 
-/// Brightness that varies linearly over a tag.
+/// Brightness that varies linearly over a tag (gradual shading).
 struct Shade {
     constant: f64,
     slope: DVec2,
@@ -192,7 +195,8 @@ struct Shade {
 }
 
 impl Shade {
-    /// Least squares of places that are symmetrical about the middle of a tag.
+    /// Least-squares fit to the brightness at points that are symmetrical about the centre of a tag. `None` if a point
+    /// has no brightness.
     fn of(image: &GreyImage, map: &DMat3, places: impl Iterator<Item = DVec2>) -> Option<Self> {
         let middle = DVec2::splat(f64::from(CELLS) / 2.0);
         let (mut count, mut sum, mut moment, mut spread) = (0.0, 0.0, DVec2::ZERO, DVec2::ZERO);

@@ -1,8 +1,8 @@
-//! Grey images.
+//! Greyscale images with subpixel sampling.
 
 use genmanip_core::glam::DVec2;
 
-/// Grey image, row by row from the top left; pixel centres are whole numbers.
+/// 8-bit greyscale image in row-major order from the top left; pixel centres are at integers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GreyImage {
     width: usize,
@@ -11,18 +11,18 @@ pub struct GreyImage {
 }
 
 impl GreyImage {
-    /// An image; `None` unless there is one value per pixel.
+    /// Image from row-major values; `None` unless there is one value per pixel.
     pub fn new(width: usize, height: usize, values: Vec<u8>) -> Option<Self> {
         (values.len() == width.checked_mul(height)?).then_some(Self { width, height, values })
     }
 
-    /// An image that has one value per pixel.
+    /// Image from row-major values, of which the caller guarantees one per pixel.
     pub(super) fn of(width: usize, height: usize, values: Vec<u8>) -> Self {
         debug_assert_eq!(values.len(), width * height);
         Self { width, height, values }
     }
 
-    /// Luma of an sRGB image with three bytes per pixel; `None` unless its size is right.
+    /// Luma of an sRGB image with three bytes per pixel; `None` if the number of bytes is wrong.
     pub fn from_rgb(width: usize, height: usize, rgb: &[u8]) -> Option<Self> {
         let luma = |rgb: &[u8]| {
             let [r, g, b] = [rgb[0], rgb[1], rgb[2]].map(u32::from);
@@ -32,27 +32,27 @@ impl GreyImage {
         is_whole.then(|| Self { width, height, values: rgb.chunks_exact(3).map(luma).collect() })
     }
 
-    /// Pixels in a row.
+    /// Width, pixels.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
+    /// Height, pixels.
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// Values row by row.
+    /// Values in row-major order.
     pub fn values(&self) -> &[u8] {
         &self.values
     }
 
-    /// Value of a pixel.
+    /// Grey level of a pixel, 0 to 255.
     pub fn at(&self, x: usize, y: usize) -> u8 {
         self.values[y * self.width + x]
     }
 
-    /// Value between pixels, bilinear; `None` outside of the pixel centres.
+    /// Bilinear interpolation at a subpixel position; `None` outside of the outermost pixel centres.
     pub fn sampled(&self, at: DVec2) -> Option<f64> {
         let last = DVec2::new(self.width as f64 - 1.0, self.height as f64 - 1.0);
         if !(at.cmpge(DVec2::ZERO).all() && at.cmplt(last).all()) {

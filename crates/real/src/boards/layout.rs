@@ -7,21 +7,22 @@ use serde::{Deserialize, Serialize};
 use super::grey::GreyImage;
 use super::tags::{CELLS, TAGS, is_dark};
 
-/// Grey levels of the black and the white of a raster.
+/// Grey levels of black and white in a raster image of a board.
 pub const LEVELS: [u8; 2] = [0, 255];
 
-/// Tags of a board, at least: one alone could be any tag of the room.
+/// Minimum number of detected tags for a board to count as found: a single tag could be one that is elsewhere in the
+/// room.
 pub const MIN_TAGS: usize = 2;
 
 /// Chessboard whose white squares hold tags of the family tag36h11, as OpenCV's `CharucoBoard` with
-/// `DICT_APRILTAG_36h11` (4.6 and newer): the top left square is black, tags are numbered row by row and stand on their
-/// heads, and inner corners are numbered row by row from the top left.
+/// `DICT_APRILTAG_36h11` (4.6 and newer): the top left square is black, tags are numbered in row-major order and upside
+/// down, and inner corners are numbered in row-major order from the top left.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Charuco {
-    /// Squares in a row.
+    /// Number of squares per row.
     pub columns: u32,
-    /// Rows of squares.
+    /// Number of rows of squares.
     pub rows: u32,
     /// Side of a square, metres.
     pub square_m: f64,
@@ -32,14 +33,14 @@ pub struct Charuco {
     pub first_id: u32,
 }
 
-/// Tags of the family tag36h11 in rows, numbered from the top left; each has its corners at 4 times its place in the
-/// list, clockwise from its top left.
+/// Grid of tags of the family tag36h11, numbered in row-major order from the top left. The corners of a tag have the
+/// ids 4 · index of the tag and the three following, clockwise from its top left.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TagGrid {
-    /// Tags in a row.
+    /// Number of tags per row.
     pub columns: u32,
-    /// Rows of tags.
+    /// Number of rows of tags.
     pub rows: u32,
     /// Side of a tag with its black border, metres.
     pub tag_m: f64,
@@ -55,31 +56,31 @@ pub struct TagGrid {
 pub struct Layout {
     /// Width and height of the pattern, metres.
     pub size_m: DVec2,
-    /// Tags.
+    /// Tags with their places.
     pub tags: Vec<PlacedTag>,
     /// Black squares of a chessboard.
     pub squares: Vec<Rectangle>,
-    /// Corners by id.
+    /// Corners; a corner's id is its index.
     pub corners: Vec<Corner>,
-    /// White distance of a tag from the crossings around it, metres.
+    /// Width of the white margin between a tag and the chessboard corners around it, metres.
     pub margin_m: f64,
 }
 
 /// A tag on a board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlacedTag {
-    /// Id in the family.
+    /// Id within the tag family.
     pub id: u32,
     /// Outline of its black border.
     pub outline: Rectangle,
-    /// True if it stands on its head.
+    /// True if the tag is printed upside down.
     pub is_turned: bool,
 }
 
 /// Axis-aligned rectangle on a board, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rectangle {
-    /// Top left corner.
+    /// Top left corner on the board.
     pub at: DVec2,
     /// Width and height.
     pub size: DVec2,
@@ -88,34 +89,34 @@ pub struct Rectangle {
 /// A numbered corner of a board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Corner {
-    /// Place, metres.
+    /// Position on the board, metres.
     pub at: DVec2,
-    /// Pattern around it.
+    /// Printed pattern around the corner, by which it is detected.
     pub kind: CornerKind,
 }
 
-/// Pattern around a corner.
+/// Printed pattern around a corner, by which it is detected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CornerKind {
-    /// Crossing of a chessboard.
+    /// Inner corner of a chessboard.
     Crossing {
-        /// True if the squares at its top left and bottom right are black.
+        /// True if the squares at the corner's top left and bottom right are black.
         falls_dark: bool,
     },
     /// Outer corner of a tag.
     OfTag {
-        /// Place of the tag in the list.
+        /// Index of the tag in [`Layout::tags`].
         tag: usize,
-        /// Corner, clockwise from the top left.
+        /// Index of the corner, clockwise from the tag's top left.
         corner: usize,
     },
 }
 
 impl Charuco {
-    /// Layout.
+    /// Layout of this board.
     ///
     /// # Errors
-    /// Describes the number that is not possible.
+    /// Names the number that is out of range.
     pub fn layout(&self) -> Result<Layout, String> {
         let Self { columns, rows, square_m, tag_m, first_id } = *self;
         check_counts(columns, rows, 3)?;
@@ -142,10 +143,10 @@ impl Charuco {
 }
 
 impl TagGrid {
-    /// Layout.
+    /// Layout of this board.
     ///
     /// # Errors
-    /// Describes the number that is not possible.
+    /// Names the number that is out of range.
     pub fn layout(&self) -> Result<Layout, String> {
         let Self { columns, rows, tag_m, gap_m, first_id } = *self;
         check_counts(columns, rows, 1)?;
@@ -169,7 +170,7 @@ impl TagGrid {
 }
 
 impl Layout {
-    /// Black rectangles of the print: squares, and runs of cells of the tags.
+    /// Black rectangles of the print, metres: chessboard squares, and horizontal runs of cells of the tags.
     pub fn dark(&self) -> Vec<Rectangle> {
         let mut dark = self.squares.clone();
         for tag in &self.tags {
@@ -193,7 +194,8 @@ impl Layout {
         dark
     }
 
-    /// The print with square pixels and a white border around it; edges are rounded to whole pixels.
+    /// Raster image of the print with pixels of side `pixel_m` and a white border of `border_m` (metres); edges are
+    /// rounded to whole pixels.
     pub fn raster(&self, pixel_m: f64, border_m: f64) -> GreyImage {
         let [black, white] = LEVELS;
         let pixel = |at: DVec2| ((at + border_m) / pixel_m).round().as_usizevec2();

@@ -1,9 +1,9 @@
-//! Printed boards: their layout, and their corners found in images.
+//! Printed boards: their layout, and detection of their corners in images.
 //!
-//! Tags are found as by Wang and Olson, "AprilTag 2: Efficient and robust fiducial detection" (2016), after Olson,
+//! Tags are detected as by Wang and Olson, "AprilTag 2: Efficient and robust fiducial detection" (2016), after Olson,
 //! "AprilTag: A robust and flexible visual fiducial system" (2011): adaptive threshold, dark segments with four sides,
-//! lines fitted to their edges, a homography, bits, and the nearest code. Crossings of a chessboard are then fitted by a
-//! model of their brightness.
+//! lines fitted to their edges, a homography, bits, and the nearest code. Chessboard corners are then refined by
+//! fitting a model of the brightness around them.
 
 mod crossing;
 mod detect;

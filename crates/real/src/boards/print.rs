@@ -6,17 +6,18 @@ use genmanip_core::glam::DVec2;
 
 use super::layout::Layout;
 
-/// White border around the pattern, at least, mm.
+/// Minimum white border around the pattern, mm. Chosen by hand.
 pub const BORDER_MM: f64 = 5.0;
 
-/// Page of width and height in mm with the board in its middle and a caption below; `None` if the page is too small.
+/// SVG page of width and height in mm with the board in its middle and a caption below; `None` if the page is too
+/// small.
 pub fn svg(layout: &Layout, page_mm: DVec2, caption: &str) -> Option<String> {
     let size_mm = layout.size_m * 1e3;
     let at = (page_mm - size_mm) / 2.0;
     if at.min_element() < BORDER_MM {
         return None;
     }
-    // One path: its pieces meet without a seam.
+    // All black areas form one path, so that adjacent rectangles join without a seam.
     let mut path = String::new();
     for piece in layout.dark() {
         let (from, size) = (at + piece.at * 1e3, piece.size * 1e3);

@@ -1,19 +1,19 @@
-//! Outlines with four straight sides: their corners, from lines fitted to the edges in the image.
+//! Quadrilaterals among contours: corners as intersections of lines fitted to the edges in the image.
 
 use genmanip_core::glam::DVec2;
 
 use super::grey::GreyImage;
 use super::tags::CELLS;
 
-/// Largest distance of most of an outline from its sides: pixels, and share of the shortest side.
+/// Maximum distance of a contour from its sides: the larger of this many pixels and this share of the shortest side.
 const STRAIGHT: [f64; 2] = [1.6, 0.04];
-/// Share of an outline that may be farther away.
+/// Maximum share of contour points that are farther from the sides. Chosen by hand.
 const MOST_ASTRAY: f64 = 0.05;
-/// Shortest side, pixels: more than one per cell of a tag.
+/// Minimum length of a side, pixels: more than one pixel per cell of a tag.
 const MIN_SIDE: f64 = 10.0;
-/// Ends of a side that are not fitted, as a share: other edges blur into them.
+/// Share of a side at each end that is not fitted: adjacent edges blur into it.
 const ENDS: f64 = 0.1;
-/// Fits, each from the lines of the last one.
+/// Number of refinements of the lines, each starting from the previous corners. Chosen by hand.
 const ROUNDS: usize = 2;
 
 /// Corners of a dark quadrilateral, clockwise in the image; `None` for another shape.
@@ -25,7 +25,7 @@ pub fn corners(image: &GreyImage, outline: &[DVec2]) -> Option<[DVec2; 4]> {
         let mut fitted = corners;
         for corner in 0..4 {
             fitted[corner] = lines[(corner + 3) % 4].meets(&lines[corner])?;
-            // A fit that leaves its outline found another edge.
+            // A corner that moves by more than 3 pixels was fitted to another edge.
             if fitted[corner].distance(corners[corner]) > 3.0 {
                 return None;
             }
@@ -35,8 +35,8 @@ pub fn corners(image: &GreyImage, outline: &[DVec2]) -> Option<[DVec2; 4]> {
     Some(corners)
 }
 
-/// Corners of an outline to a pixel: the farthest from the middle, the farthest from that, the farthest to both sides of
-/// the diagonal.
+/// Corners of a contour to a pixel: the point farthest from the centroid, the point farthest from that one, and the
+/// farthest on either side of this diagonal. `None` unless they form a convex quadrilateral with straight sides.
 fn coarse(outline: &[DVec2]) -> Option<[DVec2; 4]> {
     let middle = outline.iter().sum::<DVec2>() / outline.len() as f64;
     let farthest =
@@ -66,7 +66,7 @@ fn coarse(outline: &[DVec2]) -> Option<[DVec2; 4]> {
     (astray as f64 <= MOST_ASTRAY * outline.len() as f64).then_some(corners)
 }
 
-/// A line through a point.
+/// A line, given by a point and its direction.
 #[derive(Clone, Copy)]
 struct Line {
     point: DVec2,
@@ -81,14 +81,15 @@ impl Line {
     }
 }
 
-/// Line along the edge between two corners, bright at its left: total least squares of the steepest places across it.
+/// Line along the edge between two corners, with the bright side on its left: total least squares over the points of
+/// steepest gradient across the edge. `None` if the samples cross the image border or no edge is found.
 fn edge(image: &GreyImage, from: DVec2, to: DVec2) -> Option<Line> {
-    /// Distance of samples across the edge, pixels.
+    /// Sample spacing across the edge, pixels. Chosen by hand.
     const STEP: f64 = 0.25;
     let length = from.distance(to);
     let direction = (to - from) / length;
     let inwards = direction.perp();
-    // Not beyond the border of a tag.
+    // Samples do not reach beyond the black border of a tag.
     let reach = (0.7 * length / f64::from(CELLS)).clamp(1.0, 3.0);
     let count = (length.ceil() as usize).clamp(8, 80);
     let steps = (reach / STEP) as i32;

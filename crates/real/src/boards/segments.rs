@@ -1,17 +1,17 @@
-//! Dark segments of an image, and their outlines.
+//! Connected dark segments of an image, and their contours.
 
 use genmanip_core::glam::DVec2;
 
 use super::grey::GreyImage;
 
-/// Side of the tiles whose brightest and darkest pixels set the threshold, pixels.
+/// Side of the tiles whose minimum and maximum brightness set the adaptive threshold, pixels. As in AprilTag 2.
 const TILE: usize = 4;
-/// Least difference of bright and dark around an edge.
+/// Minimum difference between bright and dark around an edge, grey levels. Chosen by hand.
 const MIN_CONTRAST: u8 = 20;
-/// Least width and height of a segment, pixels.
+/// Minimum width and height of a segment, pixels; the same as for the sides of a tag.
 const MIN_SIDE: usize = 10;
 
-/// Outlines of the dark segments, clockwise along the edges of their pixels, from the top left.
+/// Contours of the dark segments, as midpoints of pixel edges, clockwise from the top left.
 pub fn outlines(image: &GreyImage) -> Vec<Vec<DVec2>> {
     let (width, height) = (image.width(), image.height());
     let dark = Dark::of(image);
@@ -54,7 +54,7 @@ pub fn outlines(image: &GreyImage) -> Vec<Vec<DVec2>> {
     found
 }
 
-/// Pixels that are darker than the middle between bright and dark around them.
+/// Pixels that are darker than the mean of the brightest and the darkest pixel around them.
 struct Dark {
     width: usize,
     height: usize,
@@ -99,13 +99,15 @@ impl Dark {
         Self { width, height, pixels }
     }
 
-    /// Outline of the segment of its first pixel, in the order of rows: middles of the pixel edges that bound it.
+    /// Contour of the segment to which `first` belongs, its first pixel in row-major order, as midpoints of the pixel
+    /// edges.
     fn outline(&self, first: usize) -> Vec<DVec2> {
         let is_dark = |x: i64, y: i64| {
             let is_inside = (0..self.width as i64).contains(&x) && (0..self.height as i64).contains(&y);
             is_inside && self.pixels[y as usize * self.width + x as usize]
         };
-        // A walk with the segment at the right: position of a pixel corner (that of pixel x, y at its top left).
+        // The contour is followed with the segment on the right; the position is a pixel corner (pixel x, y has its top
+        // left corner at x, y).
         let begin = ((first % self.width) as i64, (first / self.width) as i64);
         let (mut at, mut step) = (begin, (1_i64, 0_i64));
         let mut outline = Vec::new();
@@ -113,7 +115,7 @@ impl Dark {
             let next = (at.0 + step.0, at.1 + step.1);
             outline.push(DVec2::new((at.0 + next.0) as f64 / 2.0 - 0.5, (at.1 + next.1) as f64 / 2.0 - 0.5));
             at = next;
-            // Pixels ahead at the left and at the right of the corner.
+            // Pixels ahead of the corner, on the left and on the right.
             let (x, y) = match step {
                 (1, 0) => ((0, -1), (0, 0)),
                 (0, 1) => ((0, 0), (-1, 0)),

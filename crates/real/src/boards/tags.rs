@@ -1,15 +1,16 @@
 //! Tags of the family tag36h11: a black border of one cell around 6 x 6 bits.
 
-/// Cells along the side of a tag, with its border.
+/// Number of cells along the side of a tag, with its border.
 pub const CELLS: u32 = 8;
-/// Tags that are known.
+/// Number of known tags: the first ones of the family.
 pub const TAGS: u32 = CODES.len() as u32;
-/// Bits along a side.
+/// Number of data bits along a side.
 const BITS: u32 = CELLS - 2;
-/// Wrong bits that are corrected. Codes differ in 11 bits at least; five could be corrected, with more false finds.
+/// Maximum number of wrong bits that are corrected. Codes have a Hamming distance of at least 11, so five could be
+/// corrected, but with more false detections.
 const MOST_WRONG: u32 = 2;
 
-/// The first codes of the family: bits row by row from the top left, the first one highest; 1 is white.
+/// First codes of the family: bits in row-major order from the top left, the first one most significant; 1 is white.
 ///
 /// Table of the AprilTag project, copyright 2013-2016 The Regents of The University of Michigan, BSD 2-Clause.
 const CODES: [u64; 64] = [
@@ -79,14 +80,14 @@ const CODES: [u64; 64] = [
     0xa_708d_89fb,
 ];
 
-/// True for a black cell of a known tag, counted from the top left.
+/// True for a black cell of a known tag; column and row are counted from the top left, border included.
 pub fn is_dark(id: u32, column: u32, row: u32) -> bool {
     let is_border = [column, row].iter().any(|&at| at == 0 || at == CELLS - 1);
     is_border || CODES[id as usize] >> (BITS * BITS - 1 - (row - 1) * BITS - (column - 1)) & 1 == 0
 }
 
-/// Tag of bits that were read row by row from any of its corners: its id, and the corner clockwise from there at which
-/// it begins; `None` if no code is near enough.
+/// Tag whose bits were read in row-major order from any of its corners: its id, and how many corners clockwise from the
+/// first one its top left is. `None` if no code is close enough.
 pub fn decoded(bits: u64) -> Option<(u32, usize)> {
     let turns = std::iter::successors(Some(bits), |&bits| Some(turned(bits))).take(4).enumerate();
     let near = turns
@@ -94,7 +95,7 @@ pub fn decoded(bits: u64) -> Option<(u32, usize)> {
     near.min().filter(|(wrong, ..)| *wrong <= MOST_WRONG).map(|(_, id, turn)| (id, turn))
 }
 
-/// The same bits read from the next corner, clockwise.
+/// The same bits read from the next corner clockwise.
 fn turned(bits: u64) -> u64 {
     let bit = |row: u32, column: u32| bits >> (BITS * BITS - 1 - row * BITS - column) & 1;
     let cells = (0..BITS).flat_map(|row| (0..BITS).map(move |column| (row, column)));

@@ -1,29 +1,29 @@
-//! Decision whether the arm may move: lease, sequence, deadline, dead-man's switch. A pure state machine: time is an
-//! argument.
+//! Guard that decides whether the arm may move: lease, sequence number, deadline, dead-man's switch. A pure state
+//! machine: time is an argument.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::interpolator::{Interpolator, JointLimits, JointState};
 
-/// Settings of a guard.
+/// Control period and time limits of a guard.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GuardSettings {
-    /// Time between setpoints, s.
+    /// Time between setpoints (control period), s.
     pub tick_s: f64,
-    /// Longest time for which a command may be valid, s.
+    /// Maximum validity of a command, s.
     pub longest_validity_s: f64,
-    /// Time after which a lease without a command ends, s.
+    /// Time without a command or heartbeat after which a lease ends, s.
     pub lease_s: f64,
 }
 
 impl Default for GuardSettings {
     fn default() -> Self {
         Self {
-            // The rate of the control protocols of collaborative arms.
+            // 1 kHz is the rate of the control protocols of collaborative arms.
             tick_s: 1e-3,
-            // Three action chunks of slow policies; nobody looks away for longer.
+            // Long enough for three action chunks of slow policies; an operator looks away for no longer.
             longest_validity_s: 1.0,
             lease_s: 10.0,
         }
@@ -34,19 +34,19 @@ impl Default for GuardSettings {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Command {
-    /// Lease under which it is sent.
+    /// Number of the lease under which the command is sent.
     pub lease: u64,
-    /// Number that grows with every command of the lease.
+    /// Sequence number; strictly increasing within a lease.
     pub sequence: u64,
-    /// Time after reception until which it holds, s.
+    /// Time after reception for which the command is valid, s.
     pub valid_for_s: f64,
     /// True while a person holds the dead-man's switch.
     pub dead_man: bool,
-    /// Positions of the joints, rad.
+    /// Target joint positions, rad.
     pub positions: Vec<f64>,
 }
 
-/// Reason why a command or a request is refused; nothing changes.
+/// Reason why a command or a request is refused; a refusal changes nothing unless stated.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Refused {
     /// Another holder has the lease.
@@ -55,65 +55,65 @@ pub enum Refused {
         /// Time until it ends, s.
         after_s: f64,
     },
-    /// Lease unknown or ended.
+    /// Unknown or ended lease, by number.
     #[error("the lease {0} is not in force; acquire one")]
     NoLease(u64),
     /// A command that is older than the last one.
     #[error("command {got} came after {last}: late or sent twice")]
     Sequence {
-        /// Number of the command.
+        /// Sequence number of the command.
         got: u64,
-        /// Largest number so far.
+        /// Largest sequence number so far.
         last: u64,
     },
     /// Positions of wrong number, or not finite.
     #[error("expected {expected} finite positions")]
     Positions {
-        /// Joints of the arm.
+        /// Number of joints of the arm.
         expected: usize,
     },
-    /// Validity out of range.
+    /// The command's validity is not positive or exceeds the maximum.
     #[error("valid for {got} s; expected more than 0 and at most {most}")]
     Validity {
         /// Validity of the command, s.
         got: f64,
-        /// Longest one, s.
+        /// Maximum validity, s.
         most: f64,
     },
-    /// The arm brakes or has stopped; it has to be started again.
+    /// The arm brakes or has stopped; call [`Guard::start`] first.
     #[error("the arm has stopped ({0:?}); start it again once the reason is gone")]
     Stopped(StopReason),
     /// The dead-man's switch is not held.
     #[error("the dead-man's switch is not held")]
     DeadMan,
-    /// The arm still moves.
+    /// The arm is still moving.
     #[error("the arm still moves; wait until it stands")]
     Moving,
 }
 
-/// Reason why the arm stands or brakes.
+/// Reason why the arm brakes or stands still.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StopReason {
-    /// Not started yet.
+    /// [`Guard::start`] was not called yet.
     NotStarted,
     /// No command came before the deadline of the last one.
     Deadline,
     /// The dead-man's switch was released.
     DeadMan,
-    /// The holder gave the lease back, or asked for a stop.
+    /// The holder returned the lease, or requested a stop.
     Released,
-    /// The arm itself reported an error, such as a reflex.
+    /// The arm itself reported an error, such as a reflex triggered by a collision.
     Arm,
 }
 
-/// Mode of a guard.
+/// Operating mode of a guard.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
-    /// Follows commands.
+    /// The arm follows commands.
     Following,
-    /// Brakes, or stands after braking.
+    /// The arm brakes, or stands still after braking.
     Stopping(StopReason),
 }
 
@@ -127,41 +127,41 @@ pub struct Guard {
     next_lease: u64,
 }
 
-/// A lease in force.
+/// Lease in force, with the state of its commands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Lease {
     id: u64,
-    /// Time of the last sign of life, s.
+    /// Time of the holder's last message, s.
     seen_s: f64,
     last_sequence: Option<u64>,
-    /// Time until which the last command holds, s.
+    /// Time at which the last command expires, s.
     deadline_s: f64,
 }
 
 impl Guard {
-    /// A guard of a standing arm; `None` as [`Interpolator::new`].
+    /// Guard of an arm at rest at the measured positions; `None` under the conditions of [`Interpolator::new`].
     pub fn new(limits: &[JointLimits], measured: &[f64], settings: GuardSettings) -> Option<Self> {
         let interpolator = Interpolator::new(limits, measured, settings.tick_s)?;
         let mode = Mode::Stopping(StopReason::NotStarted);
         Some(Self { settings, interpolator, mode, lease: None, next_lease: 1 })
     }
 
-    /// Mode.
+    /// Current operating mode.
     pub fn mode(&self) -> Mode {
         self.mode
     }
 
-    /// Setpoints in force.
+    /// Current setpoints of all joints.
     pub fn joints(&self) -> &[JointState] {
         self.interpolator.joints()
     }
 
-    /// True if the setpoints do not move.
+    /// True if all setpoints are at rest.
     pub fn is_at_rest(&self) -> bool {
         self.interpolator.is_at_rest()
     }
 
-    /// Acquires the lease, if nobody holds it.
+    /// Acquires the lease if nobody holds it; returns its number.
     ///
     /// # Errors
     /// [`Refused::Leased`].
@@ -172,7 +172,7 @@ impl Guard {
                 return Err(Refused::Leased { after_s });
             }
         }
-        // Whatever the former holder left moving.
+        // The previous holder may have left the arm moving: brake.
         if self.mode == Mode::Following {
             self.stop(StopReason::Released);
         }
@@ -182,11 +182,11 @@ impl Guard {
         Ok(id)
     }
 
-    /// Starts, or starts again after a stop, from where the arm stands; the first command has to follow within
-    /// `longest_validity_s`. `measured` replaces the setpoints after the arm itself had stopped.
+    /// Starts, or starts again after a stop, from the current position; the first command must follow within
+    /// `longest_validity_s`. After an error of the arm itself, `measured` replaces the setpoints.
     ///
     /// # Errors
-    /// [`Refused`] if the lease is not in force, the arm moves or the switch is not held.
+    /// [`Refused`] if the lease is not in force, the arm is moving, or the dead-man's switch is not held.
     pub fn start(&mut self, now_s: f64, lease: u64, dead_man: bool, measured: &[f64]) -> Result<(), Refused> {
         let is_moving = !self.is_at_rest();
         let most = self.settings.longest_validity_s;
@@ -212,7 +212,7 @@ impl Guard {
         Ok(())
     }
 
-    /// Takes a command.
+    /// Checks a command and passes it to the interpolator.
     ///
     /// # Errors
     /// [`Refused`]; a released dead-man's switch also stops the arm.
@@ -245,7 +245,7 @@ impl Guard {
         Ok(())
     }
 
-    /// Gives the lease back, or stops without giving it back; the arm brakes.
+    /// Returns the lease, or keeps it if `is_kept`; in both cases the arm brakes.
     ///
     /// # Errors
     /// [`Refused::NoLease`].
@@ -260,7 +260,7 @@ impl Guard {
         Ok(())
     }
 
-    /// Reports that the arm has stopped by itself: setpoints rest where it was measured.
+    /// Reports that the arm has stopped by itself: the setpoints are set to the measured positions.
     pub fn arm_stopped(&mut self, measured: &[f64]) {
         if measured.iter().all(|position| position.is_finite()) {
             self.interpolator.place(measured);
@@ -268,13 +268,13 @@ impl Guard {
         self.stop(StopReason::Arm);
     }
 
-    /// Next setpoints.
+    /// Setpoints at time `now_s`, to be sent every `tick_s`.
     pub fn tick(&mut self, now_s: f64) -> &[JointState] {
         self.expire(now_s);
         self.interpolator.tick()
     }
 
-    /// Stops if the deadline has passed.
+    /// Stops the arm if it follows commands and the deadline of the last one has passed, or nobody holds the lease.
     fn expire(&mut self, now_s: f64) {
         let is_late = self.lease.is_none_or(|lease| now_s > lease.deadline_s);
         if self.mode == Mode::Following && is_late {

@@ -1,28 +1,28 @@
-//! Setpoints at a fixed rate within limits of velocity, acceleration and jerk.
+//! Online interpolator: setpoints at a fixed rate within limits of velocity, acceleration and jerk.
 
 use serde::{Deserialize, Serialize};
 
-/// Halvings of the interval of accelerations: its 2^-30th part is far below any drive's resolution.
+/// Bisection steps in the interval of accelerations: 2^-30 of the interval is far below any drive's resolution.
 const HALVINGS: usize = 30;
 
-/// Limits of one joint; rad or m.
+/// Limits of one joint; positions in rad (revolute) or m (prismatic).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointLimits {
-    /// Least position.
+    /// Minimum position, rad or m.
     pub lower: f64,
-    /// Largest position.
+    /// Maximum position, rad or m.
     pub upper: f64,
-    /// Largest velocity, per s.
+    /// Maximum velocity, rad/s or m/s.
     pub velocity: f64,
-    /// Largest acceleration, per s².
+    /// Maximum acceleration, rad/s² or m/s².
     pub acceleration: f64,
-    /// Largest jerk, per s³.
+    /// Maximum jerk, rad/s³ or m/s³.
     pub jerk: f64,
 }
 
 impl JointLimits {
-    /// Joints of a Franka Panda, as its documentation gives them.
+    /// Limits of a Franka Panda's joints, from its documentation.
     pub const PANDA: [Self; 7] = [
         Self::new(-2.8973, 2.8973, 2.175, 15.0, 7500.0),
         Self::new(-1.7628, 1.7628, 2.175, 7.5, 3750.0),
@@ -37,7 +37,7 @@ impl JointLimits {
         Self { lower, upper, velocity, acceleration, jerk }
     }
 
-    /// The same joint at a share of its velocity: slow mode.
+    /// Limits of the same joint with the velocity scaled by `share`, for a slow mode.
     #[must_use]
     pub fn slowed(self, share: f64) -> Self {
         Self { velocity: self.velocity * share, ..self }
@@ -49,31 +49,32 @@ impl JointLimits {
     }
 }
 
-/// Setpoint of one joint.
+/// Setpoint of one joint; rad or m.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct JointState {
-    /// Position.
+    /// Position, rad or m.
     pub position: f64,
-    /// Velocity, per s.
+    /// Velocity, rad/s or m/s.
     pub velocity: f64,
-    /// Acceleration, per s².
+    /// Acceleration, rad/s² or m/s².
     pub acceleration: f64,
 }
 
 impl JointState {
-    /// A joint at rest.
+    /// Setpoint of a joint at rest.
     pub fn at_rest(position: f64) -> Self {
         Self { position, ..Self::default() }
     }
 
-    /// Position at which the joint comes to rest if it brakes as fast as acceleration and jerk allow.
+    /// Position at which the joint comes to rest if it brakes with maximum jerk and acceleration.
     pub fn stop_position(&self, limits: &JointLimits) -> f64 {
         let JointLimits { acceleration: most, jerk, .. } = *limits;
-        // Velocity once the acceleration is gone; its sign is the side to which the joint has to brake.
+        // Velocity when the acceleration has been ramped to 0; the joint has to brake against its sign.
         let coasting = self.velocity + self.acceleration * self.acceleration.abs() / (2.0 * jerk);
         let side = if coasting < 0.0 { -1.0 } else { 1.0 };
         let (v, a) = (side * self.velocity, side * self.acceleration);
-        // Jerk against the motion down to an acceleration of -peak, a pause if that is the limit, jerk back to none.
+        // Jerk until the acceleration is -peak, a phase of constant acceleration if -peak is the limit, then jerk back
+        // to 0.
         let peak = (jerk * v + a * a / 2.0).max(0.0).sqrt().min(most);
         let first = (a + peak) / jerk;
         let pause = ((v + (a * a - 2.0 * peak * peak) / (2.0 * jerk)) / peak.max(f64::MIN_POSITIVE)).max(0.0);
@@ -88,7 +89,7 @@ impl JointState {
         self.position + side * way
     }
 
-    /// State after a tick in which the acceleration changes linearly to `acceleration`.
+    /// State after one tick in which the acceleration changes linearly from its current value to `acceleration`.
     fn after(&self, acceleration: f64, tick_s: f64) -> Self {
         let change = acceleration - self.acceleration;
         Self {
@@ -98,11 +99,11 @@ impl JointState {
         }
     }
 
-    /// Accelerations after the next tick from which all limits can be kept for ever.
+    /// Minimum and maximum acceleration at the end of the next tick from which all limits can be kept for ever.
     ///
-    /// The velocity at which the acceleration is gone, with at most one tick that is not used in full, must not exceed
-    /// its limit: v₁ + a₁²/2j + a₁ dt/2 ≤ v_max with v₁ = v + (a + a₁) dt/2. The tick after that can always lower the
-    /// acceleration by j dt, which keeps the inequality.
+    /// The velocity v₁ + a₁²/2j, reached when the acceleration is ramped to 0, must not exceed its limit. Since jerk
+    /// changes at ticks only, a₁ dt/2 is added: v₁ + a₁²/2j + a₁ dt/2 ≤ v_max with v₁ = v + (a + a₁) dt/2. The tick
+    /// after that can always lower the acceleration by j dt, which preserves the inequality.
     fn viable(&self, limits: &JointLimits, tick_s: f64) -> [f64; 2] {
         let JointLimits { velocity, acceleration, jerk, .. } = *limits;
         let bound = |side: f64| {
@@ -117,11 +118,11 @@ impl JointState {
         [bound(-1.0).clamp(least, most), bound(1.0).clamp(least, most)]
     }
 
-    /// Acceleration after the first of three ticks that end at rest on `target`, if the jerk limit allows them: near the
-    /// target the fastest way is shorter than a tick, and its switching times cannot be met.
+    /// Acceleration at the end of the first of three ticks after which the joint rests at `target`; `None` if the jerk
+    /// limit does not allow that. Needed near the target, where the time-optimal switching times lie within a tick.
     fn landing(&self, target: f64, limits: &JointLimits, tick_s: f64) -> Option<f64> {
-        // In units of a tick: contributions of three jerks to acceleration, velocity and position after three ticks are
-        // (1, 1, 1), (5/2, 3/2, 1/2) and (19/6, 7/6, 1/6).
+        // In units of a tick, jerks in three consecutive ticks contribute (1, 1, 1) to the acceleration after them,
+        // (5/2, 3/2, 1/2) to the velocity and (19/6, 7/6, 1/6) to the position.
         let (a, v, q) = (self.acceleration * tick_s * tick_s, self.velocity * tick_s, self.position - target);
         let velocity = a / 2.0 - (v + 3.0 * a);
         let position = a / 6.0 - (q + 3.0 * v + 4.5 * a);
@@ -133,14 +134,15 @@ impl JointState {
         fits.then(|| self.acceleration + first / (tick_s * tick_s))
     }
 
-    /// State after a tick on the fastest way to rest at `target`.
+    /// State after one tick of the time-optimal motion to rest at `target`.
     fn towards(&self, target: f64, limits: &JointLimits, tick_s: f64) -> Self {
         let [mut low, mut high] = self.viable(limits, tick_s);
         if let Some(acceleration) = self.landing(target, limits, tick_s).filter(|it| (low..=high).contains(it)) {
             return self.after(acceleration, tick_s);
         }
         let is_beyond = |acceleration: f64| self.after(acceleration, tick_s).stop_position(limits) > target;
-        // The position of rest grows with the acceleration: the right one puts it on the target.
+        // The stop position increases with the acceleration: bisect for the acceleration whose stop position is the
+        // target.
         if is_beyond(low) {
             return self.after(low, tick_s);
         }
@@ -155,7 +157,7 @@ impl JointState {
     }
 }
 
-/// Interpolator of all joints.
+/// Interpolator of all joints of an arm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interpolator {
     limits: Vec<JointLimits>,
@@ -165,8 +167,8 @@ pub struct Interpolator {
 }
 
 impl Interpolator {
-    /// At rest where the arm is; `None` unless limits, positions and tick are sound. Positions outside of their limits
-    /// are taken as they are: the arm may stand there.
+    /// Interpolator at rest at the measured positions; `None` unless limits, positions and tick are finite and valid.
+    /// Positions outside of the limits are accepted, since the arm may stand there.
     pub fn new(limits: &[JointLimits], measured: &[f64], tick_s: f64) -> Option<Self> {
         let is_sound = limits.len() == measured.len()
             && limits.iter().all(JointLimits::is_sound)
@@ -180,7 +182,7 @@ impl Interpolator {
         })
     }
 
-    /// Setpoints, one per joint.
+    /// Current setpoints, one per joint.
     pub fn joints(&self) -> &[JointState] {
         &self.joints
     }
@@ -190,8 +192,8 @@ impl Interpolator {
         self.tick_s
     }
 
-    /// New positions to come to rest at; they are clamped to the limits. Returns false and changes
-    /// nothing if their number is wrong or one is not finite.
+    /// Sets new target positions, which are clamped to the limits. Returns false and changes nothing if their number is
+    /// wrong or one is not finite.
     pub fn aim(&mut self, targets: &[f64]) -> bool {
         if targets.len() != self.joints.len() || !targets.iter().all(|target| target.is_finite()) {
             return false;
@@ -200,12 +202,12 @@ impl Interpolator {
         true
     }
 
-    /// Comes to rest where the joints are; at rest, nothing moves.
+    /// Sets the current positions as targets of all joints; at rest, nothing moves.
     pub fn hold(&mut self) {
         self.targets = self.joints.iter().map(|joint| joint.position).collect();
     }
 
-    /// Puts the setpoints where the arm was measured at rest: for an arm that does not follow them yet. Changes nothing
+    /// Sets the setpoints to measured positions at rest, while the arm does not follow setpoints yet. Changes nothing
     /// if the number of positions is wrong.
     pub fn place(&mut self, measured: &[f64]) {
         if measured.len() == self.joints.len() {
@@ -214,18 +216,18 @@ impl Interpolator {
         }
     }
 
-    /// Brakes as fast as acceleration and jerk allow, from the next tick on.
+    /// Brakes to rest with maximum jerk and acceleration, from the next tick on.
     pub fn brake(&mut self) {
         self.targets =
             self.joints.iter().zip(&self.limits).map(|(joint, limits)| joint.stop_position(limits)).collect();
     }
 
-    /// True if no joint moves: to rounding, 1 µrad/s.
+    /// True if no joint moves; tolerance 1 µrad/s, for rounding.
     pub fn is_at_rest(&self) -> bool {
         self.joints.iter().all(|joint| joint.velocity.abs() < 1e-6 && joint.acceleration.abs() < 1e-3)
     }
 
-    /// Advances by one tick.
+    /// Advances by one tick; returns the new setpoints.
     pub fn tick(&mut self) -> &[JointState] {
         let Self { limits, joints, targets, tick_s } = self;
         for ((joint, limits), target) in joints.iter_mut().zip(limits.iter()).zip(targets.iter()) {

@@ -7,7 +7,7 @@ use super::views::{CameraModel, View};
 use crate::homography::homography;
 use crate::least_squares::{Normal, minimise, moved};
 
-/// Angle between the normals of two poses from which they count as different, rad.
+/// Minimum angle between the board normals of two poses that count as different solutions, rad. Chosen by hand.
 const DIFFERENT_RAD: f64 = 0.05;
 
 /// Pose of the board in one view.
@@ -15,9 +15,10 @@ const DIFFERENT_RAD: f64 = 0.05;
 pub struct BoardPose {
     /// Board in the camera frame.
     pub camera_from_board: Pose,
-    /// Root mean square of the distances of corners from their pixels, px.
+    /// Root-mean-square reprojection error of the corners, px.
     pub rms_px: f64,
-    /// The same for the best pose that is tilted the other way; infinite if there is none.
+    /// Root-mean-square reprojection error of the best pose with the flipped normal (planar pose ambiguity); infinite
+    /// if there is none.
     pub flipped_rms_px: f64,
 }
 
@@ -38,7 +39,8 @@ pub fn board_pose(camera: &CameraModel, view: &View) -> Option<BoardPose> {
     })
 }
 
-/// Derivative of a pixel by the point in the camera frame, px per m: rows of u and v; `None` behind the camera.
+/// Derivative of the projected pixel by the point in the camera frame, px per m: rows of u and v; `None` behind the
+/// camera.
 pub fn pixel_derivative(camera: &CameraModel, point: DVec3) -> Option<[DVec3; 2]> {
     let step = 1e-5 * point.z;
     let mut rows = [DVec3::ZERO; 2];
@@ -55,13 +57,13 @@ fn normal_angle(a: &Pose, b: &Pose) -> f64 {
     (a.rotation * DVec3::Z).angle_between(b.rotation * DVec3::Z)
 }
 
-/// Middle of the corners of a view on the board, m.
+/// Centroid of a view's corners in the board frame, m.
 fn middle(view: &View) -> DVec3 {
     view.corners.iter().map(|(point, _)| *point).sum::<DVec3>() / view.corners.len() as f64
 }
 
-/// The other solution of a planar board's pose: its normal mirrored at the view ray to its centre, with nearly the same
-/// image from afar.
+/// Second solution of the planar pose ambiguity: the board normal mirrored at the view ray to the board's centre, which
+/// projects almost identically from afar.
 fn flipped(pose: &Pose, view: &View) -> Pose {
     let center = middle(view);
     let center_in_camera = pose.transform_point(center);
@@ -72,7 +74,8 @@ fn flipped(pose: &Pose, view: &View) -> Pose {
     Pose::new(center_in_camera - rotation * center, rotation)
 }
 
-/// Least squares of the reprojection error from a start, with the error, px.
+/// Pose that minimises the reprojection error, from a start pose, with the root-mean-square error, px. `None` if a
+/// corner lies behind the camera at the start.
 fn refined(camera: &CameraModel, view: &View, start: Pose) -> Option<(Pose, f64)> {
     let evaluate = |pose: &Pose| {
         let mut normal = Normal::new(6);
@@ -90,13 +93,14 @@ fn refined(camera: &CameraModel, view: &View, start: Pose) -> Option<(Pose, f64)
     Some((pose, (normal.cost / view.corners.len() as f64).sqrt()))
 }
 
-/// Entries of a row of the Jacobian from column `at`: rotation, then translation.
+/// Column indices and entries of a Jacobian row from column `at`: rotation, then translation.
 pub fn entries(at: usize, rotation: DVec3, translation: DVec3) -> [(usize, f64); 6] {
     let (r, t) = (rotation.to_array(), translation.to_array());
     [(at, r[0]), (at + 1, r[1]), (at + 2, r[2]), (at + 3, t[0]), (at + 4, t[1]), (at + 5, t[2])]
 }
 
-/// Pose from the homography between board and image plane.
+/// Pose from the homography between board and image plane. `None` if a pixel cannot be undistorted or the corners are
+/// collinear.
 fn from_homography(camera: &CameraModel, view: &View) -> Option<Pose> {
     let center = middle(view);
     let seen: Vec<DVec2> = view.corners.iter().map(|&(_, pixel)| camera.on_plane(pixel)).collect::<Option<_>>()?;
@@ -104,7 +108,7 @@ fn from_homography(camera: &CameraModel, view: &View) -> Option<Pose> {
     let map = homography(points.zip(seen.iter().copied()))?;
     let size = f64::midpoint(map.x_axis.length(), map.y_axis.length()) * map.z_axis.z.signum();
     let (x, y, position) = (map.x_axis / size, map.y_axis / size, map.z_axis / size);
-    // The nearest pair of orthogonal unit vectors.
+    // Nearest pair of orthogonal unit vectors.
     let (sum, difference) = ((x + y).normalize(), (x - y).normalize());
     let (x, y) = ((sum + difference).normalize(), (sum - difference).normalize());
     let pose = Pose::from_axes(position, x, y, x.cross(y));

@@ -6,19 +6,21 @@ use genmanip_core::glam::{DQuat, DVec3};
 use crate::least_squares::rotation_vector;
 use crate::linear::Square;
 
-/// Angles of relative motions that are used, rad: smaller ones have a noisy axis, larger ones an ambiguous one.
+/// Minimum and maximum angle of the relative motions that are used, rad: the axis of smaller rotations is noisy, that
+/// of rotations near half a turn ambiguous.
 pub const USABLE_RAD: [f64; 2] = [0.09, 2.97];
 
-/// A relative motion of the carrier and of the camera.
+/// Relative motion of the carrier and of the camera between two views.
 #[derive(Clone, Copy, Debug)]
 pub struct Motion {
-    /// Motion of the frame that the camera is fixed to.
+    /// Motion of the carrier: the frame that the camera is fixed to.
     pub carrier: Pose,
-    /// Motion of the camera.
+    /// Motion of the camera frame.
     pub camera: Pose,
 }
 
-/// Motions between all pairs of views, from `other_from_carrier` and `camera_from_board` of each, of usable angle.
+/// Relative motions between all pairs of views, from `other_from_carrier` and `camera_from_board` of each view; motions
+/// with unusable angles are omitted.
 pub fn motions(views: &[(Pose, Pose)]) -> Vec<Motion> {
     let mut motions = Vec::new();
     for (index, (carrier, board)) in views.iter().enumerate() {
@@ -34,8 +36,9 @@ pub fn motions(views: &[(Pose, Pose)]) -> Vec<Motion> {
 }
 
 /// `carrier_from_camera` after Park and Martin (1994): least squares of the rotation vectors, then of the translation.
+/// `None` if the motions do not determine it.
 pub fn park_martin(motions: &[Motion]) -> Option<Pose> {
-    // The rotation that maps the camera's rotation vectors to the carrier's (Horn 1987).
+    // Rotation that maps the camera's rotation vectors to the carrier's (Horn 1987).
     let mut sum = Square::zero(4);
     for motion in motions {
         let (a, b) = (rotation_vector(motion.carrier.rotation), rotation_vector(motion.camera.rotation));
@@ -48,7 +51,8 @@ pub fn park_martin(motions: &[Motion]) -> Option<Pose> {
     with_translation(DQuat::from_xyzw(best[1], best[2], best[3], best[0]), motions)
 }
 
-/// `carrier_from_camera` after Daniilidis (1999): rotation and translation together, from dual quaternions.
+/// `carrier_from_camera` after Daniilidis (1999): rotation and translation together, from dual quaternions. `None` if
+/// the motions do not determine it.
 pub fn daniilidis(motions: &[Motion]) -> Option<Pose> {
     let mut sum = Square::zero(8);
     for motion in motions {
@@ -68,7 +72,7 @@ pub fn daniilidis(motions: &[Motion]) -> Option<Pose> {
     let pairs = sum.eigen();
     let (first, second) = (&pairs[0].1, &pairs[1].1);
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    // λ first + μ second with real part of unit length, orthogonal to the dual part.
+    // λ first + μ second, scaled so that its real part is a unit quaternion orthogonal to the dual part.
     let (u1, v1, u2, v2) = (&first[..4], &first[4..], &second[..4], &second[4..]);
     let (a, b, c) = (dot(u1, v1), dot(u1, v2) + dot(u2, v1), dot(u2, v2));
     let ratios = if a.abs() < 1e-15 {
@@ -88,7 +92,8 @@ pub fn daniilidis(motions: &[Motion]) -> Option<Pose> {
     (pose.position.is_finite() && pose.rotation.is_finite()).then_some(pose)
 }
 
-/// Translation of a known rotation: (R_A − I) t = R t_B − t_A.
+/// Pose with a known rotation, and the least-squares translation t of (R_A − I) t = R t_B − t_A. `None` if the motions
+/// do not determine the translation.
 fn with_translation(rotation: DQuat, motions: &[Motion]) -> Option<Pose> {
     let (mut left, mut right) = (Square::zero(3), [0.0; 3]);
     for motion in motions {
@@ -106,7 +111,7 @@ fn with_translation(rotation: DQuat, motions: &[Motion]) -> Option<Pose> {
     Some(Pose::new(DVec3::new(position[0], position[1], position[2]), rotation))
 }
 
-/// Vector parts of the real and the dual quaternion of a motion, with a non-negative scalar part.
+/// Vector parts of the real and the dual quaternion of a motion, with the sign that makes the scalar part non-negative.
 fn dual_quaternion(pose: &Pose) -> (DVec3, DVec3) {
     let rotation = if pose.rotation.w < 0.0 { -pose.rotation } else { pose.rotation };
     let shift = DQuat::from_xyzw(pose.position.x, pose.position.y, pose.position.z, 0.0);
@@ -114,7 +119,7 @@ fn dual_quaternion(pose: &Pose) -> (DVec3, DVec3) {
     (DVec3::new(rotation.x, rotation.y, rotation.z), 0.5 * DVec3::new(dual.x, dual.y, dual.z))
 }
 
-/// Rows of (difference, [sum]×) of Daniilidis' equations, for the order (w, x, y, z).
+/// Rows (difference, [sum]×) of Daniilidis' equations, for quaternions in the order (w, x, y, z).
 fn cross_rows(difference: DVec3, sum: DVec3) -> [[f64; 4]; 3] {
     [[difference.x, 0.0, -sum.z, sum.y], [difference.y, sum.z, 0.0, -sum.x], [difference.z, -sum.y, sum.x, 0.0]]
 }

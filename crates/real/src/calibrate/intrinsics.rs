@@ -1,4 +1,4 @@
-//! Check of intrinsics: do the views of the board alone ask for others?
+//! Check of the stated intrinsics against those estimated from the views of the board alone.
 
 use genmanip_core::{Intrinsics, Pose};
 use serde::Serialize;
@@ -7,25 +7,25 @@ use super::board_pose::{entries, pixel_derivative};
 use super::views::{CameraModel, View};
 use crate::least_squares::{Normal, minimise, moved};
 
-/// Intrinsics that are estimated: focal lengths and principal point.
+/// Number of estimated intrinsics: two focal lengths and the principal point.
 const SHARED: usize = 4;
-/// Deviation that is reported, in standard deviations and in pixels at the image's edge.
+/// Minimum deviation that is reported, in standard deviations and in pixels at the image border; both must be exceeded.
 const SUSPICIOUS: (f64, f64) = (4.0, 1.0);
 
-/// Stated intrinsics against those that explain the views best; the lens distortion stays as stated.
+/// Stated intrinsics and those with the least reprojection error; the lens distortion stays as stated.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct IntrinsicsCheck {
     /// fx, fy, cx, cy as stated, px.
     pub stated: [f64; 4],
-    /// The same as estimated, px.
+    /// fx, fy, cx, cy as estimated, px.
     pub estimated: [f64; 4],
-    /// Standard deviations of the estimate, px.
+    /// Standard deviations of the estimated fx, fy, cx, cy, px.
     pub sd: [f64; 4],
-    /// Reprojection error with the stated ones and free poses of the board, px.
+    /// Root-mean-square reprojection error with the stated intrinsics and free board poses, px.
     pub stated_rms_px: f64,
-    /// The same with the estimated ones.
+    /// Root-mean-square reprojection error with the estimated intrinsics, px.
     pub estimated_rms_px: f64,
-    /// True if the estimate deviates beyond its noise and by more than a pixel in the image.
+    /// True if the estimate deviates significantly and by more than a pixel at the image border.
     pub is_suspicious: bool,
 }
 

@@ -1,4 +1,4 @@
-//! Joint refinement of camera, board and robot poses by the reprojection error.
+//! Bundle adjustment: joint refinement of camera, board and robot poses by the reprojection error.
 
 use genmanip_core::Pose;
 use genmanip_core::glam::{DVec2, DVec3};
@@ -9,22 +9,22 @@ use super::views::{CameraModel, Mounting, View};
 use crate::least_squares::{Normal, minimise, moved, tangent};
 use crate::linear::Square;
 
-/// Unknowns that all views share: camera, board, size of the board.
+/// Number of unknowns that all views share: six each of camera and board, and the board's scale.
 const SHARED: usize = 13;
-/// Multiple of the pixel noise from which a corner counts linearly, not squared (Huber).
+/// Threshold of the Huber loss, in standard deviations of the pixel noise.
 const HUBER: f64 = 3.0;
-/// Prior of the logarithm of the board's scale where it is estimated: none to speak of.
+/// Prior standard deviation of the logarithm of the board's scale where the scale is estimated: practically none.
 const FREE_SCALE: f64 = 10.0;
-/// The same where it is not.
+/// Prior standard deviation of the logarithm of the board's scale where the scale is fixed.
 const FIXED_SCALE: f64 = 1e-9;
 
-/// Noise that the refinement reckons with.
+/// Standard deviations of the measurement noise that the refinement assumes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Noise {
-    /// Standard deviation of a corner, px.
+    /// Standard deviation of a corner's pixel coordinates, px.
     pub corner_px: f64,
-    /// Standard deviation of each coordinate of the hand, m.
+    /// Standard deviation of each coordinate of the hand's position, m.
     pub hand_m: f64,
     /// Standard deviation of the hand's orientation about each axis, rad.
     pub hand_rad: f64,
@@ -33,46 +33,47 @@ pub struct Noise {
 impl Default for Noise {
     fn default() -> Self {
         Self {
-            // Detectors with subpixel refinement on sharp images: 0.05 to 0.3 px.
+            // Corner detectors with subpixel refinement reach 0.05 to 0.3 px on sharp images.
             corner_px: 0.15,
-            // Absolute accuracy of collaborative arms after their own calibration, not their repeatability.
+            // Absolute accuracy (not repeatability) of collaborative arms after their own calibration.
             hand_m: 1e-4,
             hand_rad: 0.05_f64.to_radians(),
         }
     }
 }
 
-/// Unknowns.
+/// Unknowns of the refinement.
 #[derive(Clone, Debug)]
 pub struct Setup {
-    /// Camera in the frame that it is fixed to.
+    /// Pose of the camera in the frame of its mount.
     pub mount_from_camera: Pose,
-    /// Board in the frame that it is fixed to.
+    /// Pose of the board in the frame that it is fixed to.
     pub mount_from_board: Pose,
     /// Natural logarithm of the board's true size over its stated size.
     pub log_scale: f64,
-    /// True poses of the hand by view.
+    /// True poses `base_from_hand` of the views.
     pub hands: Vec<Pose>,
 }
 
-/// A refined setup.
+/// Result of the refinement.
 #[derive(Clone, Debug)]
 pub struct Refined {
-    /// Unknowns at the minimum.
+    /// Unknowns at the minimum of the cost.
     pub setup: Setup,
-    /// Weighted sum of squares.
+    /// Cost: weighted sum of squared residuals.
     pub cost: f64,
-    /// Covariance of camera (rotation vector in rad and translation in m, in the camera's own frame), board and scale.
+    /// Covariance of 13 unknowns: camera (rotation vector in rad and translation in m, in the camera's own frame),
+    /// board (likewise) and logarithm of the scale.
     pub covariance: Square,
 }
 
 impl Setup {
-    /// Board in the camera's frame, from a pose of the hand.
+    /// Pose of the board in the camera's frame, for a pose of the hand.
     pub fn camera_from_board(&self, mounting: Mounting, base_from_hand: &Pose) -> Pose {
         self.mount_from_camera.inverse() * carrier(mounting, base_from_hand).inverse() * self.mount_from_board
     }
 
-    /// Root mean square of the reprojection error of a view, px; infinite behind the camera.
+    /// Root-mean-square reprojection error of a view, px; infinite if a corner lies behind the camera.
     pub fn rms_px(&self, camera: &CameraModel, mounting: Mounting, view: &View, base_from_hand: &Pose) -> f64 {
         let pose = self.camera_from_board(mounting, base_from_hand);
         let scale = self.log_scale.exp();
@@ -84,7 +85,7 @@ impl Setup {
     }
 }
 
-/// Frame of the camera's mount in that of the board's mount.
+/// Pose of the camera's mount in the frame that the board is fixed to.
 pub fn carrier(mounting: Mounting, base_from_hand: &Pose) -> Pose {
     match mounting {
         Mounting::EyeInHand => *base_from_hand,
@@ -92,7 +93,8 @@ pub fn carrier(mounting: Mounting, base_from_hand: &Pose) -> Pose {
     }
 }
 
-/// Refines a setup: corners and robot poses deviate by their noise; the board's size is free or as stated.
+/// Refines a setup. Corners and robot poses deviate by their noise; the board's scale is estimated or fixed. `None` if
+/// a corner lies behind the camera at the start, or the views do not determine the unknowns.
 pub fn refine(
     camera: &CameraModel,
     mounting: Mounting,
@@ -134,7 +136,8 @@ pub fn refine(
     Some(Refined { setup, cost: normal.cost, covariance })
 }
 
-/// Information of one view on camera and board (12 unknowns), with the noise of the hand's pose eliminated.
+/// Fisher information matrix of one view on camera and board (12 unknowns), with the noise of the hand's pose
+/// marginalised. `None` if a corner lies behind the camera.
 pub fn information(
     camera: &CameraModel,
     mounting: Mounting,
@@ -164,7 +167,8 @@ pub fn information(
     Some(information)
 }
 
-/// Adds the corners of a view, whose pose of the hand has its unknowns at `at`.
+/// Adds the corners of a view; the unknowns of its hand pose start at index `at`. `None` if a corner lies behind the
+/// camera.
 #[allow(clippy::too_many_arguments)] // the loop body of `refine`
 fn add_view(
     normal: &mut Normal,
@@ -179,7 +183,7 @@ fn add_view(
     let camera_from_mount = setup.mount_from_camera.inverse();
     let board_in_camera = setup.camera_from_board(mounting, hand);
     let scale = setup.log_scale.exp();
-    // Point of the hand frame from the camera frame, and the sign with which the hand's motion moves the point.
+    // Pose of the hand in the camera frame, and the sign with which a motion of the hand moves the point in it.
     let (camera_from_hand, sign) = match mounting {
         Mounting::EyeInHand => (camera_from_mount, -1.0),
         Mounting::EyeToHand => (camera_from_mount * *hand, 1.0),

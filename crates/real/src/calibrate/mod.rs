@@ -1,8 +1,8 @@
-//! Hand-eye calibration: the pose of a camera from views of a board and robot states.
+//! Hand-eye calibration: pose of a camera from views of a board and robot states.
 //!
-//! Two closed-form solutions (Park and Martin, Daniilidis) start a joint least-squares refinement of the camera, the
-//! board and the true robot poses by the reprojection error. Views are paired by id; sets of views that cannot determine
-//! the pose are refused with the motion that is missing.
+//! Two closed-form solutions (Park and Martin, Daniilidis) initialise a joint least-squares refinement of the camera,
+//! the board and the true robot poses by the reprojection error. Images and robot states are paired by view id. Sets of
+//! views that do not determine the pose are refused; the error names the missing motion.
 
 mod board_pose;
 mod closed_form;
@@ -29,28 +29,29 @@ use serde::{Deserialize, Serialize};
 
 use crate::least_squares::tangent;
 
-/// Settings of a calibration.
+/// Assumed noise and thresholds of a calibration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CalibrationSettings {
-    /// Standard deviation of each coordinate of the hand, m.
+    /// Assumed standard deviation of each coordinate of the hand's position, m.
     pub hand_m: f64,
-    /// Standard deviation of the hand's orientation about each axis, rad.
+    /// Assumed standard deviation of the hand's orientation about each axis, rad.
     pub hand_rad: f64,
-    /// Least standard deviation of a corner, px; the noise itself is estimated from the views.
+    /// Minimum standard deviation of a corner, px; the actual noise is estimated from the views.
     pub least_corner_px: f64,
-    /// Difference of the log-likelihoods of two tilts of the board below which a view is ambiguous.
+    /// Minimum difference of log-likelihoods between a board pose and its flipped pose; below it, the view is
+    /// ambiguous.
     pub flip_margin: f64,
-    /// Reduced χ² from which other explanations are tried, and a warning is given.
+    /// Reduced χ² above which other explanations are tried, and a warning is given.
     pub warn_chi2: f64,
-    /// Reduced χ² from which the views are refused.
+    /// Reduced χ² above which the views are refused.
     pub refuse_chi2: f64,
-    /// Reprojection error with corrected robot poses from which the views are refused, px; at least `outlier` times the
-    /// noise of a corner.
+    /// Reprojection error with corrected robot poses above which the views are refused, px; the limit is at least
+    /// `outlier` times the corner noise.
     pub refuse_px: f64,
-    /// Relative error of the board's size that is refused.
+    /// Maximum relative error of the board's size; beyond it, the views are refused.
     pub scale_error: f64,
-    /// Multiple of the median error from which a view is left out; at most a quarter of the views.
+    /// Multiple of the median error above which a view is dropped as an outlier; at most a quarter of the views.
     pub outlier: f64,
 }
 
@@ -60,15 +61,15 @@ impl Default for CalibrationSettings {
         Self {
             hand_m: noise.hand_m,
             hand_rad: noise.hand_rad,
-            // Below that, detectors have a bias of their own.
+            // Below that, the bias of corner detectors dominates.
             least_corner_px: 0.02,
-            // Four standard deviations.
+            // A log-likelihood difference of 8 corresponds to four standard deviations.
             flip_margin: 8.0,
-            // Robot poses three times as noisy as stated.
+            // Robot poses are three times as noisy as stated.
             warn_chi2: 9.0,
-            // Twenty times: 2 mm and 1 degree.
+            // Robot poses are twenty times as noisy as stated: 2 mm and 1 degree.
             refuse_chi2: 400.0,
-            // Corners that are not those of the board, or poses that are not those of the views.
+            // More means corners that are not those of the board, or robot poses of other images.
             refuse_px: 2.0,
             scale_error: 0.01,
             outlier: 5.0,
@@ -76,68 +77,69 @@ impl Default for CalibrationSettings {
     }
 }
 
-/// Result of a calibration.
+/// Calibrated pose of the camera, with its uncertainty and diagnostics.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Calibration {
-    /// Direction and frames of the pose, in words.
+    /// Sentence that states direction and frames of the pose.
     pub statement: String,
-    /// The camera as a world file holds it; `mount_from_camera` is the result.
+    /// Camera as in a world file, with the calibrated pose `mount_from_camera`.
     pub camera: Camera,
-    /// Board in the frame that it is fixed to.
+    /// Pose of the board in the frame that it is fixed to.
     pub mount_from_board: Pose,
     /// Standard deviation of the camera's position along its own axes, m.
     pub position_sd_m: [f64; 3],
     /// Standard deviation of the camera's orientation about its own axes, rad.
     pub rotation_sd_rad: [f64; 3],
-    /// Covariance of rotation vector (rad) and translation (m) in the camera's own frame, row by row.
+    /// Covariance of rotation vector (rad) and translation (m) of the camera in its own frame, row by row.
     pub covariance: [[f64; 6]; 6],
-    /// Reprojection error with the stated robot poses, px.
+    /// Root-mean-square reprojection error with the stated robot poses, px.
     pub rms_px: f64,
-    /// The same of views that were held out of the fit; `None` with fewer than 8 views.
+    /// Cross-validated reprojection error, of views held out of the fit, px; `None` with fewer than 8 views.
     pub held_out_rms_px: Option<f64>,
-    /// Estimated noise of a corner, px.
+    /// Estimated standard deviation of a corner, px.
     pub corner_px: f64,
-    /// Root mean square correction of the robot's positions, m.
+    /// Root-mean-square correction of the robot's positions, m.
     pub hand_correction_m: f64,
-    /// The same of its orientations, rad.
+    /// Root-mean-square correction of the robot's orientations, rad.
     pub hand_correction_rad: f64,
-    /// True size of the board over its stated size, from the robot's travel, and its standard deviation.
+    /// Estimated size of the board divided by its stated size, from the robot's motion, and the standard deviation of
+    /// this ratio.
     pub board_scale: [f64; 2],
     /// Check of the intrinsics; `None` if the views do not determine them.
     pub intrinsics: Option<IntrinsicsCheck>,
-    /// Distance of the closed-form solutions from the result: Park and Martin, Daniilidis.
+    /// Distances of the closed-form solutions (Park and Martin, Daniilidis) from the result.
     pub starts: Vec<StartError>,
-    /// Views that were used, with their errors.
+    /// Used views with their errors.
     pub views: Vec<ViewError>,
-    /// Views that were not used.
+    /// Views that were not used, with the reasons.
     pub skipped: Vec<Skipped>,
-    /// Reasons for caution.
+    /// Warnings for the user, one sentence each; empty if the result can be trusted.
     pub warnings: Vec<String>,
 }
 
 /// Distance of a closed-form solution from the result.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StartError {
-    /// Method.
+    /// Name of the closed-form method.
     pub method: &'static str,
-    /// Distance, m.
+    /// Distance of the camera positions, m.
     pub position_m: f64,
-    /// Angle, rad.
+    /// Angle between the camera orientations, rad.
     pub rotation_rad: f64,
 }
 
-/// Error of a view.
+/// Reprojection error of a view.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ViewError {
-    /// Id of the view.
+    /// Id of the view in the input.
     pub id: String,
-    /// Corners.
+    /// Number of corners detected in the view.
     pub corners: usize,
-    /// Reprojection error with the stated robot pose, px.
+    /// Root-mean-square reprojection error with the stated robot pose, px.
     pub rms_px: f64,
 }
 
-/// Calibrates a camera; `skipped` are views that were left out before.
+/// Calibrates a camera; `skipped` are views that were omitted before.
 ///
 /// # Errors
 /// [`CalibrationError`] if the views cannot determine the pose, or contradict each other.
@@ -219,17 +221,17 @@ pub fn calibrate(
     })
 }
 
-/// Root mean square.
+/// Root mean square of values.
 fn mean_square(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value * value, count + 1.0));
     (sum / f64::max(count, 1.0)).sqrt()
 }
 
-/// Views with the pose of the board in each.
+/// Views with the estimated pose of the board in each.
 struct Posed {
     views: Vec<View>,
     boards: Vec<Pose>,
-    /// True for views whose board could not be tilted the other way.
+    /// For each view, true unless the board's pose is ambiguous.
     is_clear: Vec<bool>,
     corner_px: f64,
 }
@@ -248,7 +250,7 @@ impl Posed {
                 None => skipped.push(Skipped { id: view.id.clone(), reason: "the corners fit no board".into() }),
             }
         }
-        // Median over views of the noise of a coordinate, six unknowns per view.
+        // Median over views of the corner noise; each view's pose takes six degrees of freedom.
         let mut noise: Vec<f64> = posed
             .iter()
             .map(|(view, pose)| {
@@ -272,7 +274,7 @@ impl Posed {
     }
 }
 
-/// A fit in progress.
+/// A fit of all views, with the data to repeat it.
 struct Fit<'a> {
     camera: &'a CameraModel,
     mounting: Mounting,
@@ -300,14 +302,14 @@ impl<'a> Fit<'a> {
         Ok(Self { camera, mounting, views, boards, is_clear, noise, refined })
     }
 
-    /// Sum of squares over its degrees of freedom: 1 if the noise is as stated.
+    /// Reduced χ²: weighted sum of squares over the degrees of freedom; about 1 if the noise is as assumed.
     fn chi2(&self) -> f64 {
         let corners: usize = self.views.iter().map(|view| view.corners.len()).sum();
         self.refined.cost / (2.0 * corners as f64 - 12.0).max(1.0)
             + tension(&self.views, &self.refined.setup, &self.noise)
     }
 
-    /// Leaves views out whose error is far beyond the median, and fits again.
+    /// Drops views whose error is far above the median, and fits again after each.
     fn drop_outliers(
         &mut self,
         skipped: &mut Vec<Skipped>,
@@ -339,7 +341,7 @@ impl<'a> Fit<'a> {
         self.refined.setup.rms_px(self.camera, self.mounting, view, &view.base_from_hand)
     }
 
-    /// Looks for the reason of a bad fit.
+    /// Error that explains a bad fit, if one of the known causes fits better.
     fn explain(&self, settings: &CalibrationSettings) -> Result<(), CalibrationError> {
         let Self { camera, mounting, views, boards, is_clear, noise, refined } = self;
         let error = |setup: &Setup, mounting: Mounting| {
@@ -367,7 +369,8 @@ impl<'a> Fit<'a> {
         Ok(())
     }
 
-    /// True size of the board over its stated size, with its standard deviation; refuses a wrong one.
+    /// Estimated size of the board divided by its stated size, with its standard deviation; an error if it is wrong
+    /// beyond the tolerance.
     fn scale(&self, settings: &CalibrationSettings) -> Result<[f64; 2], CalibrationError> {
         let Self { camera, mounting, views, noise, refined, .. } = self;
         let Some(free) = refine(camera, *mounting, views, refined.setup.clone(), noise, true) else {
@@ -397,7 +400,7 @@ impl<'a> Fit<'a> {
         (length(3), length(0))
     }
 
-    /// Error of every fifth view in a fit of the others, px.
+    /// Cross-validated root-mean-square error (px): that of every fifth view in a fit of the others.
     fn held_out_rms_px(&self) -> Option<f64> {
         let is_out = |index: usize| index % 5 == 2;
         if self.views.len() < 8 {
@@ -427,7 +430,7 @@ impl<'a> Fit<'a> {
     }
 }
 
-/// Mean square correction of the robot poses over their stated noise, above the expected one.
+/// Mean squared correction of the robot poses in units of their assumed variance, minus 1, its expected maximum.
 fn tension(views: &[View], setup: &Setup, noise: &Noise) -> f64 {
     let excess = views.iter().zip(&setup.hands).map(|(view, hand)| {
         let change = tangent(&(view.base_from_hand.inverse() * *hand));
@@ -445,7 +448,7 @@ fn closed_form_motions(mounting: Mounting, views: &[View], boards: &[Pose], is_c
     motions(&posed)
 }
 
-/// The better refinement of the two closed-form solutions.
+/// The better of the refinements that start from the two closed-form solutions.
 fn best_of_starts(
     camera: &CameraModel,
     mounting: Mounting,
@@ -456,7 +459,7 @@ fn best_of_starts(
 ) -> Option<Refined> {
     let motions = closed_form_motions(mounting, views, boards, is_clear);
     let refined = |start: Pose| {
-        // The board where the view that agrees best with all views puts it.
+        // The initial board pose is that of the view that agrees best with all other views.
         let clear = (0..views.len()).filter(|&index| is_clear[index]);
         let setups = clear.map(|index| Setup {
             mount_from_camera: start,

@@ -1,4 +1,4 @@
-//! Poses of the hand that make a calibration well-conditioned.
+//! Planning of hand poses that make a calibration well-conditioned.
 
 use genmanip_core::Pose;
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
@@ -8,22 +8,22 @@ use super::joint::{Noise, Setup, information};
 use super::views::{Board, CameraModel, Mounting, View};
 use crate::linear::Square;
 
-/// Unknowns whose determination is planned: camera and board.
+/// Number of unknowns: poses of camera and board, six each.
 const PLANNED: usize = 12;
 
-/// Poses of the board that are tried.
+/// Grid of candidate poses of the board in the camera frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PlanSettings {
-    /// Distances of the board's middle from the camera, m.
+    /// Distances of the board's centre from the camera, m.
     pub distances_m: Vec<f64>,
-    /// Tilts of the board against the image, rad.
+    /// Tilts of the board's normal against the optical axis, rad.
     pub tilts_rad: Vec<f64>,
-    /// Directions of the tilt, evenly spaced.
+    /// Number of evenly spaced tilt directions.
     pub directions: usize,
-    /// Turns about the optical axis, rad.
+    /// Rotations about the optical axis, rad.
     pub rolls_rad: Vec<f64>,
-    /// Share of the image around its edge that the board leaves free.
+    /// Width of the image border that the board must not enter, as a share of the image size.
     pub border: f64,
 }
 
@@ -31,7 +31,7 @@ impl Default for PlanSettings {
     fn default() -> Self {
         Self {
             distances_m: vec![0.3, 0.4, 0.55],
-            // A board that is nearly parallel to the image could be tilted either way.
+            // Nearly parallel to the image plane, the board's pose would be ambiguous.
             tilts_rad: vec![0.25, 0.5, 0.7],
             directions: 8,
             rolls_rad: vec![-1.0, -0.4, 0.4, 1.0],
@@ -40,23 +40,24 @@ impl Default for PlanSettings {
     }
 }
 
-/// A pose of the hand from which the whole board is in the image.
+/// Hand pose from which the camera sees the whole board.
 #[derive(Clone, Debug)]
 pub struct Candidate {
-    /// Hand link in the robot's base.
+    /// Pose of the hand link in the robot's base frame.
     pub base_from_hand: Pose,
-    /// Information on camera and board of a view from there.
+    /// Fisher information matrix of this view on the poses of camera and board.
     information: Square,
 }
 
-/// Chosen poses with the accuracy to expect.
+/// Chosen hand poses with the expected accuracy of the calibration.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Planned {
-    /// Hand link in the robot's base, in the order of choice: each adds most to those before.
+    /// Poses of the hand link in the robot's base frame, in the order of choice: each is the most informative after
+    /// those before it.
     pub base_from_hand: Vec<Pose>,
     /// Expected standard deviation of the camera's position along its own axes, m.
     pub position_sd_m: [f64; 3],
-    /// Expected standard deviation of its orientation about its own axes, rad.
+    /// Expected standard deviation of the camera's orientation about its own axes, rad.
     pub rotation_sd_rad: [f64; 3],
 }
 
@@ -114,8 +115,8 @@ pub fn candidates(
     found
 }
 
-/// Chooses poses so that the determinant of the information grows most with each; `None` if they leave the camera
-/// undetermined.
+/// Greedy D-optimal design: each pose is the one that increases the determinant of the information matrix most. `None`
+/// if the camera's pose stays undetermined.
 pub fn choose(candidates: &[Candidate], count: usize) -> Option<Planned> {
     let mut left: Vec<&Candidate> = candidates.iter().collect();
     let mut sum = Square::zero(PLANNED);

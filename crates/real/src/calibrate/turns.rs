@@ -1,4 +1,4 @@
-//! Turns of the hand between views: do they determine the camera's pose?
+//! Check that the relative rotations of the hand determine the camera's pose.
 
 use genmanip_core::Pose;
 use genmanip_core::glam::DVec3;
@@ -9,17 +9,19 @@ use super::views::{Mounting, View};
 use crate::least_squares::rotation_vector;
 use crate::linear::Square;
 
-/// Views that determine the pose in principle: two relative motions.
+/// Minimum number of views that determine the pose in principle: three views have two independent relative motions.
 const MIN_VIEWS: usize = 3;
-/// Angle between orientations that count as different, and of turns whose axis counts, rad.
+/// Minimum angle between orientations that count as distinct, and of relative rotations whose axis is used, rad. Chosen
+/// by hand.
 const MIN_TURN_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
-/// Spread of the axes of turns about their main direction, as a share of their squared length: sin² of 10 degrees.
+/// Minimum spread of the rotation axes about their main direction, as the second eigenvalue of their mean outer
+/// product: sin² of 10 degrees.
 const MIN_SPREAD: f64 = 0.03;
 
-/// Checks the turns between views.
+/// Checks the relative rotations of the hand between views.
 ///
 /// # Errors
-/// [`CalibrationError`] with the motion that is missing.
+/// [`CalibrationError`] that names the missing motion.
 pub fn check(views: &[View], mounting: Mounting) -> Result<(), CalibrationError> {
     if views.len() < MIN_VIEWS {
         return Err(CalibrationError::FewViews { count: views.len(), needed: MIN_VIEWS });

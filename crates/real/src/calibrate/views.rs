@@ -1,4 +1,4 @@
-//! Views of a board: the input of a calibration.
+//! Input of a calibration: views of a board, with robot states.
 
 use std::collections::BTreeMap;
 
@@ -10,51 +10,52 @@ use serde::{Deserialize, Serialize};
 use super::error::CalibrationError;
 use crate::boards::{Charuco, Layout, TagGrid};
 
-/// Views, at most: the equations grow with the cube of their number.
+/// Maximum number of views: the cost of solving grows with the cube of their number.
 const MAX_VIEWS: usize = 150;
-/// Corners of a board, at most.
+/// Maximum number of corners of a board. Bounds the time for hostile input.
 const MAX_CORNERS: usize = 2_000;
-/// Corners that fix the pose of a board; four in general position do, more average the noise.
+/// Minimum number of corners from which a view's board pose is estimated; four in general position suffice, more
+/// average the noise.
 const MIN_CORNERS: usize = 6;
 
-/// Document `genmanip.board_views/1`: robot states and detected corners by the id of a view.
+/// Document `genmanip.board_views/1`: robot states and detected corners, both by view id.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BoardViews {
-    /// Camera: name, intrinsics, distortion.
+    /// Projection of the camera: name, intrinsics, distortion.
     pub camera: CameraModel,
-    /// Place of the camera.
+    /// Mounting of the camera: on the hand or beside the robot.
     pub mounting: Mounting,
-    /// The board.
+    /// Board seen in the views.
     pub board: Board,
-    /// Robot states by view.
+    /// Robot states by view id.
     pub robot: BTreeMap<String, RobotState>,
-    /// Detected corners by view: id of the corner, then pixel u and v. An image without a board has an empty list.
-    /// Absent if the board is still to be found in images.
+    /// Detected corners by view id: id of the corner, then pixel u and v. An image without a board has an empty list.
+    /// Absent if the corners have yet to be detected in images.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub detections: BTreeMap<String, Vec<(u32, f64, f64)>>,
 }
 
-/// Projection of the camera; its pose is what is sought.
+/// Projection of a camera whose pose is to be calibrated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraModel {
-    /// Name in the world file.
+    /// Name of the camera in the world file.
     pub name: String,
-    /// Pinhole, pixels.
+    /// Pinhole intrinsics, pixels.
     pub intrinsics: Intrinsics,
-    /// Lens distortion; absent for an ideal pinhole.
+    /// Lens distortion; absent for an ideal pinhole camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distortion: Option<Distortion>,
 }
 
-/// Place of a camera.
+/// Mounting of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Mounting {
-    /// On the hand; the board stays in its place.
+    /// Camera on the hand, board fixed in the robot's surroundings.
     EyeInHand,
-    /// Beside the robot; the hand holds the board.
+    /// Camera fixed beside the robot, board held by the hand.
     EyeToHand,
 }
 
@@ -64,18 +65,18 @@ pub enum Mounting {
 pub enum Board {
     /// Corners of a chessboard or ChArUco board, numbered row by row.
     Grid {
-        /// Corners in a row.
+        /// Number of corners per row.
         columns: u32,
-        /// Rows of corners.
+        /// Number of rows of corners.
         rows: u32,
-        /// Distance of neighbours, metres.
+        /// Spacing of neighbouring corners, metres.
         spacing_m: f64,
     },
-    /// Corners at x and y on the board, metres; their ids are their indices.
+    /// Corners at given x and y on the board, metres; a corner's id is its index.
     PointsM(Vec<[f64; 2]>),
-    /// Chessboard with tags, found in images.
+    /// ChArUco board, which can be detected in images.
     Charuco(Charuco),
-    /// Rows of tags, found in images.
+    /// Grid of tags, which can be detected in images.
     Tags(TagGrid),
 }
 
@@ -83,29 +84,29 @@ pub enum Board {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RobotState {
-    /// Hand link in the robot's base.
+    /// Pose of the hand link in the robot's base frame.
     BaseFromHand(Pose),
     /// Joint positions of the arm, rad.
     JointsRad(Vec<f64>),
 }
 
-/// A robot pose with the corners seen from there.
+/// Robot pose with the corners seen from it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
-    /// Id of the view.
+    /// Id of the view in the input.
     pub id: String,
-    /// Hand link in the robot's base.
+    /// Pose of the hand link in the robot's base frame.
     pub base_from_hand: Pose,
-    /// Corners: on the board (m), and their pixels.
+    /// Corners: position on the board (m), and pixel.
     pub corners: Vec<(DVec3, DVec2)>,
 }
 
 /// A view that is not used.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Skipped {
-    /// Id of the view.
+    /// Id of the view in the input.
     pub id: String,
-    /// Reason.
+    /// Reason why the view is not used.
     pub reason: String,
 }
 
@@ -118,7 +119,7 @@ impl Mounting {
         }
     }
 
-    /// The other one.
+    /// The mounting with camera and board swapped.
     #[must_use]
     pub const fn other(self) -> Self {
         match self {
@@ -127,7 +128,7 @@ impl Mounting {
         }
     }
 
-    /// Name in files.
+    /// Name of the mounting in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::EyeInHand => "eye_in_hand",
@@ -135,7 +136,7 @@ impl Mounting {
         }
     }
 
-    /// Frame that the camera is fixed to, in words.
+    /// Frame that the camera is fixed to, as words for messages.
     pub const fn camera_frame(self) -> &'static str {
         match self {
             Self::EyeInHand => "hand",
@@ -143,14 +144,14 @@ impl Mounting {
         }
     }
 
-    /// Frame that the board is fixed to, in words.
+    /// Frame that the board is fixed to, as words for messages.
     pub const fn board_frame(self) -> &'static str {
         self.other().camera_frame()
     }
 }
 
 impl CameraModel {
-    /// The camera at a pose in the frame that it is fixed to.
+    /// Camera of a world file with this projection, at a pose in the frame that it is fixed to.
     pub fn placed(&self, mounting: Mounting, mount_from_camera: Pose) -> Camera {
         let camera = Camera::new(&self.name, mounting.mount(), mount_from_camera, self.intrinsics);
         Camera { distortion: self.distortion, ..camera }
@@ -164,7 +165,8 @@ impl CameraModel {
         Some(DVec2::new(fx * shown.x + cx, fy * shown.y + cy))
     }
 
-    /// Point of the plane z = 1 in the camera frame that is shown at a pixel; `None` where the lens folds over.
+    /// Point at z = 1 in the camera frame that projects to a pixel; `None` where the distortion model is not
+    /// invertible.
     pub fn on_plane(&self, pixel: DVec2) -> Option<DVec2> {
         let Intrinsics { fx, fy, cx, cy, .. } = self.intrinsics;
         let shown = DVec2::new((pixel.x - cx) / fx, (pixel.y - cy) / fy);
@@ -173,7 +175,7 @@ impl CameraModel {
 }
 
 impl Board {
-    /// Corners on the board by id, metres; z = 0.
+    /// Positions of the corners on the board by id, metres; z = 0.
     pub fn corners(&self) -> Vec<DVec3> {
         match self {
             Self::Grid { columns, rows, spacing_m } => (0..*rows)
@@ -188,7 +190,7 @@ impl Board {
         }
     }
 
-    /// Layout of a board that can be found in images, or why it is not possible; `None` for other boards.
+    /// Layout of a board that can be detected in images, or why its numbers are impossible; `None` for other boards.
     pub fn layout(&self) -> Option<Result<Layout, String>> {
         match self {
             Self::Charuco(board) => Some(board.layout()),
@@ -199,11 +201,11 @@ impl Board {
 }
 
 impl BoardViews {
-    /// Views with robot state and corners, and those that lack one of them. `hand_of` is the forward kinematics of
-    /// the arm: hand link in the base from joint positions.
+    /// Views with both robot state and corners, and the views that lack one of them. `hand_of` is the forward
+    /// kinematics of the arm: pose of the hand link in the base frame from joint positions.
     ///
     /// # Errors
-    /// [`CalibrationError::Joints`] if a view has joint positions and `hand_of` refuses them.
+    /// [`CalibrationError::Joints`] if `hand_of` refuses the joint positions of a view.
     pub fn paired(
         &self,
         hand_of: impl Fn(&[f64]) -> Result<Pose, String>,

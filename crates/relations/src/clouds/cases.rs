@@ -1,4 +1,4 @@
-//! Compares the profiles with recorded verdicts of the evaluators that they reproduce.
+//! Compares the profiles with recorded verdicts of the released evaluators.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +17,7 @@ const THRESHOLD_TOLERANCE: f64 = 1e-6;
 /// Tolerance for equal goal scores.
 const SCORE_TOLERANCE: f64 = 1e-12;
 
-/// Agreement of a profile with recorded verdicts.
+/// Agreement of a profile with the recorded verdicts.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Comparison {
     /// Number of cases compared: two label lists and one verdict per word.
@@ -28,11 +28,11 @@ pub struct Comparison {
     pub excluded: usize,
     /// Number of goals compared; recorded for GenManip V0.9 only.
     pub dnf_compared: usize,
-    /// Number of goals with the recorded score.
+    /// Number of goals with the recorded score, of those compared.
     pub dnf_agreed: usize,
     /// Number of articulated states compared; recorded for GenManip V0.9 only.
     pub articulation_compared: usize,
-    /// Number of articulated states with the recorded verdict.
+    /// Number of articulated states with the recorded verdict, of those compared.
     pub articulation_agreed: usize,
     /// Label lists and verdicts per second of the given clock, including the construction of search structures.
     pub calls_per_cpu_s: f64,
@@ -58,9 +58,9 @@ pub enum CasesError {
     /// A cloud is invalid.
     #[error("cloud `{name}`: {error}")]
     Cloud {
-        /// Name in the archive.
+        /// Name of the cloud in the archive.
         name: String,
-        /// Reason.
+        /// Reason why the cloud is invalid.
         error: CloudError,
     },
 }
@@ -192,7 +192,7 @@ fn opposite_view(label: Label) -> CloudLabel {
     }
 }
 
-/// A recorded file with its clouds.
+/// A recorded file of cases with its point clouds.
 struct Recording {
     file: File,
     arrays: BTreeMap<String, Vec<[f64; 3]>>,
@@ -238,7 +238,7 @@ struct File {
 struct Case {
     id: u32,
     family: String,
-    /// Measured quantities; some are strings where the original failed.
+    /// Measured quantities by name; text instead of a number where the original failed.
     m: BTreeMap<String, serde_json::Value>,
     v09: Recorded,
     suite: Recorded,

@@ -11,17 +11,18 @@ use glam::{DVec2, DVec3};
 use super::tree::Tree;
 use crate::planar::Polygon;
 
-/// An edge is replaced if the point is closer to one of its ends than the edge's length divided by this.
+/// Concavity parameter of the algorithm: an edge is replaced if the point is closer to one of its ends than the edge's
+/// length divided by this.
 const CONCAVITY: f64 = 2.0;
 
-/// A closed outline.
+/// Closed outline in the top view.
 #[derive(Debug)]
 pub(crate) struct Contour {
     corners: Vec<DVec2>,
 }
 
 impl Contour {
-    /// `None` if the points are collinear.
+    /// Concave outline of points; `None` if they are collinear.
     pub fn new(points: &[DVec3]) -> Option<Self> {
         let flat: Vec<DVec2> = points.iter().map(|point| point.truncate()).collect();
         let hull = Polygon::hull(flat.clone()).corners;
@@ -31,7 +32,7 @@ impl Contour {
         Some(Self { corners: dig(&hull, Grid::new(flat, &hull)) })
     }
 
-    /// The points inside the outline or closer to it than `reach`.
+    /// Points of a cloud inside the outline or closer to it than `reach` (m).
     pub fn crop(&self, tree: &Tree, reach: f64) -> Vec<DVec3> {
         let mut kept = Vec::new();
         let edges: Vec<usize> = (0..self.corners.len()).collect();
@@ -91,7 +92,7 @@ impl Contour {
     }
 }
 
-/// Points that are not yet on the outline, in square cells.
+/// Cell grid of the points that are not yet on the outline.
 struct Grid {
     points: Vec<DVec2>,
     cells: Vec<Vec<usize>>,
@@ -126,7 +127,7 @@ impl Grid {
         ((place.x as usize).min(self.columns - 1), (place.y as usize).min(self.rows - 1))
     }
 
-    /// Wanted points within a distance of a segment, nearest first, with their squared distances.
+    /// Points within a distance of a segment that satisfy `wanted`, nearest first, with their squared distances.
     fn near(&self, a: DVec2, b: DVec2, limit_squared: f64, wanted: impl Fn(f64, DVec2) -> bool) -> Vec<(f64, usize)> {
         let reach = DVec2::splat(limit_squared.sqrt());
         let (left, bottom) = self.cell_of(a.min(b) - reach);

@@ -14,10 +14,10 @@ use crate::hull::Hull;
 /// Tolerance of the half-space tests, metres, so that points on the surface count.
 const TOLERANCE: f64 = 1e-12;
 
-/// Outer and inner convex bounds of a cloud, and its hull once it was needed.
+/// Outer and inner convex bounds of a cloud, and its exact hull once a query needed it.
 #[derive(Debug)]
 pub(crate) struct Enclosure {
-    /// Supporting planes.
+    /// Supporting planes: outward normal, and distance from the origin along it (m).
     outer: Vec<(DVec3, f64)>,
     /// Faces of the hull of the extreme points; empty if they are coplanar.
     inner: Vec<(DVec3, f64)>,
@@ -53,8 +53,8 @@ impl Enclosure {
         count.sure + count.open.iter().filter(|&&point| within(exact, point)).count() >= needed
     }
 
-    /// Counts the points of a node. `outer` are the planes that cross its parent, `inner` those not known to contain
-    /// it.
+    /// Counts the points of a node that are in the hull. `outer` are the outer planes that cross the parent's box,
+    /// `inner` the inner planes not known to contain it.
     fn count(&self, tree: &Tree, index: usize, outer: &[usize], inner: &[usize], count: &mut Count) {
         if count.decided() {
             return;

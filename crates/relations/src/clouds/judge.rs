@@ -9,11 +9,11 @@ use serde::{Deserialize, Serialize};
 use super::tree::Tree;
 use super::{Cloud, CloudLabel, Profile};
 
-/// Largest distance in the plane of close objects, including the originals' tolerance of 1 %.
+/// Largest distance in the plane of close objects (m), including the originals' tolerance of 1 %.
 const CLOSE_M: f64 = 0.15 * 1.01;
-/// Largest distance and height gap of touching objects, including the same tolerance.
+/// Largest distance and height gap of touching objects (m), including the same tolerance.
 const TOUCHING_M: f64 = 0.1 * 1.01;
-/// Amount by which the target's outline is widened before the anchor is cropped to it.
+/// Distance by which the target's outline is widened before the anchor is cropped to it (m).
 const CROP_M: f64 = 0.05;
 /// Largest angle at the middle object for `between`, degrees.
 const BETWEEN_DEG: f64 = 45.0;
@@ -30,7 +30,7 @@ pub struct Subgoal {
     pub obj2_uid: String,
     /// Relation word, e.g. `on`, `top`, `out of`.
     pub position: String,
-    /// Uid of the second anchor of `between`.
+    /// Uid of the second anchor of `between`; `None` for all other relations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub another_obj2_uid: Option<String>,
 }
@@ -94,7 +94,7 @@ pub fn labels(profile: Profile, target: &Cloud, anchor: &Cloud, second_anchor: O
     found
 }
 
-/// True if the relation word holds.
+/// True if the relation that a word names holds.
 pub fn subgoal(
     profile: Profile,
     position: &str,
@@ -144,7 +144,7 @@ pub fn articulation(positions: &[Vec<f64>], status: &[Vec<[f64; 2]>]) -> bool {
 }
 
 impl CloudLabel {
-    /// The name in files.
+    /// Name of the label in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::In => "in",
@@ -209,7 +209,7 @@ fn between(profile: Profile, target: &Cloud, anchor: &Cloud, second: &Cloud) -> 
 
 /// Fallback of the originals for `on`: tests the part of the anchor under the target's widened outline.
 fn on_cropped(profile: Profile, target: &Cloud, anchor: &Cloud) -> bool {
-    // The part has smaller bounds than the whole, so it cannot support the target if the whole cannot.
+    // The cropped part has smaller bounds than the whole anchor, so it cannot support the target if the anchor cannot.
     let area = |size: DVec3| size.x.max(0.0) * size.y.max(0.0);
     let common = |reach: f64| (target.max + reach).min(anchor.max) - (target.min - reach).max(anchor.min);
     let target_area = area(target.max - target.min);

@@ -4,7 +4,7 @@
 //! the opposite side of the table (front is the smaller x, left the smaller y), a pair can have several labels, and an
 //! object floating ten centimetres above another one is `on` it.
 //!
-//! Where an original raises an error (a cloud without an outline), the verdict here omits that step.
+//! Where an original raises an error (a cloud without an outline), the step that failed is omitted here.
 //!
 //! ```
 //! use genmanip_relations::clouds::{Cloud, CloudLabel, Profile, labels};
@@ -32,13 +32,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tree::Tree;
 
-/// A released evaluator.
+/// A released evaluator whose verdicts are reproduced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Profile {
-    /// GenManip V0.9.
+    /// Evaluator of GenManip V0.9.
     #[serde(rename = "genmanip-0.9")]
     GenManip09,
-    /// GenManip Suite 0.2.3.
+    /// Evaluator of GenManip Suite 0.2.3.
     #[serde(rename = "suite-0.2.3")]
     Suite023,
 }
@@ -53,8 +53,9 @@ pub enum CloudLabel {
     /// As `In` with the roles exchanged, and not `In`.
     #[serde(rename = "out of")]
     OutOf,
-    /// Most of the target's horizontal bounds lie over the anchor's, its lowest point within 0.10 m of the anchor's
-    /// highest, and it is not much larger.
+    /// A share of the target's horizontal bounds (70 % for GenManip 0.9, 40 % for Suite 0.2.3) lies over the anchor's,
+    /// the bounds' area is not above 1.5 or 1.8 times the anchor's, and the target's lowest point is within 0.10 m of
+    /// the anchor's highest.
     #[serde(rename = "on")]
     On,
     /// `On` with the roles exchanged.
@@ -83,7 +84,7 @@ pub enum CloudLabel {
 /// Reason why a cloud is invalid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CloudError {
-    /// It has no points.
+    /// The cloud has no points.
     #[error("expected at least one point, got none")]
     Empty,
     /// A coordinate is not finite.
@@ -133,7 +134,7 @@ impl Cloud {
         Ok(Self::from_finite(points.into_iter().map(DVec3::from_array).collect()))
     }
 
-    /// The points, metres.
+    /// Points of the cloud, metres.
     pub fn points(&self) -> &[DVec3] {
         &self.points
     }

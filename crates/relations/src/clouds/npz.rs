@@ -15,15 +15,15 @@ pub enum NpzError {
     /// Not a zip archive, or a damaged one.
     #[error("expected a zip archive, got a damaged one: {0}")]
     Archive(&'static str),
-    /// Larger than the limit.
+    /// The arrays are together larger than 64 MiB.
     #[error("expected arrays of at most {} MiB together, got more", MAX_BYTES >> 20)]
     TooLarge,
     /// A member is not an int16 array of points.
     #[error("expected `{name}` to be a little-endian int16 array of shape (n, 3), got {got}")]
     Array {
-        /// Name of the array.
+        /// Name of the array in the archive.
         name: String,
-        /// Its actual type or shape.
+        /// Actual type or shape of the array.
         got: String,
     },
 }

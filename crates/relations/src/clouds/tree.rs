@@ -2,10 +2,10 @@
 
 use glam::DVec3;
 
-/// Points per leaf.
+/// Maximum number of points per leaf. Chosen by hand.
 const LEAF: usize = 32;
 
-/// A balanced tree over the points of a cloud.
+/// Balanced k-d tree over the points of a cloud.
 #[derive(Debug)]
 pub(crate) struct Tree {
     pub points: Vec<DVec3>,
@@ -19,7 +19,7 @@ pub(crate) struct Node {
     pub max: DVec3,
     pub start: usize,
     pub end: usize,
-    /// Left and right child.
+    /// Indices of the left and the right child; `None` for a leaf.
     pub children: Option<(usize, usize)>,
 }
 
@@ -30,8 +30,8 @@ impl Tree {
         tree
     }
 
-    /// True if a point of this cloud and one of the other are at most `distance` apart; without `with_height`, in the
-    /// top view.
+    /// True if a point of this cloud and one of the other are at most `distance` (m) apart; without `with_height`, in
+    /// the top view.
     pub fn has_pair_within(&self, other: &Self, distance: f64, with_height: bool) -> bool {
         let mask = if with_height { DVec3::ONE } else { DVec3::new(1.0, 1.0, 0.0) };
         let limit = distance * distance;
@@ -67,7 +67,7 @@ impl Tree {
         false
     }
 
-    /// Shortest distance between the two clouds in the top view.
+    /// Shortest distance between the two clouds in the top view (m).
     pub fn planar_distance(&self, other: &Self) -> f64 {
         let mask = DVec3::new(1.0, 1.0, 0.0);
         let mut best = f64::INFINITY;

@@ -13,31 +13,32 @@ use crate::simd::{BatchColumn, dot, smooth_step, whole_registers};
 const WALLS: f32 = 0.7;
 /// Key light entering a cavity, relative to a surface that faces the light. Fitted likewise.
 const CAVITY_KEY: f32 = 0.65;
-/// Smallest cosine between a body's third axis and the vertical for light to enter from above; and the unoccluded
-/// shares of the sky above its opening at which no light enters and at which all does. Chosen.
+/// Smallest cosine between a body's third axis and the vertical at which light enters its cavity from above. Then the
+/// unoccluded shares of the sky above the opening at which no light enters and from which all of it does. Chosen by
+/// hand.
 const UPRIGHT: f32 = 0.5;
 const COVERED: f32 = 0.5;
 const HALF_OPEN: f32 = 0.75;
 
 impl Proxy {
-    /// Centre in the body's frame (m).
+    /// Centre of the bounding box in the body's frame (m).
     pub fn middle(&self) -> Vec3 {
         self.shape.middle()
     }
 
-    /// Share of the sky visible from the bottom of its cavity.
+    /// Share of the sky visible from the bottom of the body's cavity.
     pub fn cavity_opening(&self) -> f32 {
         open_share(self.volume, Vec3A::from_array(self.axes[2]).length_recip())
     }
 
-    /// Key light entering its cavity, relative to a surface that faces the light.
+    /// Key light entering the body's cavity, relative to a surface that faces the light.
     pub fn cavity_light(&self) -> f32 {
         self.entering * CAVITY_KEY
     }
 }
 
-/// Share of the key and sky light from above that enters a body past some others through the side of its third axis, where
-/// concave bodies are open.
+/// Share of key light and sky light that enters a body from above through the positive end of its third axis, where
+/// concave bodies are open, past the proxies of `others`; 0 without a cavity, or if the body does not stand upright.
 pub(super) fn entering(own: &Proxy, others: &[Proxy]) -> f32 {
     let axis = Vec3A::from_array(own.axes[2]);
     let (up, half) = (axis.normalize(), axis.length_recip());
@@ -49,8 +50,8 @@ pub(super) fn entering(own: &Proxy, others: &[Proxy]) -> f32 {
     unoccluded_lamp(others, own.body, place.to_array()) * ((share - COVERED) / (HALF_OPEN - COVERED)).clamp(0.0, 1.0)
 }
 
-/// Share of the sky visible from the bottom centre of a round cavity, from the product of its half axes and the half
-/// axis along its height.
+/// Share of the sky visible from the bottom centre of a round cavity; `volume` is the product of its half axes (m³),
+/// `half` its half axis along the height (m).
 #[inline(always)]
 fn open_share(volume: f32, half: f32) -> f32 {
     let section = volume / half;

@@ -19,18 +19,19 @@ use crate::scene::supports::SupportTop;
 use crate::scene::variation::RenderVariation;
 use crate::simd::{BatchColumn, CHUNK, Column, floor, nearest_integer, whole_registers, within};
 
-/// Grid spacing for large and for small images (m). Chosen: a sixth of the width of a small object, and about a pixel.
+/// Grid spacing for large and for small images (m). Chosen by hand: a sixth of the width of a small object (6 cm), and
+/// about a pixel of a small image.
 const STEP_M: [f32; 2] = [0.01, 0.02];
 /// Grid points of a row that are computed in one SIMD batch.
 const RUN: usize = 16;
-/// Factor on a body's form factor that gives the share of ambient light it blocks. This and the next ones were fitted to
-/// images of the path tracer.
+/// Factor on a body's form factor that gives the share of ambient light it occludes. This constant and the following
+/// ones were fitted to path-traced images.
 const STRENGTH: f32 = 1.7;
 /// Share of the ambient light from the side of the key light, from the direction `to_light + LAMP_UP * z`. Fitted.
 const LAMP: f32 = 0.32;
 const LAMP_UP: f32 = 1.065;
-/// Light that a white body reflects per form factor: as a multiple of the ambient irradiance, and of the key light on
-/// its bright side. Fitted.
+/// Light that a white body reflects per form factor, as a multiple of the ambient irradiance (`AMBIENT_BACK`), and of
+/// the key light on its bright side (`KEY_BACK`). Fitted.
 const AMBIENT_BACK: f32 = 0.616;
 const KEY_BACK: f32 = 1.8;
 /// Key-light bounce as a share of `KEY_BACK`: `(KEY_BESIDE - KEY_SIDE * cos φ) * (1 - KEY_SHADED * form factor)`, with
@@ -39,49 +40,50 @@ const KEY_BESIDE: f32 = 0.625;
 const KEY_SIDE: f32 = 0.45;
 const KEY_SHADED: f32 = 0.156;
 /// Height above the surface at which a body starts to count less for a fixed camera, and range over which it fades out
-/// (m). Chosen: carried objects have no effect, standing ones do.
+/// (m). Chosen by hand: carried objects have no effect, standing ones do.
 const STANDING_M: f32 = 0.01;
 const FADING_M: f32 = 0.03;
-/// Weight of a higher body for a wrist camera. Fitted.
+/// Weight of a body above that range for a wrist camera. Fitted.
 const HANGING: f32 = 0.75;
-/// Largest depth of a corner of the view on the surface (m); beyond it, and above the horizon, all grid points are
-/// updated.
+/// Largest depth (m) at which a corner of a wrist camera's view may meet the surface; if a corner meets it farther away
+/// or not at all, all grid points are updated.
 const LONGEST_M: f32 = 10.0;
 
-/// Ambient light on all support surfaces.
+/// Irradiance grids of all support surfaces, with a counter of changes.
 #[derive(Debug)]
 pub(crate) struct IrradianceGrids {
     grids: Vec<IrradianceGrid>,
     version: u64,
 }
 
-/// Ambient light on a support surface.
+/// Regular grid on one support surface, with a factor on the ambient irradiance at each grid point.
 #[derive(Debug)]
 pub(crate) struct IrradianceGrid {
     surface: u16,
     height: f32,
-    /// First grid point in the world (m).
+    /// World position of the first grid point (x, y; m).
     first: Vec2,
     step: f32,
-    /// Points per row, a multiple of [`RUN`].
+    /// Grid points per row, a multiple of [`RUN`].
     columns: usize,
     /// Largest grid coordinates (column, row; in steps) that can be interpolated.
     last: Vec2,
-    /// Factors of the ambient light (red, green, blue), row by row.
+    /// Factors on the ambient irradiance (red, green, blue, unused), row by row; 1 without bodies.
     points: Vec<Vec4>,
     bodies: Vec<Body>,
 }
 
-/// An ellipsoid and the light that it reflects.
+/// Proxy of a body with the light that it reflects onto the surface.
 #[derive(Clone, Debug, PartialEq)]
 struct Body {
     proxy: Proxy,
-    /// Factor on its occlusion and bounce: 1 standing; lifted, it falls to 0 (fixed camera) or `HANGING` (wrist camera).
+    /// Factor on the body's occlusion and bounce: 1 if it stands on the surface; if lifted, it falls to 0 (fixed
+    /// camera) or `HANGING` (wrist camera).
     weight: f32,
-    /// Reflected sky light and key light, relative to the ambient light on the support surface.
+    /// Reflected sky light and reflected key light, linear RGB relative to the ambient light on the support surface.
     ambient: [f32; 3],
     key: [f32; 3],
-    /// Direction of the ambient light from the key light's side, see [`Proxy::stretched`].
+    /// Direction of the ambient light from the key light's side, in the space of [`Proxy::stretched`].
     lamp: [f32; 3],
 }
 
@@ -93,23 +95,23 @@ impl IrradianceGrids {
         Self { grids: supports.map(|top| IrradianceGrid::new(top, is_small)).collect(), version: 0 }
     }
 
-    /// Grid of a surface number.
+    /// Grid of a surface by its number (part index plus one); `None` if the surface has no grid.
     pub fn of(&self, surface: u16) -> Option<&IrradianceGrid> {
         self.grids.iter().find(|grid| grid.surface == surface)
     }
 
-    /// Surface numbers with a grid.
+    /// Numbers of the surfaces that have a grid.
     pub fn surfaces(&self) -> impl Iterator<Item = u16> {
         self.grids.iter().map(|grid| grid.surface)
     }
 
-    /// Number of changes so far.
+    /// Number of changes of any grid so far; equal numbers mean equal grids.
     pub fn version(&self) -> u64 {
         self.version
     }
 
-    /// Updates the grids for the bodies of a frame: for a fixed camera those standing on a surface, for a wrist camera
-    /// all of them, where it looks.
+    /// Updates the grids for the bodies of a frame. For a fixed camera only bodies that stand on a surface count; for a
+    /// wrist camera all count, but only grid points in its view are updated.
     pub fn update(&mut self, proxies: &Proxies, variation: &RenderVariation, lighting: &Lighting, camera: &CameraView) {
         for grid in &mut self.grids {
             self.version += u64::from(grid.update(proxies, variation, lighting, camera));
@@ -120,7 +122,7 @@ impl IrradianceGrids {
 impl IrradianceGrid {
     fn new(top: &SupportTop, is_small: bool) -> Self {
         let size = top.high - top.low;
-        // Large surfaces have fewer points per metre.
+        // At most 256 steps per side, so that large surfaces have a coarser grid.
         let step = STEP_M[usize::from(is_small)].max(size.max_element() / 256.0);
         let [columns, rows] = (size / step).to_array().map(|steps| steps.ceil() as usize + 2);
         let columns = columns.next_multiple_of(RUN);
@@ -136,7 +138,7 @@ impl IrradianceGrid {
         }
     }
 
-    /// Updates the grid; returns false if nothing changes.
+    /// Updates the grid for the bodies of a frame; returns false if no grid point changes.
     fn update(
         &mut self,
         proxies: &Proxies,
@@ -183,7 +185,7 @@ impl IrradianceGrid {
         changes
     }
 
-    /// Multiplies the ambient light at `count` positions (m) by its factors.
+    /// Multiplies the ambient light at `count` positions (m) on the surface by the interpolated factors.
     #[inline(always)]
     pub fn apply(&self, count: usize, place: &[BatchColumn; 3], around: &mut [BatchColumn; 3]) {
         let (mut index, mut x, mut y) = (Column::<u32>::default(), BatchColumn::default(), BatchColumn::default());
@@ -215,14 +217,15 @@ impl IrradianceGrid {
         [within(at.x, 0.0, self.last.x), within(at.y, 0.0, self.last.y)]
     }
 
-    /// Position (m) on the support surface seen at a pixel; `None` towards the horizon.
+    /// Position (x, y; m) on the support surface that a pixel shows; `None` if the view ray misses the surface or meets
+    /// it beyond [`LONGEST_M`].
     fn seen_at(&self, camera: &CameraView, pixel: Vec2) -> Option<Vec2> {
         let ray = camera.point_at(pixel, 1.0) - camera.viewpoint;
         let distance = (self.height - camera.viewpoint.z) / ray.z;
         (0.0..LONGEST_M).contains(&distance).then(|| (camera.viewpoint + ray * distance).truncate())
     }
 
-    /// Runs and rows of grid points visible to a camera; `None` if it sees the horizon.
+    /// Visible runs per row, and visible rows of grid points; `None` if the camera sees the horizon.
     fn seen_by(&self, camera: &CameraView) -> Option<[Range<usize>; 2]> {
         let (width, height) = (camera.width as f32, camera.height as f32);
         let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
@@ -235,7 +238,7 @@ impl IrradianceGrid {
         Some([runs, top as usize..bottom as usize + 2])
     }
 
-    /// First position of a run (m) and spacing along x.
+    /// World position (m) of the first grid point of a run, and spacing along x (m).
     fn place_of(&self, run: usize) -> [f32; 4] {
         let per_row = self.columns / RUN;
         let (column, row) = (run % per_row * RUN, run / per_row);
@@ -243,7 +246,8 @@ impl IrradianceGrid {
     }
 }
 
-/// Ambient factors at a run of grid points.
+/// Factors on the ambient irradiance at the grid points of a run; `to_light` is the horizontal part of the direction to
+/// the key light.
 fn light_run(bodies: &[Body], [x, y, z, step]: [f32; 4], to_light: [f32; 2], strength: f32) -> [Vec4; RUN] {
     let (mut share, mut back) = ([1.0; RUN], [[0.0; RUN]; 3]);
     for body in bodies {
@@ -270,12 +274,13 @@ fn add_body(
     for i in 0..RUN {
         let toward = [center[0] - (x + i as i32 as f32 * step), center[1] - y, center[2] - z];
         let cover = body.weight * form_factor(&body.proxy, toward, [0.0, 0.0, 1.0]);
-        // Light from the side on which the point lies: the sides of most objects are vertical.
+        // The key-light bounce depends only on the horizontal angle, since the sides of most objects are vertical. It
+        // is strongest where the body shows its lit side.
         let flat = 1.0 / toward[0].mul_add(toward[0], toward[1].mul_add(toward[1], 1e-12)).sqrt();
         let across = to_light[0].mul_add(toward[0], to_light[1] * toward[1]);
         let lit = (across * flat).mul_add(-KEY_SIDE, KEY_BESIDE);
         let lit = if lit > 0.0 { lit } else { 0.0 };
-        // A touching body shadows itself.
+        // Close to a body, part of its visible side is in shadow: the bounce decreases with the form factor.
         let lit = lit * cover.mul_add(-KEY_SHADED, 1.0);
         let arriving = share[i] * cover;
         for channel in 0..3 {
@@ -285,7 +290,7 @@ fn add_body(
         let left = cover.mul_add(-strength, 1.0);
         share[i] *= if left > 0.0 { left } else { 0.0 };
     }
-    // Separate loop: the compiler does not vectorise a longer one.
+    // A separate loop, since the compiler does not vectorise a longer one.
     for i in 0..RUN {
         let toward = [center[0] - (x + i as i32 as f32 * step), center[1] - y, center[2] - z];
         share[i] *= 1.0 - LAMP * body.weight * penumbra(&body.proxy, toward, body.lamp);
@@ -304,7 +309,7 @@ mod tests {
     use crate::job::FrameState;
     use crate::tests::fixture;
 
-    /// A red and a white block above two bare support surfaces.
+    /// Scene of a red and a white block above two support surfaces with nothing else on them.
     struct Scene {
         assets: std::sync::Arc<RenderAssets>,
         variation: RenderVariation,
@@ -342,7 +347,7 @@ mod tests {
     }
 
     const FAR: DVec3 = DVec3::new(0.9, -0.4, 0.03);
-    /// Centre of the second surface.
+    /// Centre of the second support surface (m).
     const SIDE: DVec3 = DVec3::new(0.5, 2.5, -0.2);
 
     /// A red block makes its surroundings on any surface redder and darker, less so farther away; a hanging block only
@@ -367,7 +372,7 @@ mod tests {
         }
     }
 
-    /// Versions tell changes; an updated grid equals a new one.
+    /// The version changes if and only if a grid does; an updated grid equals a new one.
     #[test]
     fn following_is_lighting_anew() {
         let scene = Scene::new();

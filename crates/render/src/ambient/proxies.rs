@@ -1,4 +1,5 @@
-//! Proxies: ellipsoids that stand for bodies where the image does not show them, such as the gripper above a wrist camera.
+//! Proxies: ellipsoids that stand for bodies where the image does not show them, such as the gripper above a wrist
+//! camera.
 //!
 //! Their form factors have a closed form.
 
@@ -15,50 +16,51 @@ use crate::simd::{BatchColumn, dot, smooth_step, whole_registers, within};
 
 /// Half axes of the ellipsoid relative to the bounding box. Fitted to path-traced images.
 pub(super) const FULLNESS: f32 = 0.875;
-/// Share of the occluded ambient light that a body absorbs; it reflects the rest. Fitted likewise.
+/// Share of the occluded ambient light that a body absorbs; the body reflects the rest. Fitted likewise.
 const STRENGTH: f32 = 0.578;
 /// Penumbra of a broad light: growth of its half width per half axis of distance behind the occluder. Fitted likewise.
 const LAMP_WIDTH: f32 = 0.58;
 /// Half width of that penumbra at the occluder, in half axes. Fitted likewise.
 const LAMP_EDGE: f32 = 0.1;
-/// Weakening of that shadow with the square of the half width: the light becomes wider than the body. Fitted likewise.
+/// Reduction of that shadow with the square of the penumbra's half width, since the light becomes wider than the body.
+/// Fitted likewise.
 const LAMP_BEYOND: f32 = 0.21;
-/// Half width of the penumbra of a body's shadow at another body's centre, in half axes of the first one. Chosen for
-/// bodies of about the same size.
+/// Half width of the penumbra of a body's shadow at another body's centre, in half axes of the body that casts it.
+/// Chosen by hand for bodies of about the same size.
 const LAMP_BLUR: f32 = 0.3;
-/// Smallest half axis (m). Chosen.
+/// Smallest half axis (m). Chosen by hand.
 const THINNEST_M: f32 = 0.005;
-/// Smallest form factor that counts. Chosen: an invisible step.
+/// Smallest form factor that counts; it defines the reach of a proxy. Chosen by hand so that the cut-off is invisible.
 const LEAST: f32 = 0.01;
-/// Slope of the fade-out over squared distance / squared reach: it begins at three quarters of the squared reach.
-/// Chosen.
+/// Slope of the fade-out with squared distance / squared reach: 4 makes it begin at three quarters of the squared
+/// reach. Chosen by hand.
 const FADE: f32 = 4.0;
 
 /// Stand-in for a body: an ellipsoid that occludes light, may have a cavity, and may be held.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Proxy {
-    /// Body index.
+    /// Index of the body among the frame's bodies.
     pub(super) body: usize,
     pub(super) shape: BodyShape,
     /// Centre in the world (m).
     pub(super) center: [f32; 3],
-    /// Unit axes in the world divided by the half axes.
+    /// Unit vectors of the axes in the world, divided by the half axes (1/m).
     pub(super) axes: [[f32; 3]; 3],
-    /// Product of the half axes.
+    /// Product of the half axes (m³).
     pub(super) volume: f32,
-    /// Mean linear colour.
+    /// Mean linear colour of the body.
     pub(super) color: [f32; 3],
-    /// Distance of the centre beyond which it has no effect (m).
+    /// Distance from the centre beyond which the proxy has no effect (m).
     pub(super) reach: f32,
     /// Direction to the key light in the space where the ellipsoid is the unit sphere.
     pub(super) to_lamp: [f32; 3],
-    /// Share of the key light that other bodies leave at its centre, softened; also used for the surface around it. 1
-    /// for the arm and a held body, and for all unless the camera is on the wrist.
+    /// Share of the key light that other bodies do not occlude at the centre, softened; also used for the surface
+    /// around the body. 1 for the arm and a held body, and for all bodies unless the camera is on the wrist.
     pub(super) lit: f32,
-    /// Share of key light and sky that enters its cavity past other bodies through the positive end of its third axis,
-    /// where concave bodies are open; 0 without a cavity, or if it does not stand upright.
+    /// Share of key light and sky light that enters the body's cavity past other bodies, through the positive end of
+    /// the third axis, where concave bodies are open; 0 without a cavity, or if the body does not stand upright.
     pub(super) entering: f32,
-    /// Degree to which it is held in the gripper, 0-1, for wrist cameras.
+    /// Degree to which the body is held in the gripper, 0-1; 0 unless the camera is on the wrist.
     pub(super) held: f32,
 }
 
@@ -78,7 +80,7 @@ impl Proxy {
             axes,
             volume,
             color: color.to_array(),
-            // At a distance a body covers at most its largest cross-section.
+            // Distance at which the form factor falls below [`LEAST`], if the body shows its largest cross-section.
             reach: (volume / half.min_element() / LEAST).sqrt(),
             to_lamp: [0.0; 3],
             lit: 1.0,
@@ -93,34 +95,34 @@ impl Proxy {
         Vec3A::from_array(self.center)
     }
 
-    /// Unit vector of a direction in the space where the ellipsoid is the unit sphere.
+    /// Unit vector of a world direction in the space where the ellipsoid is the unit sphere.
     pub fn stretched(&self, direction: Vec3A) -> Vec3A {
         Vec3A::from_array(self.axes.map(|axis| Vec3A::from_array(axis).dot(direction))).normalize_or(Vec3A::Z)
     }
 
-    /// Height of its lowest point (m).
+    /// World z of the ellipsoid's lowest point (m).
     pub fn lowest(&self) -> f32 {
         let half = |[x, y, z]: [f32; 3]| z / (x * x + y * y + z * z);
         self.center[2] - self.axes.into_iter().map(|axis| half(axis) * half(axis)).sum::<f32>().sqrt()
     }
 
-    /// Mean linear colour.
+    /// Mean linear colour of the body.
     pub fn color(&self) -> Vec3A {
         Vec3A::from_array(self.color)
     }
 
-    /// Share of the key light that other bodies leave at its centre, softened.
+    /// Share of the key light that other bodies do not occlude at the centre, softened.
     pub fn lit(&self) -> f32 {
         self.lit
     }
 
-    /// True if it has an effect at a squared distance [m²] of its centre.
+    /// True if the proxy has an effect at a squared distance (m²) from its centre.
     pub fn reaches(&self, square: f32) -> bool {
         square < self.reach * self.reach
     }
 }
 
-/// Multiplies the ambient light at points by what an ellipsoid leaves.
+/// Multiplies each point's ambient light by the share that an ellipsoid does not occlude.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn occlude(proxy: &Proxy, points: &Points, share: &mut BatchColumn) {
     let (center, per_reach) = (proxy.center, 1.0 / (proxy.reach * proxy.reach));
@@ -134,7 +136,7 @@ pub(super) fn occlude(proxy: &Proxy, points: &Points, share: &mut BatchColumn) {
     }
 }
 
-/// Share of the sky above a point that all bodies but one leave, as if they occluded independently.
+/// Share of the sky above a point that no body except `but` occludes; bodies occlude independently of each other.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn unoccluded_sky(bodies: &[Proxy], but: usize, place: [f32; 3], normal: [f32; 3]) -> f32 {
     let mut left = 1.0;
@@ -147,7 +149,7 @@ pub(super) fn unoccluded_sky(bodies: &[Proxy], but: usize, place: [f32; 3], norm
     left
 }
 
-/// Share of the key light at a position that all bodies but one leave.
+/// Share of the key light at a position that no body except `but` occludes, with a soft shadow border.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn unoccluded_lamp(bodies: &[Proxy], but: usize, [x, y, z]: [f32; 3]) -> f32 {
     let mut left = 1.0;
@@ -174,7 +176,7 @@ pub(crate) fn penumbra(proxy: &Proxy, toward: [f32; 3], lamp: [f32; 3]) -> f32 {
     let beside = nearest.mul_add(-nearest, square);
     let beside = (if beside > 0.0 { beside } else { 0.0 }).sqrt();
     let spread = (if nearest > 0.0 { nearest } else { 0.0 }).mul_add(LAMP_WIDTH, LAMP_EDGE);
-    // At a distance the light is wider than the ellipsoid.
+    // Far behind the ellipsoid, the light is wider than the ellipsoid.
     let full = 1.0 / (spread * spread).mul_add(LAMP_BEYOND, 1.0);
     smooth_step(((1.0 - beside) / spread).mul_add(0.5, 0.5)) * full * within(nearest + 0.5, 0.0, 1.0)
 }
@@ -190,7 +192,7 @@ pub(crate) fn form_factor(proxy: &Proxy, toward: [f32; 3], normal: [f32; 3]) -> 
     let along = proxy.axes.map(|axis| dot(axis, toward));
     let stretched = dot(along, along);
     let away = stretched.sqrt();
-    // Partly below the horizon: a smooth step from none to all of it.
+    // An ellipsoid partly below the horizon: `rise` goes smoothly from 0 (all below) to 1 (all above).
     let rise = within((cosine * away).mul_add(0.5, 0.5), 0.0, 1.0);
     let around = away + 1.0;
     let (above, edge) = (cosine * around, rise * rise);
@@ -200,7 +202,7 @@ pub(crate) fn form_factor(proxy: &Proxy, toward: [f32; 3], normal: [f32; 3]) -> 
     let section = proxy.volume * per_radius * per_radius * per_radius;
     let beyond = if stretched > 1.0 { stretched - 1.0 } else { 0.0 };
     let cover = facing * section / ((beyond + section) * around);
-    // Boxes exceed their ellipsoids and bodies may be concave: no occlusion inside.
+    // No occlusion inside the ellipsoid, since bodies may be concave, and boxes exceed their ellipsoids.
     let outside = within(stretched.mul_add(2.0, -1.0), 0.0, 1.0);
     within(cover * outside, 0.0, 0.95)
 }
@@ -216,7 +218,7 @@ pub(super) mod tests {
         Proxy { reach: f32::INFINITY, ..own }
     }
 
-    /// A point of the plane z = 0 with an upward normal.
+    /// Batch of one point with an upward normal.
     pub(in crate::ambient) fn looking_up(place: [f32; 3]) -> Points {
         let mut points = Points::default();
         points.count = 1;
@@ -226,7 +228,7 @@ pub(super) mod tests {
         points
     }
 
-    /// A light overhead with a ball above the point, far above, below and beside it.
+    /// Occlusion of a broad overhead light at a point by a ball above it, far above it, below it and beside it.
     #[test]
     fn balls_veil_a_broad_lamp() {
         let up = [0.0, 0.0, 1.0];
@@ -241,7 +243,7 @@ pub(super) mod tests {
         }
     }
 
-    /// A small light overhead: fully, half and not occluded by a ball.
+    /// Unoccluded share of a small overhead light: 0, 0.5 and 1, depending on the place of a ball.
     #[test]
     fn balls_hold_back_a_small_lamp() {
         for (center, expected) in
@@ -252,7 +254,7 @@ pub(super) mod tests {
         }
     }
 
-    /// Closed forms for ellipsoids above, beside and below a point.
+    /// Occlusion by ellipsoids above, beside and below a point, against closed forms.
     #[test]
     fn ellipsoids_cover_their_share_of_the_sky() {
         for (center, half, expected, tolerance) in [

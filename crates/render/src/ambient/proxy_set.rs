@@ -14,9 +14,9 @@ use crate::simd::BatchColumn;
 /// Share of the key light that a body and the surface around it lose in full shadow of other bodies. Fitted to
 /// path-traced images.
 const SHADED: f32 = 0.55;
-/// Shares of the sky above a body's centre that the robot covers: up to the first the body does not count as held,
-/// from the second on it does fully. Chosen: objects beside the gripper have less than 0.15, objects between the
-/// fingers more than 0.4.
+/// Shares of the sky above a body's centre that the robot occludes: at `BESIDE` or less the body does not count as
+/// held, at `BETWEEN` or more it fully does. Chosen by hand: the robot occludes less than 0.15 above objects beside the
+/// gripper, more than 0.4 above objects between the fingers.
 const BESIDE: f32 = 0.2;
 const BETWEEN: f32 = 0.4;
 
@@ -24,14 +24,14 @@ const BETWEEN: f32 = 0.4;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Proxies {
     bodies: Vec<Proxy>,
-    /// True for wrist cameras, which are close to objects and below the gripper: bodies darken each other. For fixed
-    /// cameras they do not, so that unchanged tiles of the last frame can be reused.
+    /// True for wrist cameras, which are close to objects and below the gripper: there bodies occlude each other. For
+    /// fixed cameras they do not, so that unchanged tiles of the last frame can be reused.
     count: bool,
 }
 
 impl Proxies {
-    /// Places the proxies of a frame, with mean colours by body, for a camera mount and a light direction; transparent
-    /// bodies do not occlude.
+    /// Places the proxies of a frame; `colors` are mean linear colours by body. Transparent bodies get no proxy, since
+    /// they do not occlude.
     pub fn place(
         &mut self,
         assets: &RenderAssets,
@@ -53,7 +53,7 @@ impl Proxies {
             let (robot, others) = (self.robot(assets.robot_bodies()), if self.count { &*self.bodies } else { &[] });
             let is_free = self.count && own.body >= assets.robot_bodies();
             let (entering, held) = (entering(own, others), if is_free { held(own, robot) } else { 0.0 });
-            // Arm and held object count as fully lit: shadows between their coarse ellipsoids would be wrong.
+            // Arm and held object count as fully lit, since shadows between their coarse ellipsoids would be wrong.
             let is_arm = own.body < assets.robot_bodies() || held > 0.0;
             let lit = if is_arm { 1.0 } else { self.lit(own.body, own.center()) };
             let lit = 1.0 - SHADED * (1.0 - lit);
@@ -73,27 +73,28 @@ impl Proxies {
         &self.bodies
     }
 
-    /// Share of the key light at a position that the other bodies leave.
+    /// Share of the key light at a position that no body except `but` occludes; 1 for fixed cameras.
     fn lit(&self, but: usize, place: Vec3A) -> f32 {
         unoccluded_lamp(if self.count { &self.bodies } else { &[] }, but, place.to_array())
     }
 
-    /// Share of the key light on a body and the surface around it that other bodies leave.
+    /// Share of the key light on a body and the surface around it that other bodies do not occlude; 1 without a proxy.
     pub fn lit_of(&self, body: usize) -> f32 {
         self.of_body(body).map_or(1.0, |own| own.lit)
     }
 
-    /// True if bodies darken each other: for wrist cameras.
+    /// True if bodies occlude each other, which is so for wrist cameras.
     pub fn count(&self) -> bool {
         self.count
     }
 
-    /// True if ambient light at resting points may differ from that of another frame.
+    /// True if the occlusion by proxies may differ from that of another frame.
     pub fn differ(&self, before: &Self) -> bool {
         (self.count || before.count) && self != before
     }
 
-    /// Multiplies ambient shares at points of a body by the occlusion by other bodies and by its own cavity.
+    /// Multiplies the unoccluded shares at points of a body by the occlusion of its own cavity and, for wrist cameras,
+    /// of other bodies; `None` is a fixture.
     pub fn darken(&self, points: &Points, of_body: Option<usize>, share: &mut BatchColumn) {
         if let Some(own) = of_body.and_then(|body| self.of_body(body)) {
             enclose(own, points, share);
@@ -114,12 +115,12 @@ impl Proxies {
         }
     }
 
-    /// Proxies of the robot, whose bodies come first.
+    /// Proxies of the robot, which precede those of objects.
     fn robot(&self, robot_bodies: usize) -> &[Proxy] {
         &self.bodies[..self.bodies.partition_point(|other| other.body < robot_bodies)]
     }
 
-    /// Proxy of a body with a cavity that light enters.
+    /// Proxy of a body with a cavity that light enters; `None` for other bodies.
     pub fn cavity_of(&self, body: usize) -> Option<&Proxy> {
         self.of_body(body).filter(|own| own.entering > 0.0)
     }
@@ -130,14 +131,14 @@ impl Proxies {
     }
 }
 
-/// Degree to which a body counts as held, 0-1: from the share of the sky above its centre that the robot's proxies
-/// cover, [`BESIDE`] to [`BETWEEN`].
+/// Degree to which a body counts as held, 0-1: it grows from 0 to 1 as the share of the sky above the body's centre
+/// that the robot occludes goes from [`BESIDE`] to [`BETWEEN`].
 fn held(own: &Proxy, robot: &[Proxy]) -> f32 {
     let above = 1.0 - unoccluded_sky(robot, own.body, own.center, [0.0, 0.0, 1.0]);
     ((above - BESIDE) / (BETWEEN - BESIDE)).clamp(0.0, 1.0)
 }
 
-/// Area-weighted mean linear colours of the bodies' opaque parts.
+/// Area-weighted mean linear colour of each body's opaque parts, by body index.
 pub(crate) fn colors_of(assets: &RenderAssets, surfaces: &[Material]) -> Vec<Vec3A> {
     let mut sums = vec![(Vec3A::ZERO, 1e-12); assets.body_count()];
     for (part, surface) in assets.parts.iter().zip(surfaces) {

@@ -11,18 +11,18 @@ use crate::scene::variation::RenderVariation;
 use crate::shadow::pcss::turn_of;
 use crate::simd::{BatchColumn, Column, dot, nearest_integer, whole_registers, within};
 
-/// Taps per point. Chosen.
+/// Number of taps per point. Chosen by hand.
 const TAPS: usize = 8;
 /// Scale of the occlusion at strength 1. Fitted to path-traced images.
 const DARKNESS: f32 = 1.375;
-/// Height above a support surface below which taps do not occlude (m). Chosen: thinner objects cast no visible
+/// Height above a support surface below which taps do not occlude (m). Chosen by hand: thinner objects cause no visible
 /// occlusion.
 const FLAT_M: f32 = 0.004;
-/// Largest radius on the image (px).
+/// Largest radius of the taps in the image (px).
 pub(crate) const MAX_REACH: f32 = 64.0;
 
-/// Share of the ambient light at points. A support surface at height `ground` (m) does not occlude: its reflection is
-/// part of the ambient light.
+/// Writes the share of the ambient light that reaches each point, at least 0.15, to `taps.share`. A support surface at
+/// height `ground` (m) does not occlude, since its reflection is part of the ambient light.
 pub(crate) fn occlude(
     points: &Points,
     depth: &[f32],
@@ -50,7 +50,7 @@ pub(crate) fn occlude(
     }
 }
 
-/// Taps around a batch of points.
+/// Taps around each point of a batch, and the results.
 #[derive(Debug, Default)]
 pub(crate) struct SsaoTaps {
     cosine: BatchColumn,
@@ -65,11 +65,11 @@ pub(crate) struct SsaoTaps {
 }
 
 impl SsaoTaps {
-    /// Random rotation and screen radius of each point's taps.
+    /// Sets the rotation and the image radius of each point's taps.
     fn begin(&mut self, points: &Points, focal: f32, radius: f32) {
         for i in 0..points.count {
             let reach = within(radius * focal / points.place_in_camera[2][i], 3.0, MAX_REACH);
-            // Points are at every second pixel; rotations repeat every 4×4 points.
+            // Points lie at every second pixel; the rotations repeat after 4×4 points.
             let turn = |lane: &BatchColumn| nearest_integer(lane[i]) as usize / 2 % 4;
             let (sine, cosine) = turn_of(PATTERN[turn(&points.row)][turn(&points.column)]);
             (self.cosine[i], self.sine[i]) = (cosine * reach, sine * reach);
@@ -107,8 +107,8 @@ fn add_taps(taps: &mut SsaoTaps, points: &Points, focal: f32, radius: f32, (up, 
         let mut darkening = 0.0;
         for tap in 0..TAPS {
             let depth = taps.depth[tap][i];
-            // The tap's view ray is the point's shifted by whole pixels; the background (depth 0) lies outside the
-            // radius.
+            // The tap's view ray is the point's view ray shifted by whole pixels. The background (depth 0) lies outside
+            // the radius.
             let stretch = depth / z - 1.0;
             let step = depth * inverse_focal;
             let beside = |shift: f32, place: f32| stretch.mul_add(place, shift * step);
@@ -123,7 +123,7 @@ fn add_taps(taps: &mut SsaoTaps, points: &Points, focal: f32, radius: f32, (up, 
     }
 }
 
-/// Spiral of taps on the unit disc.
+/// Offsets of the taps on a spiral in the unit disc.
 fn spiral() -> &'static [[f32; 2]; TAPS] {
     static TABLE: std::sync::OnceLock<[[f32; 2]; TAPS]> = std::sync::OnceLock::new();
     TABLE.get_or_init(|| {

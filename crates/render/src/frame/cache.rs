@@ -17,19 +17,20 @@ use crate::shading::{ShadedPart, Shading};
 use crate::simd::CHUNK;
 use crate::transparency::visibility::TransparentBuffers;
 
-/// Pixels of a strip of tiles that goes through a pass at a time: its data fit the second-level cache.
+/// Number of pixels in a strip of tiles that one pass processes at a time: the data of a strip fit the second-level
+/// cache.
 const STRIP_PIXELS: usize = 8_192;
 /// Samples per pixel along each axis.
 const SCALE: usize = 2;
 
-/// The last frame of a camera, with all intermediate buffers.
+/// Last frame of a camera with all intermediate buffers, so that the next frame can reuse them.
 #[derive(Debug, Default)]
 pub(crate) struct FrameCache {
     view: View,
     opaque: LayeredBuffer,
     transparent: TransparentBuffers,
     light_buffer: LightBuffer,
-    /// Inputs of the last frame, to find what changed.
+    /// State for which the last frame was rendered; differences tell what changed.
     shadow_version: u64,
     grid_version: u64,
     proxies: Proxies,
@@ -43,20 +44,21 @@ pub(crate) struct FrameCache {
     upsample_window: Box<UpsampleWindow>,
     resolver: Resolver,
     shading: Box<Shading>,
-    /// Visibility at the pixel centres, transparent parts included.
+    /// Visibility at the pixel centres with transparent parts included; valid where those may be visible.
     centers: VisibilityBuffer,
     /// Number of pixels shaded in the last frame.
     pub shaded_pixels: usize,
 }
 
-/// Tiles to be repeated, by pass. Each pass reads the neighbours of a tile, so marks spread by a tile from pass to pass.
+/// Tiles that each pass must repeat. A pass reads the neighbours of a tile, so marks spread by one tile from pass to
+/// pass.
 #[derive(Debug, Default)]
 struct DirtyTiles {
-    /// Raw shadow mask and AO.
+    /// Estimation of the raw shadow mask and AO.
     estimated: Vec<bool>,
-    /// Tiles with other surfaces, raw shadow mask or AO than in the last frame.
+    /// Tiles whose surfaces, raw shadow mask or AO differ from the last frame.
     changed: Vec<bool>,
-    /// Bilateral filters of shadow mask and ambient occlusion.
+    /// Bilateral filtering of shadow mask and ambient occlusion.
     blurred: Vec<bool>,
     /// AO upsampling and shading.
     shaded: Vec<bool>,
@@ -70,7 +72,7 @@ impl FrameCache {
         self.colors.len()
     }
 
-    /// Renders a frame of whole tiles; with the camera of the last frame only its dirty tiles.
+    /// Renders a frame of whole tiles; if the camera is that of the last frame, only its dirty tiles.
     pub fn draw(&mut self, scene: &RenderScene<'_>, frame: &FrameState, camera: CameraView) {
         let assets = scene.assets;
         let (width, height) = (camera.width, camera.height);
@@ -97,7 +99,7 @@ impl FrameCache {
         self.run_passes(scene);
     }
 
-    /// Finds the dirty tiles of each pass but for those that the pass before adds.
+    /// Finds the dirty tiles of each pass, except those that a pass adds because of its predecessor's.
     fn find_dirty(&mut self, scene: &RenderScene<'_>) {
         let DirtyTiles { estimated, changed, blurred, shaded, resolved } = &mut self.dirty;
         changed.clone_from(&self.opaque.changed);
@@ -126,8 +128,8 @@ impl FrameCache {
         (self.shadow_version, self.grid_version) = (scene.shadow.version(), grids.version());
     }
 
-    /// Runs the passes strip by strip, so that the output of one is in the cache for the next; each is one strip behind the
-    /// one before, whose neighbouring strips are then ready.
+    /// Runs the passes strip by strip, so that the output of a pass is still in the processor's cache for the next
+    /// pass. Each pass is one strip behind its predecessor, whose neighbouring strips are then complete.
     fn run_passes(&mut self, scene: &RenderScene<'_>) {
         let (columns, count) = (self.opaque.tile_columns, self.opaque.changed.len());
         let tiles_in_strip = columns * (STRIP_PIXELS / (TILE * TILE) / columns).max(1);
@@ -163,7 +165,7 @@ impl FrameCache {
         self.resolver.finish(scene, &self.view, &self.light_buffer, &self.colors, &mut self.rgb);
     }
 
-    /// Shades the pixel centres of some tiles.
+    /// Shades the pixel centres of tiles, background included.
     fn shade(&mut self, scene: &RenderScene<'_>, tiles: &[usize]) {
         let camera = &self.view.camera;
         let constant = scene.backdrop.plain().map(|color| (color, srgb8_from_linear(color)));
@@ -198,7 +200,7 @@ impl FrameCache {
         }
     }
 
-    /// Restores the bytes of centre colours, which resolving overwrote, in tiles that were not shaded again.
+    /// Restores the centre colours that the resolve pass overwrote, in those of the tiles that were not shaded again.
     fn restore(&mut self, tiles: &[usize]) {
         for &tile in tiles.iter().filter(|&&tile| !self.dirty.shaded[tile]) {
             let [columns, rows] = self.light_buffer.pixels_of(tile);
@@ -210,7 +212,8 @@ impl FrameCache {
         }
     }
 
-    /// Writes the requested channels, cropped to `size` (width, height; pixels), since the frame is padded to whole tiles.
+    /// Writes the requested channels, cropped to `size` (width, height; pixels), since the frame is padded to whole
+    /// tiles.
     pub fn write(&mut self, assets: &RenderAssets, channels: Channels, size: [usize; 2], out: &mut FrameBuffers) {
         out.rgb.clear();
         for row in self.rgb.chunks_exact(3 * self.view.camera.width).take(size[1]) {
@@ -219,7 +222,8 @@ impl FrameCache {
         let ([width, height], stride) = (size, self.view.camera.width);
         let (whole, is_whole) = (Rectangle { columns: 0..width, rows: 0..height }, channels.normal || channels.parts);
         let areas = if is_whole { vec![whole] } else { self.transparent.areas_within(&whole) };
-        // Visibility at the pixel centres, transparent parts included, where it may differ from the opaque one.
+        // Visibility at the pixel centres including transparent parts is computed only where it may differ from the
+        // opaque buffer.
         let (opaque, centers) = (&self.opaque.target, &mut self.centers);
         if (centers.width, centers.height) != (width, height) {
             centers.reset::<true>(width, height, 1);
@@ -261,7 +265,7 @@ fn instances_of(assets: &RenderAssets) -> Vec<u16> {
     std::iter::once(0).chain(assets.parts.iter().map(|part| part.instance)).collect()
 }
 
-/// Depth from reversed z; 0 for the background.
+/// Depth (m) from reversed z; 0 for the background.
 fn depth_of(reversed_z: &f32) -> f32 {
     if *reversed_z > 0.0 { 1.0 / reversed_z } else { 0.0 }
 }

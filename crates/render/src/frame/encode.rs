@@ -1,4 +1,4 @@
-//! Image files and resizing.
+//! Encoding of image files, and resizing.
 
 use std::io::Write;
 
@@ -8,16 +8,16 @@ use png::{BitDepth, ColorType, Compression, Filter, PixelDimensions, Unit};
 /// Reasons why an image cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum EncodeError {
-    /// The buffer does not match the size.
+    /// The buffer's length does not match the image size.
     #[error("got {got} values for a picture of {width}×{height}, expected {expected}")]
     Size {
-        /// Pixels per row.
+        /// Width of the image (px).
         width: u32,
-        /// Rows.
+        /// Height of the image (px).
         height: u32,
-        /// Values needed.
+        /// Number of values that the size requires.
         expected: usize,
-        /// Values given.
+        /// Number of values in the buffer.
         got: usize,
     },
     /// The PNG writer failed.
@@ -28,7 +28,7 @@ pub enum EncodeError {
     Jpeg(#[from] jpeg_encoder::EncodingError),
 }
 
-/// 8-bit sRGB image as PNG.
+/// Encodes an 8-bit sRGB image as PNG.
 ///
 /// # Errors
 /// A buffer of the wrong size.
@@ -37,7 +37,7 @@ pub fn png_rgb(width: u32, height: u32, rgb: &[u8]) -> Result<Vec<u8>, EncodeErr
     png(width, height, ColorType::Rgb, BitDepth::Eight, Filter::Adaptive, rgb)
 }
 
-/// Depth as 16-bit PNG in millimetres: 0 where nothing was hit, 65535 from 65.535 m on.
+/// Depth as 16-bit greyscale PNG in millimetres: 0 for the background, 65535 from 65.535 m on.
 ///
 /// # Errors
 /// A buffer of the wrong size.
@@ -46,7 +46,7 @@ pub fn png_depth_mm(width: u32, height: u32, depth_m: &[f32]) -> Result<Vec<u8>,
     png_u16(width, height, &millimetres)
 }
 
-/// 16-bit values, such as instance ids, as greyscale PNG.
+/// Encodes 16-bit values, such as instance ids, as greyscale PNG.
 ///
 /// # Errors
 /// A buffer of the wrong size.
@@ -57,7 +57,7 @@ pub fn png_u16(width: u32, height: u32, values: &[u16]) -> Result<Vec<u8>, Encod
     png(width, height, ColorType::Grayscale, BitDepth::Sixteen, Filter::Paeth, &bytes)
 }
 
-/// 8-bit grey image as PNG to print, with its size on paper.
+/// 8-bit grey image as PNG for printing; `pixels_per_m` states its size on paper.
 ///
 /// # Errors
 /// A buffer of the wrong size.
@@ -74,7 +74,7 @@ pub fn png_print(width: u32, height: u32, grey: &[u8], pixels_per_m: u32) -> Res
     Ok(out)
 }
 
-/// 8-bit sRGB image as JPEG; chroma is subsampled below `quality` 90.
+/// Encodes an 8-bit sRGB image as JPEG of `quality` 1-100; chroma is subsampled below 90.
 ///
 /// # Errors
 /// A buffer of the wrong size, or more than 65535 pixels along a side.
@@ -90,7 +90,7 @@ pub fn jpeg_rgb(width: u32, height: u32, rgb: &[u8], quality: u8) -> Result<Vec<
     Ok(bytes)
 }
 
-/// Resizes an image by averaging the area under each new pixel.
+/// Resizes an 8-bit RGB image by averaging the area under each new pixel.
 ///
 /// # Errors
 /// A buffer of the wrong size, or an empty size.
@@ -118,7 +118,7 @@ pub fn resize_rgb(size: [u32; 2], rgb: &[u8], new_size: [u32; 2]) -> Result<Vec<
     Ok(out)
 }
 
-/// Interval of old pixels (px).
+/// Interval along a row or column of the old image (px).
 #[derive(Clone)]
 struct Span {
     start: f32,
@@ -126,7 +126,7 @@ struct Span {
 }
 
 impl Span {
-    /// Covered pixels and the covered length of each.
+    /// Old pixels that the interval overlaps, with the length of each overlap (px).
     fn into_weights(self, limit: usize) -> impl Iterator<Item = (usize, f32)> {
         let first = self.start as usize;
         let last = (self.end.ceil() as usize).min(limit);

@@ -1,4 +1,4 @@
-//! Normal channel.
+//! Normal channel of the output.
 
 use glam::{Vec3A, Vec4};
 

@@ -1,4 +1,4 @@
-//! The renderer: jobs in, images out.
+//! Renderer of view jobs with cached frames, shadow maps and irradiance grids.
 
 use std::sync::Arc;
 
@@ -20,14 +20,14 @@ use crate::scene::variation::RenderVariation;
 use crate::shading::backdrop::Backdrop;
 use crate::shadow::map::ShadowMap;
 
-/// Total pixels of the kept frame caches; the least recently used ones are dropped.
+/// Largest total number of pixels of the kept frame caches; the least recently used ones are dropped.
 const KEPT_PIXELS: usize = 4 << 20;
-/// Largest longer side (px) of a small image, which gets coarser shadow maps and irradiance grids.
+/// Largest longer side (px) of an image that counts as small, and gets coarser shadow maps and irradiance grids.
 const SMALL_PX: u32 = 128;
-/// Texels per side of the shadow map of small images.
+/// Texels along a side of the shadow map for small images.
 const SMALL_SHADOW: usize = 192;
 
-/// Renders jobs on the calling thread; keeps its memory from job to job.
+/// Renderer of jobs on the calling thread; its allocations and caches are reused by the next job.
 ///
 /// The same job gives the same bytes, whatever was rendered before and whatever other threads do. A fixed camera is
 /// cheaper than a moving one: only dirty tiles are repeated.
@@ -35,27 +35,27 @@ const SMALL_SHADOW: usize = 192;
 pub struct Renderer {
     assets: Arc<RenderAssets>,
     variation: RenderVariation,
-    /// Materials of the parts under the variation.
+    /// Materials of the parts under this renderer's variation.
     materials: Vec<Material>,
     lighting: Lighting,
     backdrop: Backdrop,
-    /// Shadow maps for large and for small images, with the frame they show.
+    /// Shadow maps for large and for small images, each with the frame that it was rendered for.
     shadows: [(ShadowMap, Option<FrameState>); 2],
-    /// Proxies of the last job.
+    /// Ellipsoid proxies for the last job.
     proxies: Proxies,
-    /// Mean linear colours of the bodies.
+    /// Mean linear colour of each body's opaque parts.
     body_colors: Vec<Vec3A>,
-    /// Irradiance grids for large and small images, for fixed and for wrist cameras.
+    /// Irradiance grids, for large and for small images; of each, for fixed and for wrist cameras.
     irradiance_grids: [[IrradianceGrids; 2]; 2],
-    /// Frame caches by camera, the most recent last.
+    /// Frame caches by camera, the most recently used last.
     kept: Vec<(CacheKey, FrameCache)>,
-    /// View and visibility buffer of images without colour, kept for their memory.
+    /// View and visibility buffer of images without colour, kept to reuse their allocations.
     view: View,
     solid: VisibilityBuffer,
     shaded_pixels: usize,
 }
 
-/// Key of a frame cache: a camera on its mount.
+/// Key of a frame cache: a camera, its mount and its pose on the mount.
 #[derive(Clone, Debug, PartialEq)]
 struct CacheKey {
     mount: CameraMount,
@@ -64,7 +64,7 @@ struct CacheKey {
 }
 
 impl Renderer {
-    /// A renderer of some assets with a variation.
+    /// Renderer of these assets under a variation of light and appearance.
     pub fn new(assets: Arc<RenderAssets>, variation: RenderVariation) -> Self {
         let materials = variation.materials(&assets);
         let lighting = Lighting::new(&variation, assets.ground_color(&materials));
@@ -87,17 +87,17 @@ impl Renderer {
         }
     }
 
-    /// Rendered assets.
+    /// Assets that this renderer renders.
     pub fn assets(&self) -> &Arc<RenderAssets> {
         &self.assets
     }
 
-    /// Light and appearance.
+    /// Variation of light and appearance.
     pub fn variation(&self) -> &RenderVariation {
         &self.variation
     }
 
-    /// Materials of the parts under the variation.
+    /// Materials of the parts under this renderer's variation.
     pub(crate) fn materials(&self) -> &[Material] {
         &self.materials
     }
@@ -109,14 +109,14 @@ impl Renderer {
         self.kept.clear();
     }
 
-    /// Number of pixels shaded for the last colour image; the others came from the cache.
+    /// Number of pixels shaded for the last colour image; the other pixels came from the frame cache.
     pub fn shaded_pixels(&self) -> usize {
         self.shaded_pixels
     }
 
-    /// Renders all jobs, `out[i]` for `jobs[i]`.
+    /// Renders all jobs, `jobs[i]` into `out[i]`.
     ///
-    /// Render all views of a frame consecutively: they share the shadow map.
+    /// All views of a frame should be consecutive jobs, since they share the shadow map.
     ///
     /// # Errors
     /// A frame of other assets, an invalid pose or camera, or a wrong number of buffers; nothing is rendered then.
@@ -144,7 +144,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Renders the instance mask of each object as if nothing occluded it; `take` receives instance id and mask.
+    /// Renders each object's instance mask without occlusion by anything else; `take` receives instance id and mask.
     ///
     /// # Errors
     /// As [`Renderer::render`], and errors of `take`.
@@ -216,8 +216,8 @@ fn irradiance_grids(assets: &RenderAssets, variation: &RenderVariation) -> [[Irr
     [false, true].map(|is_small| std::array::from_fn(|_| IrradianceGrids::new(assets, variation, is_small)))
 }
 
-/// Rounds positions and quaternion components to 2⁻¹⁷ (7.6 µm, about 15 µrad), far below the resolution of depth images, so that simulation jitter of resting
-/// objects changes nothing.
+/// Rounds positions and quaternion components to 2⁻¹⁷ (7.6 µm, about 15 µrad), far below the resolution of depth
+/// images, so that simulation jitter of resting objects changes nothing.
 fn snapped(frame: &FrameState) -> FrameState {
     const STEPS: f64 = 131_072.0;
     // Adding 0 turns -0 into 0.

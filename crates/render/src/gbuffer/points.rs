@@ -8,7 +8,7 @@ use crate::gbuffer::view::{CameraView, PartView};
 use crate::scene::assets::{Part, TRIANGLE_BITS};
 use crate::simd::{BatchColumn, CHUNK, Column, dot, nearest_integer, turned, whole_registers};
 
-/// A pixel as one number: column in the low half, row in the high half.
+/// Pixel as one number: column in the low half of the bits, row in the high half.
 #[inline(always)]
 pub(crate) fn packed(column: usize, row: usize) -> u32 {
     column as u32 | (row as u32) << 16
@@ -20,17 +20,17 @@ pub(crate) fn unpacked(place: u32) -> [u32; 2] {
     [place & 0xffff, place >> 16]
 }
 
-/// Visible opaque surfaces at the pixel centres of an image.
+/// Visible opaque surface at each pixel centre of an image.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PixelCenters<'a> {
-    /// Pixels per row.
+    /// Width of the image (px).
     pub width: usize,
-    /// Visibility ids.
+    /// Visibility id per pixel, row by row; 0 for the background.
     pub ids: &'a [u32],
     pub depth: &'a [f32],
 }
 
-/// A batch of pixels that show one part.
+/// Batch of pixels that show one part.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pixels {
     pub count: usize,
@@ -38,17 +38,17 @@ pub(crate) struct Pixels {
     pub column: BatchColumn,
     pub row: BatchColumn,
     pub depth: BatchColumn,
-    /// Triangle indices.
+    /// Triangles, as indices into the faces of the part's mesh.
     pub triangle: Column<u32>,
-    /// True if all pixels show one triangle.
+    /// True if all pixels of the batch show the same triangle.
     pub is_flat: bool,
 }
 
-/// Bits of a visibility id that hold the triangle.
+/// Mask of the bits of a visibility id that hold the triangle index.
 pub(crate) const TRIANGLE: u32 = (1 << TRIANGLE_BITS) - 1;
 
 impl Pixels {
-    /// Loads a list of [`packed`] pixels.
+    /// Replaces the batch by [`packed`] pixels, at most `CHUNK`.
     pub fn load(&mut self, places: &[u32], centers: PixelCenters<'_>) {
         self.count = places.len().min(CHUNK);
         place_pixels(self, &places[..self.count], centers.width as u32);
@@ -70,7 +70,7 @@ fn place_pixels(pixels: &mut Pixels, places: &[u32], width: u32) {
     }
 }
 
-/// A batch of surface points of one part.
+/// Batch of surface points of one part.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Points {
     pub count: usize,
@@ -79,16 +79,16 @@ pub(crate) struct Points {
     pub row: BatchColumn,
     /// Positions in the world (m).
     pub place: [BatchColumn; 3],
-    /// Unit normals of the triangles towards the camera, in the world.
+    /// Unit normals of the triangles in the world, on the side of the camera.
     pub normal: [BatchColumn; 3],
-    /// The same in camera axes.
+    /// Positions (m) and normals in camera axes.
     pub place_in_camera: [BatchColumn; 3],
     pub normal_in_camera: [BatchColumn; 3],
     plane: [BatchColumn; 3],
 }
 
 impl Points {
-    /// Computes positions and normals of pixels of a part.
+    /// Computes positions and normals of the surface points at `pixels`, which show `part`.
     pub fn fill(&mut self, pixels: &Pixels, part: &Part, placed: &PartView, camera: &CameraView) {
         let faces = &placed.mesh(part).faces;
         self.count = pixels.count;
@@ -140,9 +140,10 @@ fn locate(points: &mut Points, depths: &BatchColumn, placed: &PartView, camera: 
     }
 }
 
-/// Rotations, in sixteenths of a turn, by row and column of blocks of 2×2 pixels, repeated every 4×4 blocks: neighbours
-/// differ much, and all sixteen occur.
+/// 4×4 Bayer matrix over blocks of 2×2 pixels: rotation of the sampling pattern in sixteenths of a turn, by row and
+/// column of the block. Neighbouring blocks differ much, and all sixteen rotations occur.
 pub(crate) const PATTERN: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
-/// Added to the rotation of a block, by row and column of the pixel within it; modulo 16 nearly all rotations occur in
-/// 4×4 pixels, every second one on a checkerboard.
+/// Sixteenths of a turn added to the rotation of a block, by row and column of the pixel within it. Modulo 16, an
+/// aligned tile of 4×4 pixels contains all rotations; a checkerboard of its pixels, which the shadow pass samples on a
+/// single surface, contains every second one.
 const WITHIN: [[u8; 2]; 2] = [[0, 1], [3, 2]];

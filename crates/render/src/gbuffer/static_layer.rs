@@ -9,7 +9,7 @@ use crate::raster::VisibilityBuffer;
 /// Pixels along the side of a tile.
 pub(crate) const TILE: usize = 8;
 
-/// Set bits of a tile's pixels (row by row), as places.
+/// Pixel indices within a tile (row by row) of the set bits.
 #[inline(always)]
 pub(crate) fn each_place(mut bits: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -27,7 +27,7 @@ pub(crate) struct Rectangle {
 }
 
 impl Rectangle {
-    /// Pixels whose samples may be touched by something within image bounds.
+    /// Pixels whose samples may be covered by geometry with these image bounds (px), clipped to the image.
     pub fn around(low: [f32; 2], high: [f32; 2], width: usize, height: usize) -> Self {
         let span = |low: f32, high: f32, limit: usize| {
             let from = (low - 1.0).max(0.0) as usize;
@@ -37,7 +37,7 @@ impl Rectangle {
         Self { columns: span(low[0], high[0], width), rows: span(low[1], high[1], height) }
     }
 
-    /// Rows and columns of its pixels.
+    /// Row and column of each of the rectangle's pixels, row by row.
     pub fn pixels(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
         let columns = self.columns.clone();
         self.rows.clone().flat_map(move |row| columns.clone().map(move |column| (row, column)))
@@ -47,27 +47,27 @@ impl Rectangle {
         self.columns.is_empty() || self.rows.is_empty()
     }
 
-    /// Columns of the tiles that it touches.
+    /// Columns of the tiles that the rectangle overlaps.
     pub fn tile_columns(&self) -> Range<usize> {
         if self.is_empty() { 0..0 } else { self.columns.start / TILE..self.columns.end.div_ceil(TILE) }
     }
 
-    /// Rows of the tiles that it touches.
+    /// Rows of the tiles that the rectangle overlaps.
     pub fn tile_rows(&self) -> Range<usize> {
         if self.is_empty() { 0..0 } else { self.rows.start / TILE..self.rows.end.div_ceil(TILE) }
     }
 }
 
-/// Motion of a part between two frames.
+/// Motion of a part from the last frame to this one.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Motion {
     pub moved: bool,
-    /// Bounds in the last frame and in this one.
+    /// Image bounds (px) of the part in the last frame and in this one.
     pub before: Rectangle,
     pub now: Rectangle,
 }
 
-/// A visibility buffer with a layer of its static parts.
+/// Visibility buffer of all parts, with a second one (the layer) of the static parts only.
 #[derive(Debug, Default)]
 pub(crate) struct LayeredBuffer {
     pub target: VisibilityBuffer,
@@ -83,7 +83,8 @@ pub(crate) struct LayeredBuffer {
 }
 
 impl LayeredBuffer {
-    /// Draws all parts, `width` × `height` pixels with `scale`² samples each.
+    /// Draws all parts into an emptied buffer of `width` × `height` pixels with `scale`² samples each; discards the
+    /// static layer.
     pub fn redraw<const IDS: bool>(
         &mut self,
         [width, height]: [usize; 2],
@@ -101,7 +102,7 @@ impl LayeredBuffer {
         }
     }
 
-    /// Redraws the parts that moved.
+    /// Updates the buffer after motions: static parts come from the layer, moved parts are drawn again.
     pub fn follow<const IDS: bool>(&mut self, motions: &[Motion], mut draw: impl FnMut(usize, &mut VisibilityBuffer)) {
         self.changed.fill(false);
         if !motions.iter().any(|motion| motion.moved) {
@@ -127,7 +128,7 @@ impl LayeredBuffer {
             self.mark(&motion.now);
         }
         for tile in 0..self.changed.len() {
-            // A tile without moving parts still shows the layer.
+            // A tile in which no moving part was visible still shows the layer.
             if is_new || self.changed[tile] && self.over[tile] {
                 let [columns, rows] = self.samples_of(tile);
                 self.target.copy_rectangle(&self.layer, columns, rows);
@@ -136,7 +137,7 @@ impl LayeredBuffer {
         for part in (0..motions.len()).filter(|&part| !self.in_layer[part]) {
             draw(part, &mut self.target);
         }
-        // Bounds are generous: a tile that still shows only the static layer has not changed.
+        // Bounds are generous: a marked tile that still shows only the static layer has not changed.
         for tile in 0..self.changed.len() {
             if !self.changed[tile] {
                 continue;
@@ -148,14 +149,14 @@ impl LayeredBuffer {
         }
     }
 
-    /// Samples of a tile, as columns and rows.
+    /// Samples of a tile, as ranges of columns and rows.
     fn samples_of(&self, tile: usize) -> [Range<usize>; 2] {
         let size = TILE * self.target.scale;
         let samples = |at: usize, limit: usize| at * size..((at + 1) * size).min(limit);
         [samples(tile % self.tile_columns, self.target.width), samples(tile / self.tile_columns, self.target.height)]
     }
 
-    /// Marks the tiles of a rectangle as changed.
+    /// Marks the tiles that overlap a rectangle as changed.
     pub fn mark(&mut self, rectangle: &Rectangle) {
         for row in rectangle.tile_rows() {
             self.changed[row * self.tile_columns..][rectangle.tile_columns()].fill(true);
@@ -172,7 +173,7 @@ pub(crate) struct MarkCount {
 }
 
 impl MarkCount {
-    /// Sums the marks of a grid.
+    /// Replaces the table by the sums of a grid of marks.
     pub fn count(&mut self, marks: impl IntoIterator<Item = bool>, columns: usize, rows: usize) {
         (self.columns, self.rows) = (columns, rows);
         self.sums.clear();

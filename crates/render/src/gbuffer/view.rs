@@ -1,4 +1,4 @@
-//! Camera views: placed parts, projected vertices and rasterisation of parts.
+//! Camera views: placement of parts, projection of vertices and rasterisation of parts.
 
 use genmanip_core::{Camera, Pose};
 use glam::{Mat3A, Vec2, Vec3, Vec3A};
@@ -14,18 +14,18 @@ use crate::scene::mesh::{ERRORS_M, Mesh};
 /// Distance of the near plane (m).
 pub(crate) const NEAR_M: f32 = 0.01;
 
-/// A pinhole camera at a pose, in single precision.
+/// Pinhole camera at a pose, in single precision.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CameraView {
-    /// Pixels per row.
+    /// Width of the image (px).
     pub width: usize,
-    /// Rows.
+    /// Height of the image (px).
     pub height: usize,
     /// Focal lengths (px).
     pub focal: Vec2,
     /// Principal point (px).
     pub center: Vec2,
-    /// Pose of the camera.
+    /// Pose of the camera's optical frame in the world.
     pub world_from_camera: Pose,
     /// Optical centre in the world (m).
     pub viewpoint: Vec3A,
@@ -33,25 +33,25 @@ pub struct CameraView {
     pub turn: Mat3A,
 }
 
-/// All parts as seen by a camera; keeps the last frame's placement.
+/// All parts as seen by a camera; a part at rest keeps its placement from the last frame.
 #[derive(Debug, Default)]
 pub(crate) struct View {
     pub camera: CameraView,
     pub parts: Vec<PartView>,
     /// Motion of each part since the last [`View::place`].
     pub motions: Vec<Motion>,
-    /// True if a transparent part is in view.
+    /// True if a transparent part may be visible.
     pub has_transparent: bool,
 }
 
-/// A part placed in front of a camera.
+/// Part as placed in front of a camera.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PartView {
     pose: Pose,
-    /// World z of the support surface below its centre (m).
+    /// World z of the support surface below the part's centre (m); `None` if there is none.
     pub ground: Option<f32>,
     pub visible: bool,
-    /// Level of detail, see [`Mesh::at_level`].
+    /// Level of detail of the mesh, see [`Mesh::at_level`].
     pub level: usize,
     /// Rotation from the body's frame to the world.
     pub world_from_body: Mat3A,
@@ -61,18 +61,18 @@ pub(crate) struct PartView {
     pub viewpoint_in_body: Vec3A,
     /// Projected vertices (px) with reversed z = 1 / depth.
     corners: Vec<Corner>,
-    /// True if it crosses the near plane.
+    /// True if the part crosses the near plane or lies partly behind the camera.
     is_cut: bool,
 }
 
-/// Smallest longer side of images with full mesh detail (px).
+/// Longer side from which on images show meshes in full detail (px).
 const FULL_DETAIL_PX: usize = 256;
-/// Largest surface error of a level of detail on the image (px). Measured: with a third of a pixel, images of 64×64 and
-/// 128×72 differ from full detail by 0.7 and 0.5 levels of 255 on average.
+/// Largest surface error of a level of detail in the image (px). Measured: at 0.35 px, images of 64×64 and 128×72
+/// differ from full detail by 0.7 and 0.5 levels of 255 on average.
 const LEVEL_PX: f32 = 0.35;
 
 impl CameraView {
-    /// Validates a job and places its camera.
+    /// Validates frame and camera of a job, and places the camera.
     pub fn of(assets: &RenderAssets, job: &ViewJob<'_>) -> Result<Self, RenderError> {
         let (expected, got) = (assets.body_count(), job.frame.body_poses.len());
         if expected != got {
@@ -110,7 +110,7 @@ impl CameraView {
         })
     }
 
-    /// True if a ball, in camera axes, may be in view.
+    /// True if a sphere may intersect the view frustum; its centre is given in camera axes (m).
     fn sees(&self, center: Vec3A, radius: f32) -> bool {
         let outside = |slope: f32, offset: f32| (offset - slope * center.z) > radius * (1.0 + slope * slope).sqrt();
         let left = (self.center.x + 0.5) / self.focal.x;
@@ -126,9 +126,9 @@ impl CameraView {
 }
 
 impl View {
-    /// Places all parts of a frame; returns true if the camera is that of the last frame.
+    /// Places all parts of a frame; returns true if the camera is the same as in the last frame.
     ///
-    /// Parts at rest keep their placement if the camera does.
+    /// With the same camera, parts at rest keep their placement.
     pub fn place(&mut self, assets: &RenderAssets, frame: &FrameState, camera: CameraView) -> bool {
         let follows = self.camera == camera && self.parts.len() == assets.parts.len();
         self.camera = camera;
@@ -149,7 +149,7 @@ impl View {
         follows
     }
 
-    /// Rasterises the given sides of a part.
+    /// Rasterises the given sides (front, back) of a part, if it is visible.
     pub fn draw(&self, assets: &RenderAssets, index: usize, sides: Sides, target: &mut VisibilityBuffer) {
         let (part, placed) = (&assets.parts[index], &self.parts[index]);
         if !placed.visible {
@@ -171,7 +171,7 @@ impl View {
         }
     }
 
-    /// Rasterises a part with all visible sides.
+    /// Rasterises all visible sides of a part, opaque or transparent.
     pub fn draw_whole(&self, assets: &RenderAssets, index: usize, target: &mut VisibilityBuffer) {
         match assets.parts[index].is_transparent() {
             true => self.draw(assets, index, [true, true], target),
@@ -179,15 +179,15 @@ impl View {
         }
     }
 
-    /// Rasterises the given sides of all transparent parts.
+    /// Rasterises the given sides (front, back) of all transparent parts.
     pub fn draw_transparent(&self, assets: &RenderAssets, sides: Sides, target: &mut VisibilityBuffer) {
         for index in (0..assets.parts.len()).filter(|&index| assets.parts[index].is_transparent()) {
             self.draw(assets, index, sides, target);
         }
     }
 
-    /// Rasterises the back faces of transparent parts, keeping the farthest: with complemented reversed z
-    /// ([`complement_z`]). Parts that cross the near plane are skipped.
+    /// Rasterises the back faces of transparent parts with complemented reversed z ([`complement_z`]), so that the
+    /// farthest face wins the depth test. Parts that cross the near plane are skipped.
     pub fn draw_far_sides(&self, assets: &RenderAssets, target: &mut VisibilityBuffer) {
         let is_whole = |index: &usize| {
             let placed = &self.parts[*index];
@@ -203,12 +203,12 @@ impl View {
 }
 
 impl PartView {
-    /// The mesh at the level of detail.
+    /// Mesh of the part at this view's level of detail.
     pub fn mesh<'a>(&self, part: &'a Part) -> &'a Mesh {
         part.mesh.at_level(self.level)
     }
 
-    /// Moves the part to a pose; returns bounds on the image.
+    /// Places the part at a pose and projects its vertices; returns its bounds in the image (px), empty if invisible.
     fn place(&mut self, part: &Part, pose: Pose, camera_from_world: &Pose, camera: &CameraView) -> Rectangle {
         let camera_from_body = *camera_from_world * pose;
         let (turn, shift) = (rotation(&camera_from_body), camera_from_body.position.as_vec3a());
@@ -228,7 +228,7 @@ impl PartView {
         corners.extend(positions.iter().map(|&position| camera.project(turn * Vec3A::from(position) + shift)));
         self.corners = corners;
         let (low, high) = extremes(self.corners.iter().copied());
-        // Negative behind the camera.
+        // Reversed z is negative behind the camera.
         self.is_cut = low.reversed_z < 0.0 || high.reversed_z > 1.0 / NEAR_M;
         if self.is_cut {
             return Rectangle { columns: 0..camera.width, rows: 0..camera.height };
@@ -240,7 +240,7 @@ impl PartView {
 impl CameraView {
     /// Coarsest level of detail with a surface error below [`LEVEL_PX`] at a distance; 0 in large images.
     fn level(&self, distance_m: f32) -> usize {
-        // Whole tiles: the same with and without padding.
+        // Rounded up to whole tiles, so that images with and without padding get the same level.
         if self.width.max(self.height).next_multiple_of(TILE) >= FULL_DETAIL_PX {
             return 0;
         }
@@ -248,13 +248,13 @@ impl CameraView {
         ERRORS_M.iter().take_while(|&&error| error < LEVEL_PX * pixel_m).count()
     }
 
-    /// The view with columns and rows added up to whole tiles.
+    /// Same view with width and height rounded up to whole tiles.
     pub(crate) fn in_whole_tiles(self) -> Self {
         let [width, height] = [self.width, self.height].map(|size| size.next_multiple_of(TILE));
         Self { width, height, ..self }
     }
 
-    /// World position of a pixel at a depth.
+    /// World position (m) of a pixel at a depth along the optical axis (m).
     pub fn point_at(&self, pixel: Vec2, depth: f32) -> Vec3A {
         let flat = (pixel - self.center) / self.focal;
         self.viewpoint + self.turn * (Vec3A::from(flat.extend(1.0)) * depth)
@@ -271,13 +271,13 @@ impl CameraView {
     }
 }
 
-/// Reverses the order of reversed z: nearest becomes farthest.
+/// Reverses the order of reversed z, so that the farthest surface has the largest value.
 #[inline(always)]
 pub(crate) fn complement_z(reversed_z: f32) -> f32 {
     1.0 / NEAR_M - reversed_z
 }
 
-/// Rasterises a mesh beyond the near plane.
+/// Rasterises a mesh that lies entirely beyond the near plane.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn draw_triangles(mesh: &Mesh, placed: &PartView, sides: Sides, first_id: u32, target: &mut VisibilityBuffer) {
     draw_mesh::<true>(&mesh.triangles, &placed.corners, sides, first_id, target);
@@ -311,7 +311,7 @@ fn draw_clipped(
     block.draw::<true>(sides, target);
 }
 
-/// Projected polygon of the piece of a triangle (vertices in the body's frame) beyond the near plane.
+/// Projected polygon of the part of a triangle (vertices in the body's frame) that lies beyond the near plane.
 #[cold]
 fn clipped(triangle: [Vec3; 3], placed: &PartView, camera: &CameraView) -> Vec<Corner> {
     let camera_from_body = placed.body_from_camera.transpose();
@@ -323,7 +323,8 @@ fn clipped(triangle: [Vec3; 3], placed: &PartView, camera: &CameraView) -> Vec<C
             polygon.push(camera.project(from));
         }
         if (from.z >= NEAR_M) != (to.z >= NEAR_M) {
-            // Always from the visible vertex, so that neighbours clip their common edge at the same point.
+            // The interpolation always starts at the vertex beyond the near plane, so that adjacent triangles clip
+            // their common edge at the same point.
             let (inside, outside) = if from.z >= NEAR_M { (from, to) } else { (to, from) };
             let cut = inside + (outside - inside) * ((NEAR_M - inside.z) / (outside.z - inside.z));
             polygon.push(camera.project(cut.with_z(NEAR_M)));
@@ -337,7 +338,7 @@ pub fn rotation(pose: &Pose) -> Mat3A {
     Mat3A::from(glam::DMat3::from_quat(pose.rotation).as_mat3())
 }
 
-/// Rejects poses that are not finite.
+/// Returns an error for a pose that is not finite; `what` names the pose.
 fn check_finite(pose: &Pose, what: impl Fn() -> String) -> Result<(), RenderError> {
     if pose.position.is_finite() && pose.rotation.is_finite() {
         Ok(())

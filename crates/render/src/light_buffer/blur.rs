@@ -9,16 +9,16 @@ use crate::gbuffer::static_layer::TILE;
 use crate::raster::read_window;
 use crate::shadow::pcss::UNKNOWN;
 
-/// Values that the filter reads on each side of its centre.
+/// Number of values that the filter reads on each side of its centre.
 const MARGIN: usize = 2;
-/// Filter weights along a row or column: half weight at the ends.
+/// Filter weights along a row or column. The half weights at the ends make the filter cover one period of 4 pixels.
 const WEIGHTS: [f32; 5] = [0.5, 1.0, 1.0, 1.0, 0.5];
-/// Values along the side of a tile with its margin, at full and at half resolution.
+/// Number of values along a side of a tile with its margin, at full and at half resolution.
 const WINDOW: usize = TILE + 2 * MARGIN;
 const HALF_WINDOW: usize = HALF + 2 * MARGIN;
 
 impl LightBuffer {
-    /// Filters shadow mask and half-resolution AO of some tiles.
+    /// Filters the shadow mask and half-resolution AO of tiles.
     pub fn blur(&mut self, tiles: &[usize], windows: &mut Windows) {
         for &tile in tiles {
             self.blur_shadow_mask(tile, windows);
@@ -30,7 +30,7 @@ impl LightBuffer {
         let [columns, rows] = self.pixels_of(tile);
         let [low, high] = self.range_around(tile, &self.shadow_range);
         if low >= high {
-            // One value all around; without any, the tile faces away from the light.
+            // The tile and its neighbours have one value. Without any value, the tile faces away from the light.
             let constant = if low == high { low } else { UNKNOWN };
             fill(&mut self.shadow_mask, self.width, [columns, rows], constant);
             return;
@@ -63,7 +63,7 @@ pub(crate) struct Windows {
     half: Window<HALF_WINDOW>,
 }
 
-/// A tile with its margin; beyond the image the values of its border.
+/// Values of a tile with its margin; beyond the image the border values are repeated.
 #[derive(Debug)]
 struct Window<const SIDE: usize> {
     surface: [[u16; SIDE]; SIDE],
@@ -78,7 +78,7 @@ impl<const SIDE: usize> Default for Window<SIDE> {
 }
 
 impl<const SIDE: usize> Window<SIDE> {
-    /// Loads the values around a tile that begins at a column and row, from images of a width.
+    /// Loads a tile with its margin from images of this width; `place` is the tile's first column and row.
     #[inline(always)]
     fn load(&mut self, width: usize, surface: &[u16], depth: &[f32], value: &[f32], place: [usize; 2]) {
         let first = place.map(|at| at as isize - MARGIN as isize);
@@ -87,7 +87,8 @@ impl<const SIDE: usize> Window<SIDE> {
         read_window(value, [width, width], first, &mut self.value);
     }
 
-    /// Weighted means along rows, then along columns, over known values of the same surface at about the same depth.
+    /// Weighted means, first along rows, then along columns, over known values of the same surface at about the same
+    /// depth.
     #[inline(always)]
     fn blurred<const OUT: usize>(&self) -> [[f32; OUT]; OUT] {
         let mut lines = [[UNKNOWN; OUT]; SIDE];
@@ -127,7 +128,7 @@ impl<const SIDE: usize> Window<SIDE> {
         let depth = self.depth[row][column];
         let is_same = (self.surface[tap_row][tap_column] == self.surface[row][column])
             & ((self.depth[tap_row][tap_column] - depth).abs() < SAME_DEPTH * depth);
-        // Thin objects between samples take the values around them.
+        // The small weight lets thin objects that no other sample shows take the values around them.
         let weight = if is_same { weight } else { 1e-4 * weight };
         if value >= 0.0 { weight } else { 0.0 }
     }

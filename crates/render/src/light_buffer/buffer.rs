@@ -1,4 +1,5 @@
-//! The light buffer: depth, ids, shadow mask and ambient occlusion per pixel of the opaque surfaces, and what each tile shows.
+//! Light buffer: depth, ids, shadow mask and ambient occlusion per pixel of the opaque surfaces, and a summary of each
+//! tile.
 
 use std::ops::Range;
 
@@ -8,18 +9,19 @@ use crate::gbuffer::static_layer::{MarkCount, TILE};
 use crate::shadow::map::MapFootprint;
 use crate::shadow::pcss::UNKNOWN;
 
-/// Largest relative difference in depth between pixels on one piece of a surface.
+/// Largest relative difference in depth between pixels that count as one piece of a surface.
 pub(super) const SAME_DEPTH: f32 = 0.02;
-/// Surface number of a tile that shows several surfaces.
+/// Value in place of a surface number for a tile with several surfaces.
 pub(super) const SEVERAL: u16 = u16::MAX;
-/// Stands for several visibility ids in a tile.
+/// Value in place of a visibility id for a tile with several visibility ids.
 pub(super) const MIXED: u32 = u32::MAX;
-/// Range of no values.
+/// Range (lowest, highest) of an empty set of values.
 const NO_RANGE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
-/// AO samples along the side of a tile.
+/// Number of AO samples along a side of a tile.
 pub(super) const HALF: usize = TILE / 2;
 
-/// Incoming light per pixel of the opaque surfaces, kept from frame to frame. The image consists of whole tiles.
+/// Light that arrives at each pixel of the opaque surfaces, kept from frame to frame. The image consists of whole
+/// tiles.
 #[derive(Debug, Default)]
 pub(crate) struct LightBuffer {
     pub(super) width: usize,
@@ -36,43 +38,44 @@ pub(crate) struct LightBuffer {
     /// Depth and surface numbers of the AO samples.
     pub(super) half_depth: Vec<f32>,
     pub(super) half_surface: Vec<u16>,
-    /// Shadow mask before and after filtering: share of the key light that arrives; [`UNKNOWN`] where it does not matter.
+    /// Shadow mask before and after filtering: unoccluded share of the key light, 0-1; [`UNKNOWN`] where a surface
+    /// faces away or there is none.
     pub(super) raw_shadow_mask: Vec<f32>,
     pub shadow_mask: Vec<f32>,
-    /// Half-resolution ambient occlusion before and after filtering: share of the ambient light that arrives.
+    /// Half-resolution ambient occlusion before and after filtering: unoccluded share of the ambient light, 0-1.
     pub(super) raw_half_ao: Vec<f32>,
     pub(super) half_ao: Vec<f32>,
-    /// Ambient occlusion at full resolution.
+    /// Unoccluded share of the ambient light at full resolution, 0-1.
     pub ambient: Vec<f32>,
     pub(super) tiles: Vec<TileSummary>,
-    /// By tile: range of the raw shadow mask and of the raw ambient occlusion.
+    /// By tile: range (lowest, highest) of the raw shadow mask, and of the raw ambient occlusion.
     pub(super) shadow_range: Vec<[f32; 2]>,
     pub(super) ao_range: Vec<[f32; 2]>,
-    /// By tile: true if no SSAO is needed (no depth edge within reach).
+    /// By tile: true if SSAO would find no occlusion; see `find_unoccluded`.
     pub(super) is_unoccluded: Vec<bool>,
-    /// By tile: true if no fixtures, or only one support surface, are within reach.
+    /// By tile: true if there is no fixture within reach of its SSAO taps, or only one support surface.
     pub(super) is_far_from_statics: Vec<bool>,
-    /// Scratch summed-area table over tiles.
+    /// Summed-area table over tiles, used as scratch memory.
     pub(super) marks: MarkCount,
 }
 
 /// Summary of a tile.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct TileSummary {
-    /// The one surface that it shows, or [`SEVERAL`].
+    /// Number of the surface that the tile shows if it is only one, else [`SEVERAL`].
     pub surface: u16,
-    /// The one fixture that it shows, [`SEVERAL`], or 0 for none.
+    /// Surface number of the fixture that the tile shows if it is only one, [`SEVERAL`] for more, 0 for none.
     pub fixture: u16,
-    /// Visibility id of the one triangle that all its samples show, or [`MIXED`].
+    /// Visibility id that all samples of the tile have in common, else [`MIXED`].
     pub only: u32,
-    /// Reach of its SSAO taps on the image (px).
+    /// Largest distance of SSAO taps from a pixel of the tile (px).
     pub reach: u16,
-    /// Its bounds on the shadow map.
+    /// Bounds of the tile's points in the shadow map.
     pub footprint: MapFootprint,
 }
 
 impl LightBuffer {
-    /// Changes the size, a multiple of the tile's; all tiles must be estimated then.
+    /// Changes the size (px, a multiple of the tile size); all tiles must be estimated afterwards.
     pub fn reset(&mut self, width: usize, height: usize) {
         if (self.width, self.height) == (width, height) {
             return;
@@ -96,7 +99,7 @@ impl LightBuffer {
         }
     }
 
-    /// Visible surfaces at the pixel centres.
+    /// Visible surface at each pixel centre.
     pub fn centers(&self) -> PixelCenters<'_> {
         PixelCenters { width: self.width, ids: &self.ids, depth: &self.depth }
     }
@@ -106,7 +109,7 @@ impl LightBuffer {
         matches!(self.tiles[tile].surface, 0 | SEVERAL)
     }
 
-    /// Column and row of a tile.
+    /// Column and row of a tile among tiles.
     pub(super) fn place_of(&self, tile: usize) -> [usize; 2] {
         [tile % self.columns, tile / self.columns]
     }
@@ -121,13 +124,14 @@ impl LightBuffer {
         self.place_of(tile).map(|at| at * HALF..(at + 1) * HALF)
     }
 
-    /// Bins the pixels of some tiles by part.
+    /// Replaces the bins by the pixels of tiles, by part.
     pub fn fill_bins(&self, parts: usize, tiles: &[usize], bins: &mut MaterialBins) {
         bins.clear(parts);
         tiles.iter().for_each(|&tile| self.push_tile::<1>(tile, bins));
     }
 
-    /// Adds the pixels of a tile to the bins of their parts; of a single surface only those on every `STEP`th diagonal.
+    /// Adds the pixels of a tile to the bins of their parts; if it shows a single surface, only those on every `STEP`th
+    /// diagonal.
     pub(super) fn push_tile<const STEP: usize>(&self, tile: usize, bins: &mut MaterialBins) {
         let ([columns, rows], surface) = (self.pixels_of(tile), self.tiles[tile].surface);
         if surface != SEVERAL {
@@ -141,7 +145,7 @@ impl LightBuffer {
         }
     }
 
-    /// First and last column and row of the tiles within some pixels of a tile.
+    /// First and last (column, row) of the tiles within a distance (px) of a tile; may exceed the grid of tiles.
     pub(super) fn around(&self, tile: usize, pixels: u16) -> [[isize; 2]; 2] {
         let reach = usize::from(pixels).div_ceil(TILE) as isize;
         let place = self.place_of(tile).map(|at| at as isize);
@@ -155,14 +159,14 @@ impl LightBuffer {
             .map(move |row| row * columns + column.saturating_sub(1)..row * columns + (column + 2).min(columns))
     }
 
-    /// Marks the tiles of a range that have a neighbour with another mark; returns all marked tiles of the range.
+    /// Marks each tile in `range` that has a marked neighbour in `others`; returns all marked tiles in `range`.
     pub fn spread(&self, others: &[bool], range: Range<usize>, marks: &mut [bool]) -> Vec<usize> {
         let is_near = |tile: usize| self.neighbours(tile).any(|line| others[line].contains(&true));
         range.clone().for_each(|tile| marks[tile] |= is_near(tile));
         range.filter(|&tile| marks[tile]).collect()
     }
 
-    /// True if all samples of a tile and its neighbours show one triangle, or the background.
+    /// True if all samples of a tile and its neighbours show the same triangle, or all show the background.
     pub fn shows_one(&self, tile: usize) -> bool {
         let only = self.tiles[tile].only;
         only != MIXED && self.neighbours(tile).all(|line| self.tiles[line].iter().all(|other| other.only == only))
@@ -179,7 +183,7 @@ impl LightBuffer {
     }
 }
 
-/// Fills columns and rows of a list that is `width` wide.
+/// Sets the values at ranges of columns and rows of a buffer that is `width` wide.
 pub(super) fn fill(list: &mut [f32], width: usize, [columns, rows]: [Range<usize>; 2], value: f32) {
     for row in rows {
         list[row * width..][columns.clone()].fill(value);

@@ -23,14 +23,14 @@ impl LightBuffer {
         }));
     }
 
-    /// Marks tiles that need no SSAO: all if it is switched off; else those that show a surface with an irradiance grid
-    /// and no other fixture within reach, and those with a single convex part within reach.
+    /// Marks tiles that need no SSAO: all tiles if it is switched off. Otherwise tiles that show a surface with an
+    /// irradiance grid and no other fixture within reach, and tiles with a single convex part within reach.
     pub fn find_unoccluded(&mut self, assets: &RenderAssets, variation: &RenderVariation, grids: &IrradianceGrids) {
         let is_on = variation.occlusion_radius_m > 0.0;
         let (columns, rows) = (self.columns, self.rows);
         self.is_far_from_statics.clear();
         self.is_far_from_statics.resize(self.tiles.len(), false);
-        // The last pass, 0 for no support surface, marks tiles that are far from all fixtures.
+        // The last pass, with 0 for no support surface, finds tiles that have no fixture within reach.
         for support in grids.surfaces().chain([0]) {
             let is_other = |tile: &TileSummary| tile.fixture != 0 && tile.fixture != support;
             self.marks.count(self.tiles.iter().map(is_other), columns, rows);
@@ -50,7 +50,7 @@ impl LightBuffer {
         let is_unoccluded = |(tile, summary): (usize, &TileSummary)| {
             let part = assets.parts.get((summary.surface as usize).wrapping_sub(1));
             let [from, to] = self.around(tile, summary.reach);
-            // Only one convex part within reach.
+            // True if no surface but one, of a convex part or of the background, lies within reach.
             let is_alone = || part.is_none_or(|part| part.convex) && !self.marks.any(from, to);
             !is_on || self.is_far_from_statics[tile] && grids.of(summary.surface).is_some() || is_alone()
         };

@@ -1,4 +1,4 @@
-//! Raw shadow mask and ambient occlusion of dirty tiles.
+//! Estimation of the raw shadow mask and raw ambient occlusion of dirty tiles.
 
 #![allow(clippy::needless_range_loop, reason = "loops over batch columns by index are compiled for wide registers")]
 
@@ -25,14 +25,14 @@ pub(crate) struct Estimator {
     points: Points,
     taps: SsaoTaps,
     unresolved: UnresolvedSamples,
-    /// Pixels with sampled shadows, with SSAO, and with occlusion by proxies only.
+    /// Pixels whose shadow is sampled, whose AO needs SSAO, and whose AO only needs the proxies.
     shadows: MaterialBins,
     ssao: MaterialBins,
     by_proxies: MaterialBins,
 }
 
 impl LightBuffer {
-    /// Samples the shadow mask and AO of dirty tiles; marks those in which a value changed.
+    /// Samples shadow mask and AO of dirty tiles, and sets `changed` of those in which a value changed.
     pub fn estimate(
         &mut self,
         scene: &RenderScene<'_>,
@@ -93,14 +93,14 @@ impl LightBuffer {
         }
     }
 
-    /// Fills the shadow mask of lit tiles, and bins the pixels of the others.
+    /// Sets the shadow mask of fully lit tiles to 1, and bins the pixels of the others.
     fn find_shadows(&mut self, scene: &RenderScene<'_>, tiles: &[usize], estimator: &mut Estimator) {
         estimator.shadows.clear(scene.assets.parts.len());
         for &tile in tiles {
             let TileSummary { surface, footprint, .. } = &self.tiles[tile];
             let is_lit = *surface > 0 && (!scene.shadow.is_on() || scene.shadow.lights(footprint));
             if !is_lit {
-                // On one surface the filter knows enough from every second pixel.
+                // On a single surface, every second pixel suffices for the bilateral filter.
                 self.push_tile::<2>(tile, &mut estimator.shadows);
             }
             let (pixels, value) = (self.pixels_of(tile), if is_lit { 1.0 } else { UNKNOWN });
@@ -108,7 +108,7 @@ impl LightBuffer {
         }
     }
 
-    /// Fills the AO of unoccluded tiles, and bins the AO samples of the others: every second row and column.
+    /// Sets the AO of unoccluded tiles to 1, and bins the AO samples (every second row and column) of the others.
     fn find_ambient(&mut self, scene: &RenderScene<'_>, tiles: &[usize], estimator: &mut Estimator) {
         let Estimator { ssao, by_proxies, .. } = estimator;
         let (parts, has_proxies) = (scene.assets.parts.len(), scene.proxies.count());
@@ -144,7 +144,7 @@ impl LightBuffer {
     }
 }
 
-/// Writes AO samples of points at even rows and columns.
+/// Writes the AO of points, which lie at even rows and columns, to the half-resolution buffer `half`.
 fn put_half(points: &Points, share: &BatchColumn, half: &mut [f32], width: usize) {
     for i in 0..points.count {
         let (column, row) = (nearest_integer(points.column[i]), nearest_integer(points.row[i]));
@@ -152,10 +152,10 @@ fn put_half(points: &Points, share: &BatchColumn, half: &mut [f32], width: usize
     }
 }
 
-/// Range of the known values in some rows of `SIDE` columns.
+/// Lowest and highest value in some rows of `SIDE` columns, without unknown values.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn range_of<const SIDE: usize>(values: &[f32], width: usize, column: usize, rows: Range<usize>) -> [f32; 2] {
-    // One pair of extremes per column: columns are independent, so this runs in vectors.
+    // One pair of extremes per column: columns are independent, so that the loop is vectorised.
     let (mut low, mut high) = ([f32::INFINITY; SIDE], [f32::NEG_INFINITY; SIDE]);
     for row in rows {
         let line = &values[row * width + column..][..SIDE];

@@ -1,7 +1,7 @@
 //! Light buffer: shadow mask and ambient occlusion per pixel.
 //!
-//! Few taps whose pattern repeats every 4×4 pixels, then a bilateral filter over such a block. Ambient occlusion varies
-//! slowly, so it is sampled at every second row and column and upsampled.
+//! Each pixel has few taps, whose rotation repeats every 4×4 pixels; a bilateral filter then averages over such a
+//! block. Ambient occlusion varies slowly, so it is sampled at every second row and column and upsampled.
 //!
 //! A tile depends only on tiles within a known reach, so that a frame can continue the last one where nothing changed.
 

@@ -15,7 +15,7 @@ use crate::scene::assets::TRIANGLE_BITS;
 use crate::shadow::map::MapFootprint;
 
 impl LightBuffer {
-    /// Reads the visibility buffer in the tiles that changed.
+    /// Reads depths, ids and surfaces from the visibility buffer in changed tiles, and summarises these tiles.
     pub fn read_surfaces(&mut self, scene: &RenderScene<'_>, opaque: &VisibilityBuffer, changed: &[bool], view: &View) {
         let (camera, rays) = (&view.camera, Rays::new(&view.camera));
         let is_fixed = |surface: u16| {
@@ -40,7 +40,7 @@ impl LightBuffer {
                 (self.half_depth[sample], self.half_surface[sample]) = (self.depth[pixel], self.surface[pixel]);
             }
             let surface = if differ >> TRIANGLE_BITS != 0 { SEVERAL } else { (first >> TRIANGLE_BITS) as u16 };
-            // Without several surfaces the first pixel is enough.
+            // If the tile shows one surface, one pixel suffices to find its fixture.
             let lines = rows.clone().map(|row| row * self.width + columns.start);
             let shown = lines.flat_map(|first| &self.surface[first..first + TILE]);
             let shown = shown.take(if surface == SEVERAL { TILE * TILE } else { 1 }).copied();
@@ -65,7 +65,7 @@ impl LightBuffer {
     }
 }
 
-/// View rays in the world.
+/// View rays in the world, scaled to a depth of 1 m.
 #[derive(Clone, Copy)]
 struct Rays {
     viewpoint: Vec3A,
@@ -88,27 +88,28 @@ impl Rays {
     }
 }
 
-/// Visible surfaces of a tile.
+/// Depth range and visibility ids of a tile.
 struct TileContents {
-    /// Range of reversed z, without the background.
+    /// Smallest and largest reversed z of the pixel centres, without the background.
     reversed_z: [f32; 2],
     /// Visibility id of the first pixel.
     first: u32,
-    /// Bits in which ids of pixel centres, and of all samples, differ from it.
+    /// Bits in which the ids of any pixel centre (`differ`), and of any sample (`differ_all`), differ from `first`.
     differ: u32,
     differ_all: u32,
 }
 
-/// Output per pixel centre, from the first pixel of a tile on.
+/// Output buffers with one entry per pixel centre, sliced to begin at a tile's first pixel.
 struct Seen<'a> {
-    /// Pixels per row.
+    /// Distance between rows of the buffers (pixels).
     width: usize,
     depth: &'a mut [f32],
     ids: &'a mut [u32],
     surface: &'a mut [u16],
 }
 
-/// Reads a tile of 2×2 samples per pixel from its first sample on.
+/// Reads a tile with 2×2 samples per pixel; `ids` and `reversed_z` begin at its first sample, `stride` is the number of
+/// samples per row.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn read_tile((ids, reversed_z, stride): (&[u32], &[f32], usize), seen: Seen<'_>) -> TileContents {
     const SCALE: usize = 2;

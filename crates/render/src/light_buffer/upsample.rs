@@ -8,25 +8,25 @@ use super::buffer::{HALF, LightBuffer, SAME_DEPTH, fill};
 use crate::gbuffer::static_layer::TILE;
 use crate::raster::read_window;
 
-/// A tile and the AO samples around it, each beside the pixels to its left or right.
+/// A tile and the AO samples around it: for each pixel column, the samples to its left and to its right.
 #[derive(Debug, Default)]
 pub(crate) struct UpsampleWindow {
     surface: [[u16; TILE]; TILE],
     depth: [[f32; TILE]; TILE],
-    /// By AO row: samples to the left and to the right of each column.
+    /// By row of AO samples, side (left, right) and pixel column.
     coarse_surface: [[[u16; TILE]; 2]; HALF + 1],
     coarse_depth: [[[f32; TILE]; 2]; HALF + 1],
     value: [[[f32; TILE]; 2]; HALF + 1],
 }
 
 impl LightBuffer {
-    /// Upsamples the AO of some tiles.
+    /// Upsamples the AO of tiles.
     pub fn upsample(&mut self, tiles: &[usize], window: &mut UpsampleWindow) {
         for &tile in tiles {
             let [columns, rows] = self.pixels_of(tile);
             let [low, high] = self.range_around(tile, &self.ao_range);
             if low >= high {
-                // One value all around; without any sample, nothing is occluded.
+                // The tile and its neighbours have one value. Without any value, nothing is occluded.
                 fill(&mut self.ambient, self.width, [columns, rows], if low == high { low } else { 1.0 });
                 continue;
             }
@@ -37,7 +37,7 @@ impl LightBuffer {
         }
     }
 
-    /// Gathers a tile and the AO samples around it; beyond the image those of its border.
+    /// Gathers a tile and the AO samples around it; beyond the image the border samples are repeated.
     fn fill_window(&self, first_column: usize, first_row: usize, window: &mut UpsampleWindow) {
         let (half_width, half_height) = (self.width / 2, self.height / 2);
         let (x, y) = (first_column / 2, first_row / 2);
@@ -59,7 +59,8 @@ impl LightBuffer {
     }
 }
 
-/// Mean of the four AO samples around each pixel that belong to the same surface at about the same depth.
+/// Mean of the known ones of the four AO samples around each pixel, mostly of those on its surface at about its depth;
+/// 1 without any.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn upsample_tile(window: &UpsampleWindow) -> [[f32; TILE]; TILE] {
     let mut out = [[1.0; TILE]; TILE];
@@ -72,7 +73,7 @@ fn upsample_tile(window: &UpsampleWindow) -> [[f32; TILE]; TILE] {
                 let value = window.value[coarse][side][column];
                 let is_same = (window.coarse_surface[coarse][side][column] == surface)
                     & ((window.coarse_depth[coarse][side][column] - depth).abs() < SAME_DEPTH * depth);
-                // Thin objects between samples take the values around them.
+                // The small weight lets thin objects that no AO sample shows take the values around them.
                 let weight = if is_same { 1.0 } else { 1e-4 };
                 let weight = if value < 0.0 { 0.0 } else { weight };
                 sums[column] += weight * value;

@@ -1,4 +1,4 @@
-//! Key light: its axes, and the placement of its shadow map in the world.
+//! Key light: axes of the light, and placement of its shadow map.
 
 use glam::{Mat3A, Vec3A};
 
@@ -8,17 +8,17 @@ use crate::scene::variation::RenderVariation;
 /// Largest penumbra radius (texels).
 pub(crate) const MAX_RADIUS: f32 = 30.0;
 
-/// Axes of the light and scale of its shadow map.
+/// Directional key light with the frame and scale of its shadow map.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct KeyLight {
-    /// Texels per side.
+    /// Texels along a side of the shadow map.
     pub size: usize,
-    /// Rows: right, down and forward axes of the light in the world.
+    /// Rotation from the world to the light's axes: right, down and forward.
     pub light_from_world: Mat3A,
     pub center: Vec3A,
     pub radius: f32,
     pub texels_per_m: f32,
-    /// Tangent of the angular radius.
+    /// Tangent of the light's angular radius.
     pub spread: f32,
 }
 
@@ -39,14 +39,14 @@ impl KeyLight {
         }
     }
 
-    /// Normal bias (m) that hides the map's texel steps, and change of reversed z per texel along both axes, of a
-    /// surface with a normal in the light's axes.
+    /// Normal bias (m) that hides the texel steps of the shadow map, and gradient of a surface's reversed z per texel
+    /// along both axes of the map. The surface normal is given in the light's axes.
     #[inline(always)]
     pub fn lift_and_tilt(&self, [slope_x, slope_y, slope_z]: [f32; 3]) -> (f32, [f32; 2]) {
         let texel = 1.0 / self.texels_per_m;
         let longest = 2.0 * texel;
         let facing = if -slope_z > 0.05 { -slope_z } else { 0.05 };
-        // Larger at grazing angles.
+        // The bias is larger at grazing angles.
         let lift = texel * (0.6 + 1.4 * (1.0 - facing));
         let (tilt_x, tilt_y) = (slope_x / -facing * texel, slope_y / -facing * texel);
         let length = (tilt_x * tilt_x + tilt_y * tilt_y).sqrt();

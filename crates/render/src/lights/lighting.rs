@@ -1,4 +1,4 @@
-//! Lights of a scene.
+//! Lights of a scene: key light, sky and exposure.
 
 use glam::Vec3A;
 
@@ -6,14 +6,14 @@ use crate::lights::sky::Sky;
 use crate::scene::texture::linear_from_srgb;
 use crate::scene::variation::RenderVariation;
 
-/// Key light, sky and exposure.
+/// Lights and exposure of a rendering.
 #[derive(Debug)]
 pub struct Lighting {
     /// Environment light.
     pub sky: Sky,
     /// Unit direction to the key light, world frame.
     pub to_light: Vec3A,
-    /// Radiosity of a white diffuse surface that faces the key light, linear RGB before exposure.
+    /// Radiance of a white diffuse surface that faces the key light (irradiance over π), linear RGB before exposure.
     pub key: Vec3A,
     /// Squared half angular radius of the key light (rad²): the rotation of a mirror between reflecting its centre and
     /// its edge.
@@ -34,7 +34,7 @@ impl Lighting {
         }
     }
 
-    /// Ambient light on a white diffuse surface with a unit normal.
+    /// Ambient light on a white diffuse surface with this unit normal, as radiance before exposure (linear RGB).
     pub fn around(&self, normal: Vec3A) -> Vec3A {
         Vec3A::from_array(self.sky.diffuse(normal.to_array()))
     }

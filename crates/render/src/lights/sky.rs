@@ -1,7 +1,7 @@
 //! Sky light: a studio environment of a gradient, a reflecting ground and three large area lights.
 //!
-//! The area lights are spherical Gaussians, which are prefiltered for a roughness in closed form: arithmetic is cheaper
-//! than tables.
+//! The area lights are spherical Gaussians, which are prefiltered for a roughness in closed form; that is cheaper than
+//! looking up a prefiltered environment map.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -11,31 +11,32 @@ use crate::scene::texture::linear_from_srgb;
 use crate::scene::variation::RenderVariation;
 use crate::simd::{dot, lerp, polynomial, smooth_step, within};
 
-/// Brightness of the sky at the horizon and at the zenith, relative to its colour: a dark room with a bright ceiling,
-/// so that metals and black surfaces have something to reflect. Chosen.
+/// Brightness of the sky at the horizon and at the zenith, relative to its colour. Chosen by hand: a dark room with a
+/// bright ceiling, so that metals and black surfaces have something to reflect.
 const HORIZON: f32 = 0.4;
 const ZENITH: f32 = 1.1;
 
-/// Share of the lit support surface seen by objects above it, which shade it, in diffuse and in specular light. Fitted
-/// to path-traced images.
+/// Share of the lit support surface's radiance that objects above it receive, since they shade it: in diffuse and in
+/// specular light. Fitted to path-traced images.
 const GROUND_SEEN: [f32; 2] = [0.77, 0.85];
-/// Additional share at contact, height at which it halves (m), and its increase on sides facing the key light, since an
-/// object shades the surface behind it. Fitted likewise.
+/// Additional share at contact, the height at which it halves (m), and the change of the share with the direction to
+/// the key light: it is larger on lit sides, since an object shades the surface behind it. Fitted likewise.
 const GROUND_NEAR: f32 = 0.6;
 const NEAR_M: f32 = 0.055;
 const NEAR_SIDE: f32 = 0.2;
 
-/// Environment light for diffuse and for glossy reflection.
+/// Environment light for diffuse and glossy reflection.
 #[derive(Debug)]
 pub struct Sky {
     /// Spherical harmonics of the irradiance over π (Ramamoorthi and Hanrahan, 2001).
     harmonics: [[f32; 3]; 9],
     studio: Studio,
-    /// Scale from the studio's brightness to the variation's.
+    /// Factor from the studio's radiance to the variation's ambient intensity.
     scale: f32,
-    /// Radiance below the horizon: the support surface, or the studio's ground, lit by key light and sky.
+    /// Radiance below the horizon in glossy reflections: of the support surface, or of the studio's ground, lit by key
+    /// light and sky.
     lit_ground: Vec3A,
-    /// Radiance of the support surface for downward-facing surfaces; zero without one.
+    /// Radiance of the support surface that lights objects close above it; zero without a support surface.
     near_ground: [f32; 3],
     /// Horizontal direction of the key light times [`NEAR_SIDE`].
     lamp_side: [f32; 2],
@@ -48,21 +49,23 @@ pub(crate) struct Glossy {
     ground: [f32; 3],
     /// Inverse width of the transition from ground to sky, in z of the unit direction.
     sharpness: f32,
-    /// Direction, sharpness and brightness of the area lights.
+    /// Direction, sharpness and brightness of each area light.
     lamps: [([f32; 3], f32, f32); 3],
 }
 
 impl Sky {
-    /// Environment of a variation, above a support surface of a mean colour or above the bare ground.
+    /// Environment of a variation; `support` is the mean linear colour of the support surfaces, `None` for the studio's
+    /// bare ground.
     pub fn new(variation: &RenderVariation, support: Option<Vec3A>) -> Self {
         let studio = Studio::new(variation);
         let bare = project(&studio, |_| studio.ground);
-        // The mean over the upper hemisphere is the variation's ambient intensity.
+        // The scale makes the luminance of the irradiance over π from above equal to the variation's ambient intensity.
         let scale = variation.ambient_intensity / luminance(irradiance_above(&bare)).max(1e-6);
         let to_light = Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z);
         let key = linear_from_srgb(variation.light_color) * variation.light_intensity * to_light.z.max(0.0);
         let lit_ground = support.unwrap_or(studio.ground) * (key + variation.ambient_intensity);
-        // Support surfaces are finite: they are seen straight below, and the studio's ground towards the horizon.
+        // Support surfaces are finite: a downward direction meets the support surface, a direction near the horizon the
+        // studio's ground.
         let seen = lit_ground * GROUND_SEEN[0] / scale;
         let below = |direction: Vec3A| studio.ground.lerp(seen, smooth_step(-direction.z));
         let harmonics = support.map_or(bare, |_| project(&studio, below));
@@ -72,7 +75,7 @@ impl Sky {
         Self { harmonics, studio, scale, lit_ground: lit_ground * share, near_ground: near.to_array(), lamp_side }
     }
 
-    /// Ambient light on a white diffuse surface with this normal.
+    /// Ambient light on a white diffuse surface with this unit normal.
     #[inline(always)]
     pub fn diffuse(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
         let basis = harmonics_of(x, y, z);
@@ -87,7 +90,8 @@ impl Sky {
         out
     }
 
-    /// Additional ambient light from the support surface on a white diffuse surface, at a height above it (m).
+    /// Ambient light that the support surface adds on a white diffuse surface with this unit normal at a height above
+    /// it (m).
     #[inline(always)]
     pub fn near_ground(&self, [x, y, z]: [f32; 3], height: f32) -> [f32; 3] {
         let side = self.lamp_side[0].mul_add(x, self.lamp_side[1].mul_add(y, GROUND_NEAR));
@@ -95,7 +99,7 @@ impl Sky {
         self.near_ground.map(|light| light * seen)
     }
 
-    /// Unfiltered radiance from a unit direction.
+    /// Unfiltered radiance from a unit direction, with the studio's ground below the horizon.
     pub fn radiance(&self, direction: Vec3A) -> Vec3A {
         self.studio.radiance(direction, self.studio.ground) * self.scale
     }
@@ -105,7 +109,7 @@ impl Sky {
         self.studio.lamps.map(|(axis, sharpness, _)| (axis, sharpness))
     }
 
-    /// Environment prefiltered for a roughness.
+    /// Environment prefiltered for a perceptual roughness (0-1).
     pub(crate) fn glossy(&self, roughness: f32) -> Glossy {
         let lamps = self.studio.lamps.map(|(axis, sharpness, brightness)| {
             let blurred = sharpness / (1.0 + sharpness * 0.5 * roughness * roughness);
@@ -121,7 +125,7 @@ impl Sky {
 }
 
 impl Glossy {
-    /// Radiance from a unit direction.
+    /// Prefiltered radiance from a unit direction.
     #[inline(always)]
     pub fn at(&self, direction: [f32; 3]) -> [f32; 3] {
         let z = direction[2];
@@ -140,11 +144,11 @@ impl Glossy {
     }
 }
 
-/// Exponential of `x` ≤ 0 with a relative error of 10⁻⁵, without a library call.
+/// Exponential function for `x` ≤ 0 with a relative error of 10⁻⁵, without a call to the mathematics library.
 #[inline(always)]
 fn exp(x: f32) -> f32 {
     let scaled = within(x * std::f32::consts::LOG2_E, -126.0, 0.0);
-    // Adding 1.5 · 2²³ rounds and leaves the integer in the low bits.
+    // Adding 1.5 · 2²³ rounds to an integer, which is then stored in the low bits.
     let shifted = scaled + 12_582_912.0;
     let whole = shifted - 12_582_912.0;
     let u = (scaled - whole) * std::f32::consts::LN_2;
@@ -156,7 +160,7 @@ fn exp(x: f32) -> f32 {
 struct Studio {
     sky: Vec3A,
     ground: Vec3A,
-    /// Direction, sharpness and brightness.
+    /// Direction, sharpness and brightness of each area light.
     lamps: [(Vec3A, f32, f32); 3],
 }
 
@@ -206,7 +210,7 @@ fn project(studio: &Studio, ground: impl Fn(Vec3A) -> Vec3A) -> [Vec3A; 9] {
     std::array::from_fn(|index| sums[index] * weight * band[index])
 }
 
-/// Irradiance over π of a horizontal surface.
+/// Irradiance over π on a surface facing up.
 fn irradiance_above(harmonics: &[Vec3A; 9]) -> Vec3A {
     harmonics
         .iter()

@@ -4,34 +4,34 @@ use std::array;
 
 use crate::simd::within;
 
-/// Samples drawn at once: few spans are longer.
+/// Number of samples drawn at once; few spans are longer.
 const SAMPLES: usize = 8;
 
-/// Reversed z of a triangle as a linear function of the image position.
+/// Reversed z of a triangle as a linear function of the sample position.
 #[derive(Clone, Debug, Default)]
 pub(super) struct DepthGradient {
-    /// Value at the image origin, in double precision: vertices may lie far outside.
+    /// Value at sample (0, 0), in double precision, since vertices may lie far outside the image.
     pub constant: f64,
     /// Change per sample along a row, and from row to row.
     pub dx: f32,
     pub dy: f32,
-    /// Range over the vertices, which rounding on slivers must not exceed.
+    /// Range over the vertices, to which values are clamped, since rounding on slivers would exceed it.
     pub low: f32,
     pub high: f32,
 }
 
 /// Span of a triangle in one row.
 pub(super) struct Span {
-    /// First sample, and number of samples.
+    /// Index of the first sample in the buffer, and number of samples.
     pub first: usize,
     pub count: usize,
-    /// Distance from the sample where reversed z is `value` to the first sample.
+    /// Distance (samples) from the sample at which reversed z is `value` to the first sample.
     pub offset: f32,
     pub value: f32,
 }
 
 impl Span {
-    /// Draws the span; without ids, into a shadow map.
+    /// Draws the span with depth test; without `IDS`, into a shadow map.
     #[inline(always)]
     pub fn draw<const IDS: bool>(&self, gradient: &DepthGradient, id: u32, reversed_z: &mut [f32], ids: &mut [u32]) {
         let &Self { first, count, .. } = self;
@@ -53,7 +53,7 @@ impl Span {
                 }
             }
         }
-        // Samples beyond the span are rewritten unchanged.
+        // Samples beyond the span keep their values: reversed z 0 never wins the depth test.
         let values = self.values(gradient, whole);
         if let Some(reversed_z) = reversed_z[first + whole..].first_chunk_mut::<SAMPLES>() {
             if IDS {
@@ -75,10 +75,10 @@ impl Span {
         }
     }
 
-    /// Reversed z of samples from an index on, 0 beyond the span.
+    /// Reversed z of [`SAMPLES`] samples from index `from` of the span on, 0 beyond its end.
     #[inline(always)]
     fn values(&self, gradient: &DepthGradient, from: usize) -> [f32; SAMPLES] {
-        // Exact integers; from 1, since the compiler treats 0 specially.
+        // Exact integers, starting at 1 since the compiler treats 0 specially.
         const STEPS: [f32; SAMPLES] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0];
         let (left, offset) = ((self.count - from) as i32 as f32, self.offset + (from as i32 - 1) as f32);
         let mut values = [0.0; SAMPLES];
@@ -95,7 +95,7 @@ impl Span {
 fn show<const N: usize>(reversed_z: &mut [f32; N], ids: &mut [u32; N], values: &[f32; N], id: u32) {
     let (nearest, nearest_ids) = (*reversed_z, *ids);
     for i in 0..N {
-        // Positive floats are ordered like their bits.
+        // Positive floats have the same order as their bits.
         reversed_z[i] = f32::from_bits(values[i].to_bits().max(nearest[i].to_bits()));
         // Avoids a masked store, which is slow on some processors.
         let own = if values[i] >= nearest[i] { id } else { u32::MAX };
@@ -109,7 +109,7 @@ fn show<const N: usize>(reversed_z: &mut [f32; N], ids: &mut [u32; N], values: &
 fn cast<const N: usize>(reversed_z: &mut [f32; N], values: &[f32; N]) {
     let nearest = *reversed_z;
     for i in 0..N {
-        // Positive floats are ordered like their bits, and negative ones are smaller.
+        // Positive floats have the same order as their bits, and negative ones are smaller as signed integers.
         let (value, other) = ((values[i].to_bits() & !1) as i32, nearest[i].to_bits() as i32);
         reversed_z[i] = f32::from_bits(value.max(other) as u32);
     }

@@ -3,10 +3,10 @@
 use super::span::{DepthGradient, Span};
 use super::vertex::{Corner, area_of, first_sample, range_of_three};
 
-/// Triangles in a batch.
+/// Number of triangles in a batch.
 pub(super) const BLOCK: usize = 16;
 
-/// Vertices of triangles as structure of arrays: x and y (px), reversed z (1/depth).
+/// Vertices of a batch of triangles as structure of arrays: x and y (px), reversed z (1/depth).
 #[derive(Default)]
 pub(super) struct Corners {
     pub x: [[f32; BLOCK]; 3],
@@ -14,9 +14,9 @@ pub(super) struct Corners {
     pub reversed_z: [[f32; BLOCK]; 3],
 }
 
-/// Edges of triangles, and reversed z as a linear function of the image position.
+/// Edges of a batch of triangles, and their reversed z as linear functions of the sample position.
 pub(super) struct TriangleSetup {
-    /// Upper end of the long edge, and of the lower short edge.
+    /// Upper end (x, y) of the long edge and of the upper short edge, then of the lower short edge.
     pub top: [[f32; BLOCK]; 2],
     pub middle: [[f32; BLOCK]; 2],
     /// Columns per row of the long, the upper short and the lower short edge.
@@ -25,11 +25,11 @@ pub(super) struct TriangleSetup {
     pub long_is_left: [u32; BLOCK],
     /// First row, first row of the lower short edge, and end row.
     pub rows: [[u32; BLOCK]; 3],
-    /// Reversed z at the image origin, in double precision: vertices may lie far outside.
+    /// Reversed z at sample (0, 0), in double precision, since vertices may lie far outside the image.
     pub constant: [f64; BLOCK],
     pub dx: [f32; BLOCK],
     pub dy: [f32; BLOCK],
-    /// Range over the vertices, which rounding on slivers must not exceed.
+    /// Range over the vertices, to which values are clamped, since rounding on slivers would exceed it.
     pub low: [f32; BLOCK],
     pub high: [f32; BLOCK],
 }
@@ -44,7 +44,7 @@ impl Corners {
         }
     }
 
-    /// Setup at `scale` samples per pixel on an image with `height` rows of samples.
+    /// Triangle setup for `scale` samples per pixel and axis in a buffer of `height` rows of samples.
     #[inline(always)]
     pub fn setup(&self, scale: f32, height: usize) -> TriangleSetup {
         let (none, no_rows) = ([0.0; BLOCK], [0; BLOCK]);
@@ -93,7 +93,7 @@ impl Corners {
     }
 }
 
-/// Two vertices, the upper one first, and the signed area for that order.
+/// The two vertices, the upper one first, and the signed area for that order.
 #[inline(always)]
 fn sorted(a: Corner, b: Corner, area: f32) -> (Corner, Corner, f32) {
     let swap = b.y < a.y;
@@ -103,19 +103,19 @@ fn sorted(a: Corner, b: Corner, area: f32) -> (Corner, Corner, f32) {
     (upper, lower, pick(area, -area))
 }
 
-/// One triangle of a setup.
+/// Setup of one triangle of a batch.
 pub(super) struct Triangle {
     top: [f32; 2],
     middle: [f32; 2],
     slopes: [f32; 3],
     long_is_left: u32,
-    /// See [`TriangleSetup`].
+    /// First row, first row of the lower short edge, and end row, as in [`TriangleSetup`].
     pub rows: [u32; 3],
     pub gradient: DepthGradient,
 }
 
 impl TriangleSetup {
-    /// One triangle of the batch.
+    /// Setup of triangle `i` of the batch.
     #[inline(always)]
     pub fn triangle(&self, i: usize) -> Triangle {
         Triangle {
@@ -135,19 +135,19 @@ impl TriangleSetup {
     }
 }
 
-/// Spans of consecutive rows.
+/// Spans of one triangle in consecutive rows.
 pub(super) struct Spans<const ROWS: usize> {
-    /// First samples.
+    /// Column of each row's first sample.
     pub starts: [u32; ROWS],
     counts: [u32; ROWS],
-    /// Offsets (samples) of the first samples of the rows from the pixel-aligned samples at which `values`, reversed z,
-    /// are given.
+    /// Distance (samples) from the pixel-aligned sample at which reversed z is `values` to the first sample, by row.
     pub offsets: [f32; ROWS],
     pub values: [f32; ROWS],
 }
 
 impl Triangle {
-    /// Spans from a row on in a buffer `width` samples wide; rows beyond the triangle are invalid.
+    /// Spans in rows `first` and following of a buffer `width` samples wide; spans of rows beyond the triangle are
+    /// invalid.
     #[inline(always)]
     pub fn spans_from<const ROWS: usize>(&self, first: u32, width: usize, scale: u32) -> Spans<ROWS> {
         let (dx, dy) = (f64::from(self.gradient.dx), f64::from(self.gradient.dy));
@@ -162,14 +162,15 @@ impl Triangle {
             let upper_x = (y - top_y).mul_add(upper_slope, top_x);
             let lower_x = (y - middle_y).mul_add(lower_slope, middle_x);
             let short_x = if row < self.rows[1] { upper_x } else { lower_x };
-            // Branchless swap.
+            // Swap without a branch.
             let exchanged = (long_x.to_bits() ^ short_x.to_bits()) & self.long_is_left;
             let left = f32::from_bits(short_x.to_bits() ^ exchanged);
             let right = f32::from_bits(long_x.to_bits() ^ exchanged);
             let start = first_sample(left, width);
             rows.starts[i] = start;
             rows.counts[i] = first_sample(right, width).max(start) - start;
-            // Reversed z is evaluated at a pixel-aligned sample, so that rounding is the same for any samples per pixel.
+            // Reversed z is evaluated at a pixel-aligned sample, so that rounding is the same for any number of samples
+            // per pixel.
             let pixel = (start + scale - 1) & !(scale - 1);
             rows.offsets[i] = (start as i32 - pixel as i32) as f32;
             let begin = f64::from(row as i32).mul_add(dy, self.gradient.constant);
@@ -180,7 +181,7 @@ impl Triangle {
 }
 
 impl<const ROWS: usize> Spans<ROWS> {
-    /// Span of one row, in a buffer where that row begins at index `at`.
+    /// Span of row `i`, in a buffer in which that row begins at index `at`.
     #[inline(always)]
     pub fn row(&self, i: usize, at: usize) -> Span {
         Span {

@@ -1,19 +1,19 @@
-//! Projected vertices, and the arithmetic of edges.
+//! Projected vertices, and arithmetic of triangle edges.
 
 use crate::simd::within;
 
-/// A projected vertex.
+/// Vertex projected into the image, in samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Corner {
     /// Column; samples are at integers.
     pub x: f32,
     /// Row; samples are at integers.
     pub y: f32,
-    /// Positive, grows towards the viewer and is linear on the image, e.g. 1 / depth.
+    /// Reversed depth: positive, increases towards the viewer, linear in the image, e.g. 1 / depth.
     pub reversed_z: f32,
 }
 
-/// Smallest and largest coordinates of some vertices.
+/// Componentwise minimum and maximum of vertices.
 #[inline(always)]
 pub(crate) fn extremes(corners: impl Iterator<Item = Corner>) -> (Corner, Corner) {
     let joined = |a: Corner, b: Corner, join: fn(f32, f32) -> f32| Corner {
@@ -33,9 +33,9 @@ pub(super) fn area_of(a: [f32; 2], b: [f32; 2], c: [f32; 2]) -> f32 {
     (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
 }
 
-/// First sample at or beyond a coordinate, within `0..=limit`.
+/// Smallest integer at or above a coordinate, clamped to `0..=limit`.
 ///
-/// Adding 2²³ rounds to an integer without a call to the mathematics library.
+/// Adding 2²³ to a float rounds it to an integer, without a call to the mathematics library.
 #[inline(always)]
 pub(super) fn first_sample(coordinate: f32, limit: usize) -> u32 {
     const SHIFT: f32 = 8_388_608.0;

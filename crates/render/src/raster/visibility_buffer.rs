@@ -1,4 +1,4 @@
-//! The visibility buffer: nearest triangle and reversed z per sample.
+//! Visibility buffer: nearest triangle and reversed z per sample.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
 
@@ -7,10 +7,11 @@ use crate::simd::within;
 use super::triangle_setup::{BLOCK, Corners, TriangleSetup};
 use super::vertex::{Corner, area_of, range_of_three};
 
-/// Spans of a triangle computed at once. Measured: 8 are as fast in large images and slower in small ones.
+/// Number of a triangle's rows whose spans are computed at once. Measured: 8 are as fast in large images, but slower in
+/// small ones.
 const ROWS: usize = 4;
 
-/// Requested sides of triangles: front faces, back faces.
+/// Sides of triangles to be drawn: front faces, back faces.
 pub(crate) type Sides = [bool; 2];
 
 /// Rasterises the triangles of a mesh that show a requested side.
@@ -29,17 +30,17 @@ pub(crate) fn draw_mesh<const IDS: bool>(
     block.draw::<IDS>(sides, target);
 }
 
-/// Triangles to be rasterised at once.
+/// Batch of up to [`BLOCK`] triangles that are rasterised together.
 #[derive(Default)]
 pub(crate) struct Block {
     count: usize,
     ids: [u32; BLOCK],
-    /// At one sample per pixel.
+    /// Vertices in pixels, not yet scaled to samples.
     corners: Corners,
 }
 
 impl Block {
-    /// Adds a triangle; rasterises them if the block is full.
+    /// Adds a triangle; if the batch is then full, rasterises and empties it.
     #[inline(always)]
     pub fn push<const IDS: bool>(
         &mut self,
@@ -57,7 +58,7 @@ impl Block {
         }
     }
 
-    /// Rasterises and removes its triangles.
+    /// Rasterises and empties the batch.
     #[inline(always)]
     pub fn draw<const IDS: bool>(&mut self, sides: Sides, target: &mut VisibilityBuffer) {
         let mut visible = self.visible(sides, target);
@@ -70,7 +71,7 @@ impl Block {
         self.count = 0;
     }
 
-    /// Triangles that show a requested side and may cover a sample, as bits.
+    /// Bit mask of the triangles that show a requested side and may cover a sample.
     #[inline(always)]
     fn visible(&self, sides: Sides, target: &VisibilityBuffer) -> u32 {
         let scale = target.scale as i32 as f32;
@@ -93,7 +94,7 @@ impl Block {
     }
 }
 
-/// Smallest integer not below a value clamped to `0..=limit`.
+/// Value clamped to `0..=limit` and rounded up to an integer.
 #[inline(always)]
 fn ceiling(value: f32, limit: f32) -> f32 {
     const SHIFT: f32 = 8_388_608.0;
@@ -102,14 +103,14 @@ fn ceiling(value: f32, limit: f32) -> f32 {
     if nearest < inside { nearest + 1.0 } else { nearest }
 }
 
-/// Nearest surface per sample.
+/// Nearest surface at each sample.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct VisibilityBuffer {
-    /// Samples per row.
+    /// Number of samples per row.
     pub width: usize,
-    /// Samples between the starts of rows.
+    /// Distance between the starts of rows in the buffers (samples), at least `width`.
     pub stride: usize,
-    /// Rows of samples.
+    /// Number of rows of samples.
     pub height: usize,
     /// Samples per pixel along each axis, a power of two; the first sample of a pixel is at its centre.
     pub scale: usize,
@@ -126,7 +127,7 @@ impl VisibilityBuffer {
         (0..self.height).map(move |index| (&self.reversed_z[row(index)], &self.ids[row(index)]))
     }
 
-    /// Clears to the background at a size in pixels.
+    /// Resizes the buffer to a size in pixels, and fills it with background.
     pub fn reset<const IDS: bool>(&mut self, width: usize, height: usize, scale: usize) {
         (self.width, self.height, self.scale) = (width * scale, height * scale, scale);
         self.stride = stride_of(self.width);
@@ -139,7 +140,7 @@ impl VisibilityBuffer {
         }
     }
 
-    /// Clears a rectangle of samples, ends excluded.
+    /// Fills a rectangle of samples, ends excluded, with background.
     pub fn clear_rectangle(&mut self, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>) {
         for row in rows {
             let range = row * self.stride + columns.start..row * self.stride + columns.end;
@@ -175,7 +176,7 @@ impl VisibilityBuffer {
         })
     }
 
-    /// Draws one of some triangles.
+    /// Draws triangle `i` of a setup.
     #[inline(always)]
     fn scan<const IDS: bool>(&mut self, setup: &TriangleSetup, i: usize, id: u32) {
         let triangle = setup.triangle(i);
@@ -194,7 +195,7 @@ impl VisibilityBuffer {
     }
 }
 
-/// Reads a square window of an image from a first column and row on; beyond the image the values of its border.
+/// Reads a square window that begins at a column and row of an image; beyond the image the border values are repeated.
 #[inline(always)]
 pub(crate) fn read_window<T: Copy, const SIDE: usize>(
     values: &[T],
@@ -213,11 +214,13 @@ pub(crate) fn read_window<T: Copy, const SIDE: usize>(
     }
 }
 
-/// Samples from one row of so many to the next.
+/// Distance between the starts of rows (samples) for rows of `width` samples, which avoids cache conflicts between
+/// rows.
 fn stride_of(width: usize) -> usize {
-    /// Samples after which the first cache, of 64 lines of 64 bytes per way, puts a line into the same set again.
+    /// Number of samples (4 bytes) after which lines of a first-level cache with 64 sets and lines of 64 bytes fall
+    /// into the same set.
     const SAME_SET: usize = 1024;
-    /// Two lines of the cache.
+    /// Padding of a row: the samples of two cache lines.
     const APART: usize = 32;
     if width > 0 && width.is_multiple_of(SAME_SET) { width + APART } else { width }
 }

@@ -8,17 +8,19 @@ use crate::gbuffer::static_layer::TILE;
 use crate::gbuffer::view::complement_z;
 use crate::raster::{VisibilityBuffer, read_window};
 
-/// Samples along the side of a tile, and one before it.
+/// Samples along a side of the window that covers a tile: two per pixel, and one before the tile for the tent filter.
 const SIDE: usize = 2 * TILE + 1;
-/// Relative distance by which a transparent front face must be closer than the opaque surface: glass stands on tables.
+/// Relative distance by which a transparent front face must be closer than the opaque surface, so that glass standing
+/// on a table does not flicker. Chosen by hand.
 const APART: f32 = 1e-4;
-/// Relative distance by which a back face may lie behind it: the bottom of standing glass may sink in a little.
+/// Relative distance by which a transparent back face may lie behind the opaque surface: the bottom of standing glass
+/// may sink in a little. Chosen by hand.
 const SUNK: f32 = 4e-3;
 
 /// Reversed z of the samples of a tile and one row and column before it.
 type TileDepths = [[f32; SIDE]; SIDE];
 
-/// Coverage of a pixel by a layer.
+/// Coverage of a pixel by a layer of transparent interfaces.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Coverage {
     /// Weight of the covered samples in the tent filter, 0-1.
@@ -30,8 +32,8 @@ pub(super) struct Coverage {
 /// Coverage of the pixels of a tile, row by row.
 pub(super) type TileCoverage = [Coverage; TILE * TILE];
 
-/// Coverage by the layers of far and near interfaces in the tile that begins at a pixel; the former have complemented
-/// reversed z.
+/// Coverage by the layers of far and near interfaces in the tile whose first pixel is at `place` (column, row); far
+/// interfaces are stored with complemented reversed z.
 pub(super) fn find_coverage(
     layers: &[VisibilityBuffer; 2],
     opaque: &VisibilityBuffer,
@@ -62,7 +64,7 @@ fn cover<const IS_FAR: bool>(layer: &TileDepths, opaque: &TileDepths) -> TileCov
         coverage = [table[511]; TILE * TILE];
     } else if count > 0 {
         for (place, coverage) in coverage.iter_mut().enumerate() {
-            // Bits of the nine samples around the centre, row by row.
+            // Bit mask of the nine samples around the pixel centre, row by row.
             let first = place / TILE * 2 * SIDE + place % TILE * 2;
             let row = |row: usize| {
                 let first = first + row * SIDE;
@@ -81,7 +83,7 @@ fn is_in_front(layer: f32, opaque: f32, is_far: bool) -> bool {
     if is_far { (layer > 0.0) & (complement_z(layer) > opaque * (1.0 - SUNK)) } else { layer > opaque * (1.0 + APART) }
 }
 
-/// Coverage by the bits of the nine samples around a pixel centre, row by row.
+/// Coverage for each of the 512 bit masks of the nine samples around a pixel centre, row by row.
 fn coverage_table() -> &'static [Coverage; 512] {
     static TABLE: OnceLock<Box<[Coverage; 512]>> = OnceLock::new();
     let coverage = |bits: usize| {

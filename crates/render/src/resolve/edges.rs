@@ -9,44 +9,45 @@ use crate::light_buffer::LightBuffer;
 use crate::raster::VisibilityBuffer;
 use crate::shading::ShadingPoint;
 
-/// Offsets of the neighbouring pixels in the order in which they are searched for a surface.
+/// Offsets (px) of the neighbouring pixels, in the order in which they are searched for a sample's surface.
 const NEIGHBOURS: [[isize; 2]; 8] = [[-1, 0], [1, 0], [0, -1], [0, 1], [-1, -1], [1, -1], [-1, 1], [1, 1]];
 
-/// By sample of [`AROUND`], neighbours that are searched first, as bits of [`NEIGHBOURS`]: for a diagonal sample the two
-/// beside it, e.g. left and upper for [-1, -1].
+/// By sample of [`AROUND`], bit mask of the [`NEIGHBOURS`] that are searched first: for a diagonal sample the two
+/// pixels adjacent to it, e.g. left and upper for [-1, -1].
 const PREFERRED: [u32; AROUND.len()] = [0b0101, 0, 0b0110, 0, 0, 0b1001, 0, 0b1010];
 
-/// Colours of a tile and of one pixel around it; beyond the image those of the border.
+/// Colours of a tile and of a one-pixel border around it; beyond the image its border colours are repeated.
 pub(super) type ColorWindow = [[Vec3A; TILE + 2]; TILE + 2];
 
 /// Edge pixels of a frame and the samples that must be shaded for them.
 #[derive(Debug, Default)]
 pub(super) struct EdgePixels {
-    /// Pixel index, and sum of its weighted colours so far.
+    /// Pixel index and weighted sum of the colours found so far, of each edge pixel.
     pub pixels: Vec<(u32, Vec3A)>,
     pub unmatched: Vec<UnmatchedSample>,
     matches: Matches,
 }
 
-/// Samples of one surface in an edge pixel that no neighbouring centre shows.
+/// Samples of one surface in an edge pixel, where neither the pixel centre nor a neighbouring centre shows that
+/// surface.
 #[derive(Debug)]
 pub(super) struct UnmatchedSample {
     pub point: ShadingPoint,
     surface_id: u32,
     /// Index into the list of edge pixels, not of the image.
     pub edge_pixel: u32,
-    /// Weight of the samples.
+    /// Total weight of the samples in the tent filter.
     pub share: f32,
 }
 
 impl EdgePixels {
-    /// Forgets all pixels.
+    /// Removes all edge pixels and samples of the last frame.
     pub fn clear(&mut self) {
         self.pixels.clear();
         self.unmatched.clear();
     }
 
-    /// Blends the known colours of a tile's edge pixels.
+    /// Finds the edge pixels of a tile, sums the colours of their matched samples, and lists their unmatched samples.
     pub fn blend_tile(
         &mut self,
         opaque: &VisibilityBuffer,
@@ -73,7 +74,7 @@ impl EdgePixels {
                 let sample = unmatched.trailing_zeros() as usize;
                 unmatched &= unmatched - 1;
                 let ([dx, dy], share) = AROUND[sample];
-                // The ids begin two samples before the tile.
+                // Array `ids` begins two samples before the tile.
                 let id_at = |dx: isize, dy: isize| {
                     ids.0[(2 * y as isize + 2 + dy) as usize][(2 * x as isize + 2 + dx) as usize]
                 };
@@ -94,7 +95,7 @@ impl EdgePixels {
         }
     }
 
-    /// Lists a sample to be shaded; samples of one surface in a pixel are shaded once.
+    /// Adds an unmatched sample to be shaded; samples of one surface in a pixel are shaded once.
     #[cold]
     fn add_unmatched(
         &mut self,
@@ -139,7 +140,7 @@ fn color_window(colors: &[Vec3A], [width, height]: [usize; 2], [column, row]: [u
     })
 }
 
-/// Sums the weighted colours of the samples that match their nearest neighbour.
+/// Sums, for each edge pixel, the weighted colours of the samples that match their nearest neighbouring pixel.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn sum_neighbours(matches: &Matches, edge_pixels: u64, colors: &ColorWindow, sums: &mut [Vec3A; TILE * TILE]) {
     for place in each_place(edge_pixels) {

@@ -18,7 +18,7 @@ use crate::transparency::composite::{Opaque, TransparencyLayers};
 use crate::transparency::interface::LayerSample;
 use crate::transparency::visibility::TransparentBuffers;
 
-/// Resolves the dirty tiles of a frame; memory is kept from frame to frame.
+/// Resolve pass over the dirty tiles of a frame; its allocations are reused by the next frame.
 #[derive(Debug, Default)]
 pub(crate) struct Resolver {
     edges: EdgePixels,
@@ -28,7 +28,7 @@ pub(crate) struct Resolver {
 }
 
 impl Resolver {
-    /// Begins a frame.
+    /// Discards the last frame's results and loads the normal codes of the meshes in this view.
     pub fn begin(&mut self, assets: &RenderAssets, view: &View) {
         self.edges.clear();
         self.layers.clear();
@@ -36,7 +36,7 @@ impl Resolver {
         self.codes.fill(placed.map(|(part, placed)| &*placed.mesh(part).directions));
     }
 
-    /// Finds the edge pixels and transparent pixels of some tiles, in ascending order.
+    /// Finds the edge pixels and the pixels behind transparent layers in `tiles`.
     pub fn find(
         &mut self,
         opaque: &VisibilityBuffer,
@@ -97,7 +97,8 @@ impl Resolver {
         }
     }
 
-    /// Lists the transparent layers in front of a tile's pixels, whose edge pixels begin at an index.
+    /// Lists the transparent layers in front of a tile's pixels; `first_edge` is the index of the tile's first edge
+    /// pixel.
     fn find_transparent(
         &mut self,
         opaque: &VisibilityBuffer,
@@ -113,12 +114,13 @@ impl Resolver {
         for (y, row) in rows.enumerate() {
             for (x, column) in columns.clone().enumerate() {
                 let coverage = coverage.each_ref().map(|coverage| coverage[y * TILE + x]);
-                // A far interface alone lies in a support surface, or its object crosses the near plane.
+                // Without a near interface, the far one lies inside a support surface, or its object crosses the near
+                // plane.
                 if coverage[1].share == 0.0 {
                     continue;
                 }
                 let pixel = (row * width + column) as u32;
-                // Edge pixels of a tile are in the same order.
+                // Edge pixels of a tile are in the same order as its pixels.
                 while edges.next_if(|(_, (other, _))| *other < pixel).is_some() {}
                 let edge = edges.next_if(|(_, (other, _))| *other == pixel).map(|(index, _)| index);
                 let sample = |index: usize| {

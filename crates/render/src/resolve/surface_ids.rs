@@ -1,4 +1,4 @@
-//! Surface ids of samples: equal for samples on one smooth piece of a surface.
+//! Surface ids of samples: equal for samples on one smooth piece of one surface.
 
 use multiversion::multiversion;
 
@@ -19,19 +19,20 @@ pub(super) const AROUND: [([isize; 2], f32); 8] = [
     ([1, 1], 0.0625),
 ];
 
-/// Samples along the side of a tile extended to the centres of the neighbouring pixels.
+/// Number of samples along a side of a tile that is extended to the centres of the neighbouring pixels.
 pub(super) const SIDE: usize = 2 * (TILE + 1) + 1;
 
-/// Normal codes of all triangles, part by part.
+/// Normal codes of all triangles, part by part; see `Mesh::directions`.
 #[derive(Debug, Default)]
 pub(super) struct NormalCodes {
-    /// By surface number: offset from a visibility id to the index of its triangle's code; the background comes first.
+    /// By surface number: offset from a visibility id to the index of its triangle's code (wrapping). Number 0 is the
+    /// background.
     offsets: Vec<u32>,
     codes: Vec<u8>,
 }
 
 impl NormalCodes {
-    /// Collects the codes of all parts.
+    /// Replaces the codes by those of `parts`, in the order of part numbers.
     pub fn fill<'a>(&mut self, parts: impl Iterator<Item = &'a [u8]>) {
         self.offsets.clear();
         self.codes.clear();
@@ -55,7 +56,7 @@ impl Default for TileSurfaceIds {
 }
 
 impl TileSurfaceIds {
-    /// Loads the tile that begins at a pixel; returns false if all its samples have one id.
+    /// Loads the surface ids of the tile whose first pixel is `place`; returns false if all samples have the same id.
     pub fn load(&mut self, buffer: &VisibilityBuffer, place: [usize; 2], codes: &NormalCodes) -> bool {
         let first = place.map(|at| 2 * at as isize - 2);
         read_window(&buffer.ids, [buffer.width, buffer.stride], first, &mut self.0);
@@ -63,7 +64,7 @@ impl TileSurfaceIds {
     }
 }
 
-/// Replaces visibility ids by surface ids; returns false if they are all equal.
+/// Replaces visibility ids by surface ids; returns false if all are equal, in which case `ids` may be unchanged.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn load(ids: &mut [[u32; SIDE]; SIDE], offsets: &[u32], codes: &[u8]) -> bool {
     let first = ids[0][0];
@@ -78,7 +79,7 @@ fn load(ids: &mut [[u32; SIDE]; SIDE], offsets: &[u32], codes: &[u8]) -> bool {
     ids.as_flattened().iter().fold(0, |differ, &id| differ | (id ^ first)) != 0
 }
 
-/// Matches of the samples around each pixel centre of a tile, as bits in the order of [`AROUND`].
+/// Matches of the eight samples around each pixel centre of a tile, as bit masks in the order of [`AROUND`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Matches([u32; TILE * TILE]);
 
@@ -88,40 +89,41 @@ impl Default for Matches {
     }
 }
 
-/// First bit of the samples that match the nearest neighbouring pixel instead of their own.
+/// Position of the bits of samples that match the nearest neighbouring pixel instead of their own.
 const NEIGHBOUR: u32 = 8;
-/// First bit of the total weight of the samples that match their own pixel, in sixteenths.
+/// Position of the total weight, in sixteenths, of the samples that match their own pixel.
 const OWN_SHARE: u32 = 16;
 
 impl Matches {
-    /// Samples whose surface matches neither the pixel centre's nor their nearest neighbour's, as bits.
+    /// Bit mask of the samples whose surface is neither the pixel centre's nor their nearest neighbour's.
     #[inline(always)]
     pub fn unmatched(&self, place: usize) -> u32 {
         !(self.0[place] | self.0[place] >> NEIGHBOUR) & 0xff
     }
 
-    /// Weight of the centre and of the samples that match it.
+    /// Total weight of the centre and of the samples that match it, 0-1.
     #[inline(always)]
     pub fn own_share(&self, place: usize) -> f32 {
-        // The centre itself has a quarter.
+        // The centre itself has the weight 4/16.
         ((self.0[place] >> OWN_SHARE) + 4) as f32 * 0.0625
     }
 
-    /// Weights of the samples that match their nearest neighbour, 0 for the others.
+    /// Weight of each sample that matches the nearest neighbouring pixel, 0 for the other samples.
     #[inline(always)]
     pub fn neighbour_shares(&self, place: usize) -> [f32; AROUND.len()] {
         std::array::from_fn(|sample| {
-            // Multiplied rather than selected: the branch would be unpredictable.
+            // Multiplied rather than selected, since a branch would be unpredictable.
             let matches = self.0[place] >> (NEIGHBOUR + sample as u32) & 1;
             matches as i32 as f32 * AROUND[sample].1
         })
     }
 }
 
-/// Matches the samples of a tile; returns the edge pixels, whose samples show several surfaces, as bits row by row.
+/// Matches the samples of a tile; returns a bit mask (row by row) of the edge pixels, whose samples show several
+/// surfaces.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn match_samples(ids: &TileSurfaceIds, matches: &mut Matches) -> u64 {
-    /// Even and odd columns apart, padded to whole registers.
+    /// Row length of the arrays for even and odd sample columns, padded to whole SIMD registers.
     const COLUMNS: usize = 16;
     let (mut even, mut odd) = ([[0; COLUMNS]; SIDE], [[0; COLUMNS]; SIDE]);
     for (row, line) in ids.0.iter().enumerate() {
@@ -157,7 +159,7 @@ pub(super) fn match_samples(ids: &TileSurfaceIds, matches: &mut Matches) -> u64 
 mod tests {
     use super::*;
 
-    /// Edge pixels against a search of the samples around each centre.
+    /// Found edge pixels, compared with a search of the samples around each centre.
     #[test]
     fn edge_pixels_show_several_surfaces() {
         let mut state = 1_u32;

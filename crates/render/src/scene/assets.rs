@@ -22,36 +22,37 @@ pub struct RenderAssets {
     robot: Option<Arc<RobotModel>>,
     objects: Vec<Arc<ObjectModel>>,
     body_count: usize,
-    /// Shape of each body's opaque parts, by body index.
+    /// Shape of each body's opaque parts, by body index; `None` for a body without opaque parts.
     shapes: Vec<Option<BodyShape>>,
     supports: Vec<SupportTop>,
 }
 
-/// One mesh with one material, in the frame of its body.
+/// Mesh of one material, in the frame of its body.
 #[derive(Debug)]
 pub struct Part {
-    /// Index into the frame's body poses; `None` is fixed in the world.
+    /// Index into the frame's body poses; `None` for a fixture, whose frame is the world.
     pub body: Option<usize>,
-    /// Instance id of its pixels.
+    /// Instance id of the part's pixels.
     pub instance: u16,
     /// Mesh in full detail.
     pub mesh: Arc<Mesh>,
-    /// Known to be convex: has no ambient occlusion by itself.
+    /// True if the mesh is known to be convex, so that it causes no ambient occlusion on itself.
     pub convex: bool,
-    /// True if it casts shadows.
+    /// True if the part casts shadows.
     pub casts_shadow: bool,
-    /// A transparent part whose surface faces away from its centre (the outside of a cup, not its inside or rim).
+    /// True for a transparent part whose surface faces away from its centre (the outside of a cup, not its inside or
+    /// rim).
     pub faces_out: bool,
-    /// Material without a variation.
+    /// Material before a variation is applied.
     pub material: Material,
 }
 
-/// Low bits of a visibility id: the triangle. The high bits hold the part number plus one.
+/// Number of low bits of a visibility id that hold the triangle index; the high bits hold the part number plus one.
 pub(crate) const TRIANGLE_BITS: u32 = 20;
 
 impl RenderAssets {
-    /// Collects the parts of a scenario; without a world only robot and objects. Object `i` gets instance id
-    /// [`FIRST_OBJECT`]` + i`.
+    /// Collects the parts of robot, objects and world; without a world there are no fixtures. Object `i` gets instance
+    /// id [`FIRST_OBJECT`]` + i`.
     ///
     /// # Errors
     /// A mesh with a vertex index out of range, or more parts or triangles than a visibility id can hold.
@@ -63,7 +64,7 @@ impl RenderAssets {
         Self::collect(Some(robot), objects, world)
     }
 
-    /// Objects without a robot, e.g. for thumbnails; a frame then poses the objects' links only.
+    /// Assets of objects without a robot, e.g. for thumbnails; a frame then poses only the objects' links.
     ///
     /// # Errors
     /// As [`RenderAssets::new`].
@@ -107,7 +108,7 @@ impl RenderAssets {
         Ok(Arc::new(Self { parts, robot, objects: objects.to_vec(), body_count: body, shapes, supports }))
     }
 
-    /// Parts in the order of their numbers; see [`crate::internals`].
+    /// All parts in the order of their numbers; see [`crate::internals`].
     #[doc(hidden)]
     pub fn parts(&self) -> &[Part] {
         &self.parts
@@ -118,17 +119,18 @@ impl RenderAssets {
         self.body_count
     }
 
-    /// Shape of a body's opaque parts; `None` without any.
+    /// Shape of a body's opaque parts; `None` if it has none.
     pub(crate) fn shape_of(&self, body: usize) -> Option<&BodyShape> {
         self.shapes[body].as_ref()
     }
 
-    /// Support surfaces, in the order of the world.
+    /// Tops of the support surfaces, in the order of the world.
     pub(crate) fn supports(&self) -> &[SupportTop] {
         &self.supports
     }
 
-    /// Height of the support surface below a position (m): the highest of those under it, or else the highest beside it.
+    /// Height (world z, m) of the support surface below a position: the highest one under it, or else the highest lower
+    /// one beside it; `None` if no support surface is lower.
     pub(crate) fn ground_below(&self, place: DVec3) -> Option<f32> {
         let place = place.as_vec3a();
         let below = self.supports.iter().filter(|top| top.height < place.z);
@@ -136,7 +138,7 @@ impl RenderAssets {
         ranked.max_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))).map(|(_, height)| height)
     }
 
-    /// Mean linear colour of the support surfaces, by area; see [`crate::internals`].
+    /// Area-weighted mean linear colour of the support surfaces, `None` without any; see [`crate::internals`].
     #[doc(hidden)]
     pub fn ground_color(&self, materials: &[Material]) -> Option<Vec3A> {
         let area: f32 = self.supports.iter().map(SupportTop::area).sum();
@@ -149,13 +151,13 @@ impl RenderAssets {
         self.robot.as_ref().map_or(0, |robot| robot.links.len())
     }
 
-    /// Total number of triangles.
+    /// Number of triangles of all parts in full detail.
     pub fn triangle_count(&self) -> usize {
         self.parts.iter().map(|part| part.mesh.triangles.len()).sum()
     }
 
-    /// Poses of all bodies from joint positions, gripper opening width, and `world_from_object` with joint positions of
-    /// each object.
+    /// Poses of all bodies. `arm` are joint positions (rad), `gripper_width` is the opening (m), and `objects` has
+    /// `world_from_object` with joint positions (rad or m) of each object.
     ///
     /// # Errors
     /// When the number of objects is not that of the assets.
@@ -180,7 +182,7 @@ impl RenderAssets {
         Ok(FrameState { body_poses })
     }
 
-    /// Poses of all bodies at a recorded frame with the same objects in the same order.
+    /// Poses of all bodies in a recorded frame, which must have the same objects in the same order.
     ///
     /// # Errors
     /// As [`RenderAssets::frame_state`].
@@ -189,14 +191,14 @@ impl RenderAssets {
         self.frame_state(&frame.joint_position, frame.gripper_width, objects)
     }
 
-    /// `world_from_hand` at a frame, the mount of wrist cameras; the identity without a robot.
+    /// Pose `world_from_hand` at a frame, to which wrist cameras are mounted; the identity without a robot.
     pub fn world_from_hand(&self, frame: &FrameState) -> Pose {
         let hand = self.robot.as_ref().and_then(|robot| frame.body_poses.get(robot.hand));
         hand.copied().unwrap_or_default()
     }
 }
 
-/// Shape of each body from its opaque parts that cast shadows; `None` without such a part.
+/// Shape of each body, from its opaque parts that cast shadows; `None` for a body without such parts.
 fn shapes(parts: &[Part], bodies: usize) -> Vec<Option<BodyShape>> {
     let mut meshes = vec![Vec::new(); bodies];
     for part in parts.iter().filter(|part| part.casts_shadow && !part.is_transparent()) {
@@ -229,12 +231,12 @@ impl Part {
         Ok(Self { body, instance, mesh, convex: false, casts_shadow: true, faces_out, material })
     }
 
-    /// True if back faces of the mesh can be culled.
+    /// True if the mesh's back faces are never visible, so that they can be culled.
     pub fn hides_back(&self, mesh: &Mesh) -> bool {
         mesh.closed && !self.is_transparent()
     }
 
-    /// True if light passes it.
+    /// True if the material transmits light.
     pub fn is_transparent(&self) -> bool {
         self.material.opacity < 1.0
     }

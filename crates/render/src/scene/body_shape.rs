@@ -7,19 +7,19 @@ use crate::scene::mesh::Mesh;
 /// Bounding box of a body's opaque parts in its frame, and their shape class.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct BodyShape {
-    /// Corners (m).
+    /// Lower and upper corner (m).
     pub low: Vec3,
     pub high: Vec3,
-    /// True if some of the surface faces the centre (`has_inside`), or a large share of it, as in a bowl
-    /// (`is_concave`).
+    /// True if some of the surface faces the centre (`has_inside`), or at least the share `HOLLOW` of it, as in a
+    /// bowl (`is_concave`).
     pub has_inside: bool,
     pub is_concave: bool,
 }
 
-/// Smallest share of the surface that faces the centre of a concave body: 0 for a box or a ball, 0.5 for a bowl.
-/// Chosen.
+/// Smallest share of the surface that faces the centre of a concave body: 0 for a box or a ball, 0.5 for a bowl. Chosen
+/// by hand.
 const HOLLOW: f32 = 0.3;
-/// Same share for `has_inside`: above rounding errors, below the dimple of an apple. Chosen.
+/// Same share for `has_inside`: above rounding errors, below the dimple of an apple. Chosen by hand.
 const INSIDE: f32 = 1e-3;
 
 impl BodyShape {
@@ -57,7 +57,7 @@ mod tests {
 
     use crate::RenderAssets;
 
-    /// Catalogue objects by category.
+    /// Shape classes of catalogue objects of several categories.
     #[test]
     fn bowls_are_told_by_their_meshes() {
         let catalogue = Catalogue::builtin();

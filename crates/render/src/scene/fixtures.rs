@@ -1,4 +1,4 @@
-//! Fixtures of a world: support surfaces with their boards and legs.
+//! Fixtures of a world: slabs of the support surfaces with their boards and legs.
 
 use genmanip_core::{Material, SupportSurface, TriMesh, VisualPart, World};
 use glam::{Vec2, Vec3};
@@ -11,18 +11,19 @@ const EDGE_RADIUS_M: f32 = 0.012;
 const LEG_HALF_M: f32 = 0.03;
 const LEG_INSET_M: f32 = 0.08;
 
-/// A fixed visual part.
+/// Visual part that is fixed in the world.
 #[derive(Debug)]
 pub struct Fixture {
-    /// Visual part; its `link_from_part` is its pose in the world.
+    /// Mesh and material; `link_from_part` is the pose in the world.
     pub visual: VisualPart,
-    /// True for the slab of a support surface.
+    /// True if the part is the slab of a support surface, not a board or its legs.
     pub is_slab: bool,
-    /// False for the first support surface: nothing below it is visible.
+    /// True if the part casts shadows; false for all parts of the first support surface, since nothing below it is
+    /// visible.
     pub casts_shadow: bool,
 }
 
-/// Visual parts of all support surfaces, in the world frame.
+/// Fixtures of all support surfaces, in the world frame.
 pub fn visuals(world: &World) -> Vec<Fixture> {
     let mut fixed = Vec::new();
     for (index, surface) in world.surfaces.iter().enumerate() {
@@ -49,8 +50,9 @@ pub fn visuals(world: &World) -> Vec<Fixture> {
     fixed
 }
 
-/// Slab with rounded vertical corners and edges, in the surface's frame: rings of the outline closed by flat faces.
-/// Texture coordinates follow the world frame while the slab is not rotated.
+/// Slab with rounded vertical corners and rounded edges, in the surface's frame: rings of the outline, closed by flat
+/// faces.
+/// Texture coordinates are those of the world frame if the slab is not rotated.
 fn slab(surface: &SupportSurface) -> TriMesh {
     const QUARTER: usize = 8;
     let size = surface.size_m.as_vec3();
@@ -70,12 +72,13 @@ fn slab(surface: &SupportSurface) -> TriMesh {
             })
         })
         .collect();
-    // Rings from the upper face over the edge to the lower face: (inset from the side, z, slope of the normal).
+    // Rings from the upper face over the edge to the lower face: angle of the normal from the vertical, and z of the
+    // centre of the rounding.
     let upper = (0..=QUARTER).map(|step| (quarter_angle(step), -radius));
     let lower = (0..=QUARTER).map(|step| (quarter_angle(step + QUARTER), radius - size.z));
     let mut mesh = TriMesh::default();
     let mut push = |position: Vec3, normal: Vec3| {
-        // The texture continues around the edge.
+        // On vertical faces, z is added to the texture coordinates, so that the texture continues around the edge.
         let along = if normal.z.abs() > 0.5 { 0.0 } else { position.z };
         mesh.positions.push(position);
         mesh.normals.push(normal);
@@ -107,8 +110,8 @@ fn slab(surface: &SupportSurface) -> TriMesh {
     mesh
 }
 
-/// Triangulation of an outline of four round corners with `corner` vertices each: two large triangles, the others along
-/// the border, so that a camera above the centre sees no seams.
+/// Triangulation of an outline of four round corners with `corner` vertices each: two large triangles inside, the
+/// others along the border, so that a camera above the centre sees no edges between triangles.
 fn face(corner: u32) -> Vec<[u32; 3]> {
     let mut triangles = Vec::new();
     for first in [0, corner, 2 * corner, 3 * corner] {
@@ -134,7 +137,7 @@ fn legs(surface: &SupportSurface, floor_z_m: f64) -> TriMesh {
     mesh
 }
 
-/// A box with flat faces.
+/// Appends a box between two corners, with one normal per face.
 pub(crate) fn push_box(mesh: &mut TriMesh, low: Vec3, high: Vec3) {
     for axis in 0..3 {
         for sign in [-1.0_f32, 1.0] {

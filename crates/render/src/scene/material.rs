@@ -6,16 +6,16 @@ use glam::Vec3A;
 
 use crate::scene::texture::{MipTexture, linear_from_srgb};
 
-/// A material ready for shading: linear colours, no optional parameters.
+/// Material in the form that shading needs: linear colours, no optional parameters.
 #[derive(Clone, Debug)]
 pub struct Material {
-    /// Linear base colour, multiplied with the texture.
+    /// Linear base colour (albedo or metal reflectance), multiplied with the texture.
     pub base: Vec3A,
     /// Perceptual roughness, 0.05-1.
     pub roughness: f32,
-    /// 0 for a dielectric, 1 for a metal.
+    /// Metallic parameter: 0 for a dielectric, 1 for a metal.
     pub metallic: f32,
-    /// 1 for an opaque material.
+    /// Opacity, 0-1; 1 for an opaque material.
     pub opacity: f32,
     /// Dielectric reflectance at normal incidence.
     pub reflectance: f32,
@@ -25,49 +25,49 @@ pub struct Material {
 
 impl Material {
     /// Share of light that one interface scatters diffusely; 1 for an opaque material. Most view rays cross two
-    /// interfaces, whose opacities combine to the material's. Clear glass mostly tints, dense or rough glass mostly
-    /// scatters. Chosen.
+    /// interfaces, which together have the material's opacity. Clear glass mostly tints, dense or rough glass mostly
+    /// scatters. Chosen by hand.
     pub fn scatters(&self) -> f32 {
         if self.opacity < 1.0 { self.held() * self.haze() } else { 1.0 }
     }
 
-    /// Transmission colour of one interface of a transparent material with base colour `base`; darker at grazing angles
-    /// for a shell, whose wall is crossed at a slant.
+    /// Transmittance per colour channel of one interface of a transparent material with base colour `base`. The
+    /// interface of a shell is a wall, which is darker at grazing angles, where the path through it is longer.
     pub fn tint(&self, base: Vec3A, cosine: f32, is_shell: bool) -> Vec3A {
         let depth = (2.0 * self.held()).min(1.0);
         let tint = Vec3A::ONE.lerp(base, depth).max(Vec3A::splat(1e-3));
         if is_shell { tint.powf(1.0 / cosine.max(0.2)) } else { tint }
     }
 
-    /// Share of light that one interface transmits, before tinting: neither reflected (Fresnel) nor scattered.
+    /// Share of light that one interface transmits before tinting: neither reflected (Fresnel) nor scattered.
     #[inline(always)]
     pub fn passing(&self, cosine: f32) -> f32 {
         let mirrored = self.reflectance + (1.0 - self.reflectance) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5);
         (1.0 - mirrored) * (1.0 - self.scatters())
     }
 
-    /// Mean linear colour over the texture.
+    /// Mean linear base colour over the texture.
     pub fn mean_color(&self) -> Vec3A {
         self.base * self.texture.as_ref().map_or(Vec3A::ONE, |texture| texture.mean())
     }
 
-    /// Index of refraction, from the reflectance at normal incidence.
+    /// Index of refraction, computed from the reflectance at normal incidence.
     pub fn index_of_refraction(&self) -> f32 {
         let root = self.reflectance.sqrt();
         (1.0 + root) / (1.0 - root).max(1e-3)
     }
 
-    /// Opacity of one of two interfaces.
+    /// Opacity of each of two equal interfaces which together have the material's opacity.
     fn held(&self) -> f32 {
         1.0 - (1.0 - self.opacity).sqrt()
     }
 
-    /// Share of the opacity that scatters.
+    /// Share of the opacity that scatters light instead of tinting it, 0-1.
     fn haze(&self) -> f32 {
         (self.opacity * self.opacity).max(2.0 * (self.roughness - 0.1)).clamp(0.0, 1.0)
     }
 
-    /// The material of a visual part.
+    /// Material of a visual part, with values clamped to their valid ranges.
     pub fn new(material: &genmanip_core::Material) -> Self {
         let ior = material.ior.max(1.0);
         Self {

@@ -9,23 +9,23 @@ use meshopt::{SimplifyOptions, simplify_scale_decoder, simplify_with_attributes_
 
 /// Largest surface error of each level of detail (m).
 pub(crate) const ERRORS_M: [f32; 5] = [0.0005, 0.001, 0.002, 0.004, 0.008];
-/// Largest surface error of shadow casters in large and in small images [m]: half a texel of the shadow map.
+/// Largest surface error of shadow casters in large and in small images (m): half a texel of the shadow map.
 const CASTER_ERRORS_M: [f32; 2] = [0.001, 0.004];
-/// Same error as a share of the mesh radius, in large images. Measured: with 1 mm for all meshes, shadows of small
-/// objects show corners and a bowl shadows itself.
+/// Surface error of shadow casters in large images as a share of the mesh radius, if that is smaller. Measured: with 1
+/// mm for all meshes, shadows of small objects show corners and a bowl shadows itself.
 const CASTER_SHARE: f32 = 0.01;
 
-/// Largest error of the unit normals of a level of detail. Chosen: shades differ by a few levels of 255.
+/// Largest error of the unit normals of a level of detail. Chosen by hand: shades differ by a few levels of 255.
 const NORMAL_ERROR: f32 = 0.1;
 
-/// A mesh in the frame of its body.
+/// Triangle mesh in the frame of its body.
 #[derive(Debug)]
 pub struct Mesh {
     /// Vertex positions (m).
     pub positions: Vec<Vec3>,
     /// Vertex indices, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
-    /// Attributes of the triangles.
+    /// Attributes of each triangle.
     pub faces: Vec<Face>,
     /// Quantised normal of each triangle; anti-aliasing treats triangles of different codes as different surfaces.
     pub directions: Vec<u8>,
@@ -33,9 +33,9 @@ pub struct Mesh {
     pub bounds_center: Vec3,
     /// Radius of the bounding sphere (m).
     pub bounds_radius: f32,
-    /// Watertight and consistently wound: back faces are invisible from outside.
+    /// True if the mesh is watertight and consistently wound, so that back faces are invisible from outside.
     pub closed: bool,
-    /// Vertex normals and texture coordinates, for the levels of detail.
+    /// Vertex normals and texture coordinates, from which levels of detail are made.
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
     coarser: [OnceLock<Arc<Mesh>>; ERRORS_M.len()],
@@ -50,12 +50,12 @@ pub struct Face {
     pub columns: [Vec4; 4],
     /// Texture coordinate v as a dot product with `[x, y, z, 1]`.
     pub v: Vec4,
-    /// Unit normal (zero for a degenerate triangle), and texture area per surface area [1/m²].
+    /// Unit normal (zero for a degenerate triangle), and texture area per surface area (1/m²).
     pub plane: Vec4,
 }
 
 impl Mesh {
-    /// Surface area [m²].
+    /// Surface area (m²).
     pub fn area(&self) -> f32 {
         let area = |triangle| {
             let [a, b, c] = self.corners(triangle);
@@ -77,7 +77,8 @@ impl Mesh {
         out > 0.25 * all
     }
 
-    /// The mesh of a part, cached per process while its source lives; indices must be valid and positions finite.
+    /// Mesh of a visual part, cached in the process as long as `source` lives; indices must be valid and positions
+    /// finite.
     pub fn shared(source: &Arc<TriMesh>, body_from_part: &Pose) -> Arc<Self> {
         type Key = (usize, [u64; 7]);
         type Known = BTreeMap<Key, (Weak<TriMesh>, Arc<Mesh>)>;
@@ -85,7 +86,7 @@ impl Mesh {
         let [x, y, z] = body_from_part.position.to_array();
         let [i, j, k, w] = body_from_part.rotation.to_array();
         let key = (Arc::as_ptr(source) as usize, [x, y, z, i, j, k, w].map(f64::to_bits));
-        // A poisoned lock still guards a consistent map.
+        // The map is consistent even if a thread panicked while it held the lock.
         let known = || KNOWN.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         if let Some((from, made)) = known().get(&key)
             && from.strong_count() > 0
@@ -144,7 +145,7 @@ impl Mesh {
         }
     }
 
-    /// Level of detail: 0 is the mesh itself, level `n` is within `ERRORS_M[n - 1]` of it.
+    /// Mesh at a level of detail: level 0 is the mesh itself, level `n` is within `ERRORS_M[n - 1]` of it.
     pub fn at_level(&self, level: usize) -> &Self {
         match level.checked_sub(1).and_then(|index| Some((*ERRORS_M.get(index)?, self.coarser.get(index)?))) {
             Some((error_m, copy)) => {
@@ -163,9 +164,9 @@ impl Mesh {
             .get_or_init(|| Arc::new(self.simplified(error_m, f32::INFINITY, SimplifyOptions::Permissive)))
     }
 
-    /// Edge collapse within a surface error and a normal error (Garland and Heckbert, "Surface Simplification Using
-    /// Quadric Error Metrics", 1997). Closed meshes stay closed; vertices keep their attributes, and seams remain
-    /// unless the options allow otherwise.
+    /// Mesh simplified by edge collapse within a surface error and a normal error (Garland and Heckbert, "Surface
+    /// Simplification Using Quadric Error Metrics", 1997). Closed meshes stay closed; vertices keep their attributes,
+    /// and seams remain unless the options allow otherwise.
     fn simplified(&self, error_m: f32, normal_error: f32, options: SimplifyOptions) -> Self {
         let corners: Vec<u32> = self.triangles.iter().flatten().copied().collect();
         let positions: Vec<[f32; 3]> = self.positions.iter().map(Vec3::to_array).collect();
@@ -186,7 +187,7 @@ impl Mesh {
             options | SimplifyOptions::ErrorAbsolute,
             None,
         );
-        // Renumbers the remaining vertices.
+        // Renumbers the vertices that are still in use.
         let mut numbers = vec![0; positions.len()];
         kept.iter().for_each(|&corner| numbers[corner as usize] = 1);
         let own: Vec<usize> = (0..positions.len()).filter(|&corner| numbers[corner] > 0).collect();
@@ -198,16 +199,17 @@ impl Mesh {
         Self::of(positions, normals, uvs, triangles, self.closed)
     }
 
-    /// Vertices of a triangle in the body's frame.
+    /// Positions of a triangle's vertices in the body's frame (m).
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.triangles[triangle].map(|index| self.positions[index as usize])
     }
 }
 
 impl Face {
-    /// Computed in double precision: small triangles have steep gradients.
+    /// Attributes of a triangle. Computed in double precision, since small triangles have steep gradients.
     fn new(corners: [Vec3; 3], normals: [Vec3; 3], uvs: [Vec2; 3]) -> Self {
-        /// Height below which a triangle counts as degenerate [m]: about ten times the spacing of single-precision numbers at one metre.
+        /// Height below which a triangle counts as degenerate (m): about ten times the spacing of single-precision
+        /// numbers at one metre.
         const LINE_M: f64 = 1e-6;
         let [a, b, c] = corners.map(Vec3::as_dvec3);
         let (ab, ac, bc) = (b - a, c - a, c - b);
@@ -217,7 +219,7 @@ impl Face {
         let is_line = area.length_squared() <= longest * LINE_M * LINE_M;
         let inverse = if is_line { 0.0 } else { area.length_squared().recip() };
         let (weight1, weight2) = (ac.cross(area) * inverse, area.cross(ab) * inverse);
-        // Gradient and constant from the values at the vertices.
+        // Gradient and constant of the linear function with these values at the vertices.
         let linear = |values: [f32; 3]| -> (DVec3, f64) {
             let [first, second, third] = values.map(f64::from);
             let gradient = weight1 * (second - first) + weight2 * (third - first);
@@ -237,7 +239,7 @@ impl Face {
     }
 }
 
-/// One of 150 direction codes: cube face and one of 5×5 cells on it, each about 20 degrees wide.
+/// Code 0-149 of a normal's direction: a face of the cube, and one of 5×5 cells on it, each about 20 degrees wide.
 fn direction_code(normal: Vec3) -> u8 {
     let size = normal.abs();
     let axis = if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) };
@@ -258,7 +260,7 @@ fn smooth_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
 /// True if every edge, after welding vertices, is used equally often in both directions, and the signed volume is
 /// positive.
 fn is_closed(mesh: &TriMesh) -> bool {
-    // Vertices and edges as integers, for sorting.
+    // Vertices and edges are represented by integers, for sorting.
     let key = |position: &Vec3| {
         let [x, y, z] = position.to_array().map(|value| u128::from((value + 0.0).to_bits()));
         x << 64 | y << 32 | z
@@ -274,7 +276,7 @@ fn is_closed(mesh: &TriMesh) -> bool {
         }
         joined[*corner as u32 as usize] = place;
     }
-    // The lowest bit stores the direction.
+    // Each edge is stored once per use, with its direction in the lowest bit.
     let mut edges: Vec<u64> = mesh
         .triangles
         .iter()

@@ -1,4 +1,4 @@
-//! Meshes, materials, fixtures and appearance of what is rendered.
+//! Scene contents: meshes, materials, fixtures and their appearance.
 
 pub(crate) mod assets;
 pub(crate) mod body_shape;

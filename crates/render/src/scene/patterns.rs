@@ -18,10 +18,10 @@ pub(crate) struct Patterned {
     metallic: f32,
 }
 
-/// Procedural patterns; parameters are repetitions per texture.
+/// Procedural patterns; integer parameters are repetitions per texture, shares are shares of the area (0-1).
 #[derive(Clone, Copy)]
 pub(crate) enum Pattern {
-    /// Long fibres along y, wide soft bands.
+    /// Long wood fibres along y, in wide soft bands.
     Grain { bands: f32 },
     /// Boards of different grain side by side.
     Boards { count: u32 },
@@ -29,9 +29,9 @@ pub(crate) enum Pattern {
     Veins { share: f32 },
     /// Small grains of the second colour.
     Flecks { across: u32, share: f32 },
-    /// Threads over and under each other.
+    /// Woven threads, over and under each other.
     Weave { threads: u32 },
-    /// Stripes that cross, as on a cloth.
+    /// Crossed stripes, as on a tablecloth.
     Checks { count: u32 },
     /// Squares with dark joints.
     Tiles { count: u32 },
@@ -39,7 +39,7 @@ pub(crate) enum Pattern {
     Brushed,
     /// Soft clouds and pores.
     Concrete,
-    /// One colour, hardly mottled.
+    /// Single colour, hardly mottled.
     Plain,
     /// Rows of bricks, every other one shifted.
     Bricks { rows: u32 },
@@ -47,7 +47,7 @@ pub(crate) enum Pattern {
     Stripes { count: u32 },
     /// Soft dots in shifted rows, as on a wallpaper.
     Dots { count: u32 },
-    /// Folds of a curtain.
+    /// Vertical folds of a curtain.
     Folds { count: u32 },
 }
 
@@ -55,7 +55,7 @@ use Pattern::{
     Boards, Bricks, Brushed, Checks, Concrete, Dots, Flecks, Folds, Grain, Plain, Stripes, Tiles, Veins, Weave,
 };
 
-/// Defines a type of materials that are known by their names in files and on the command line.
+/// Defines a type of materials that are identified by their names in files and on the command line.
 macro_rules! named_materials {
     ($(#[$attribute:meta])* $name:ident, $what:literal, $list:ident, $size:ident) => {
         $(#[$attribute])*
@@ -64,17 +64,17 @@ macro_rules! named_materials {
         pub struct $name(u8);
 
         impl $name {
-            /// All of them, the default first.
+            /// All materials of this type, the default first.
             pub fn all() -> impl ExactSizeIterator<Item = Self> {
                 (0..$list.len() as u8).map(Self)
             }
 
-            /// The name in files.
+            /// Name in files and on the command line.
             pub fn name(self) -> &'static str {
                 $list[usize::from(self.0)].name
             }
 
-            /// The material; its texture is cached while in use.
+            /// Material with this name; its texture is cached while it is in use.
             pub(crate) fn material(self) -> genmanip_core::Material {
                 type Known = std::sync::Weak<genmanip_core::Texture>;
                 static MADE: std::sync::Mutex<[Known; $list.len()]> =
@@ -116,7 +116,8 @@ pub(crate) const fn patterned(
 }
 
 impl Patterned {
-    /// Material with the pattern as texture (`size`² texels), which is made if nothing holds it.
+    /// Material with the pattern as its texture of `size` × `size` texels, which is generated unless `made` still
+    /// refers to it.
     pub fn material(&self, made: &mut Weak<Texture>, size: u32) -> Material {
         let texture = made.upgrade().unwrap_or_else(|| Arc::new(self.texture(size)));
         *made = Arc::downgrade(&texture);
@@ -138,14 +139,15 @@ impl Patterned {
 }
 
 impl Pattern {
-    /// Mixing weight of the second colour at texture coordinates, about 0-1.
+    /// Weight of the second colour at texture coordinates (0-1); rounding or noise may exceed 0-1 slightly.
     pub fn mix(self, u: f32, v: f32) -> f32 {
         match self {
             Grain { bands } => grain(u, v, bands),
             Boards { count } => {
                 let across = u * count as f32;
                 let board = across as u32;
-                // Each board is a different piece of wood, with its ends elsewhere.
+                // The grain of each board is shifted by its own offset, so that boards look like different pieces of
+                // wood.
                 let own = hash(board.wrapping_mul(7919) + count);
                 let joint = smooth_edge((across.fract() - 0.5).abs(), 0.5 - 0.0035 * count as f32, 0.5);
                 let end = smooth_edge(((v + own).fract() - 0.5).abs(), 0.4985, 0.5);
@@ -214,7 +216,7 @@ impl Pattern {
     }
 }
 
-/// A calm wood of low contrast, so that objects stand out: long fibres along y, wide soft bands.
+/// Wood grain of low contrast, so that objects stand out: long fibres along y, wide soft bands.
 fn grain(u: f32, v: f32, bands: f32) -> f32 {
     let bend = tiling_noise(u, v, 4, 3) * 0.10 + tiling_noise(u, v, 10, 4) * 0.03;
     let band = ((u + bend) * TAU * bands).sin() * 0.5 + 0.5;
@@ -240,7 +242,7 @@ fn tiling_noise(u: f32, v: f32, columns: u32, rows: u32) -> f32 {
     upper + (lower - upper) * fy
 }
 
-/// Integer hash mapped to 0-1.
+/// Hash of an integer, mapped to 0-1.
 fn hash(cell: u32) -> f32 {
     let mut hash = cell.wrapping_mul(0x9E37_79B1);
     hash = (hash ^ (hash >> 15)).wrapping_mul(0x85EB_CA77);

@@ -8,28 +8,28 @@ use crate::scene::table_tops::TableTop;
 use crate::scene::variation::{ObjectVariation, RenderVariation};
 use crate::scene::walls::{Room, Wall};
 
-/// Largest translation (m) and rotation (rad) of a camera per axis, by its mount. Chosen: a tripod repositioned by
-/// hand, and a bracket with some play.
+/// Largest translation (m) and rotation (rad) of a camera per axis, by its mount. Chosen by hand: a tripod repositioned
+/// by hand, and a bracket with some play.
 const TREMBLE: [(CameraMount, f64, f64); 2] = [(CameraMount::World, 0.02, 0.017), (CameraMount::Hand, 0.004, 0.012)];
-/// Largest relative change of an object's colour channels, roughness and metallic parameter. Chosen: visible side by
-/// side, but no colour changes its name.
+/// Largest relative change of an object's colour channels, roughness and metallic parameter. Chosen by hand: visible
+/// side by side, but no colour changes its name.
 const PAINT: [f32; 3] = [0.10, 0.15, 0.1];
 
-/// A variation of the named parts sampled from a seed; the rest keeps the defaults.
+/// Variation whose parts `vary` are sampled from a seed; the others have default values.
 pub fn sampled(seed: Seed, vary: &[AppearanceFactor]) -> RenderVariation {
     varied(&RenderVariation::default(), &AppearanceRandomisation::new(seed, vary.to_vec()))
 }
 
-/// Applies an appearance randomisation to a variation; parts that it does not name stay.
+/// Applies an appearance randomisation to a variation; parts that the randomisation does not name are unchanged.
 ///
 /// The key light comes from 35 to 80 degrees above the table, from any side, with a colour temperature of 3000 K to
 /// 7500 K. All ranges are chosen around the default so that everything stays recognisable. Numbers are interpolated
-/// from the given to the sampled value by the strength; table top and room change at any strength.
+/// from the given to the sampled value by the strength; table top and room change at any strength above 0.
 pub fn varied(usual: &RenderVariation, look: &AppearanceRandomisation) -> RenderVariation {
     let mut variation = usual.clone();
     let share = look.strength as f32;
     for &part in &look.vary {
-        // Each part has its own stream, so that varying another one changes nothing here.
+        // Each factor has its own stream, so that varying another factor does not change this one.
         let own = look.seed.fork(part.name());
         let rng = &mut own.rng();
         match part {
@@ -57,7 +57,7 @@ pub fn varied(usual: &RenderVariation, look: &AppearanceRandomisation) -> Render
     variation
 }
 
-/// The camera with a pose perturbed from the seed; unchanged when cameras are not varied.
+/// Camera whose pose is perturbed from the seed; unchanged unless `vary` names the cameras.
 #[must_use]
 pub fn moved(camera: &Camera, seed: Seed, vary: &[AppearanceFactor]) -> Camera {
     let tremble =
@@ -66,7 +66,7 @@ pub fn moved(camera: &Camera, seed: Seed, vary: &[AppearanceFactor]) -> Camera {
     jittered(camera, shift_m, turn_rad, &mut seed.fork(AppearanceFactor::Camera.name()).fork(&camera.name).rng())
 }
 
-/// The camera translated and rotated by uniform random amounts up to `shift_m` and `turn_rad` per axis.
+/// Camera translated and rotated by uniform random amounts of up to `shift_m` and `turn_rad` per axis.
 #[must_use]
 pub fn jittered(camera: &Camera, shift_m: f64, turn_rad: f64, rng: &mut impl Rng) -> Camera {
     let mut within = |most: f64| most * (2.0 * rng.random::<f64>() - 1.0);
@@ -94,7 +94,7 @@ fn mix(from: f32, to: f32, share: f32) -> f32 {
     (1.0 - share) * from + share * to
 }
 
-/// Wall colour: any hue, low saturation, rarely dark.
+/// Background colour: any hue, low saturation, rarely dark.
 fn background(rng: &mut impl Rng) -> [u8; 3] {
     let (hue, saturation, value) = (between(rng, 0.0, 6.0), between(rng, 0.0, 0.3), between(rng, 0.45, 1.0));
     [5.0, 3.0, 1.0].map(|offset: f32| {
@@ -104,14 +104,15 @@ fn background(rng: &mut impl Rng) -> [u8; 3] {
     })
 }
 
-/// A room with probability 0.75.
+/// Random room with probability 0.75, otherwise `None`.
 fn room(rng: &mut impl Rng) -> Option<Room> {
     let wall = Wall::all().nth(rng.random_range(0..Wall::all().len()))?;
     let floor = TableTop::all().nth(rng.random_range(0..TableTop::all().len()))?;
     (rng.random::<f32>() < 0.75).then_some(Room { wall, floor })
 }
 
-/// sRGB of a black body, brightest channel 1: the fit by T. Helland, "How to convert temperature (K) to RGB" (2012).
+/// sRGB colour of a black body with 1 as its largest channel: fit by T. Helland, "How to convert temperature (K) to
+/// RGB" (2012).
 fn lamp(kelvin: f32) -> [f32; 3] {
     let t = kelvin / 100.0;
     let red = if t <= 66.0 { 255.0 } else { 329.7 * (t - 60.0).powf(-0.133_2) };

@@ -4,20 +4,20 @@ use glam::{Vec2, Vec3A};
 
 use crate::scene::mesh::Mesh;
 
-/// Top of a support surface.
+/// Horizontal top of a support surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SupportTop {
-    /// Part of its slab.
+    /// Index of the slab's part.
     pub part: usize,
-    /// Height in the world (m).
+    /// World z (m).
     pub height: f32,
-    /// Corners of its bounding rectangle in the world (m).
+    /// Lower and upper corner of the bounding rectangle in the world (x, y; m).
     pub low: Vec2,
     pub high: Vec2,
 }
 
 impl SupportTop {
-    /// Top of a slab that is fixed in the world; `None` if it is not horizontal.
+    /// Top of a slab that is fixed in the world; `None` if the slab is not horizontal.
     pub fn of(part: usize, slab: &Mesh) -> Option<Self> {
         let height = slab.positions.iter().map(|place| place.z).reduce(f32::max)?;
         let top = slab.positions.iter().filter(|place| height - place.z < 1e-6).map(|place| place.truncate());
@@ -25,12 +25,12 @@ impl SupportTop {
         low.cmplt(high).all().then_some(Self { part, height, low, high })
     }
 
-    /// Area of the bounding rectangle [m²].
+    /// Area of the bounding rectangle (m²).
     pub fn area(&self) -> f32 {
         (self.high - self.low).element_product()
     }
 
-    /// True if the rectangle is above or below a position.
+    /// True if the position lies above or below the bounding rectangle.
     pub fn is_under(&self, place: Vec3A) -> bool {
         let flat = place.truncate();
         self.low.cmple(flat).all() && flat.cmple(self.high).all()

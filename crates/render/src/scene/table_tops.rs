@@ -3,20 +3,20 @@
 use crate::scene::patterns::Pattern::{Boards, Brushed, Checks, Concrete, Flecks, Grain, Plain, Tiles, Veins, Weave};
 use crate::scene::patterns::{Patterned, named_materials, patterned as top};
 
-/// Size of one texture repetition (m).
+/// Side of the square that one repetition of a texture covers (m).
 pub(crate) const TOP_SIZE_M: f32 = 1.5;
-/// Texels per side of a texture: 1.5 mm each.
+/// Texels along a side of a texture, each 1.5 mm wide.
 const SIZE: u32 = 1024;
 
 named_materials!(
-    /// A material of support surfaces and floors, by its name in files and on the command line.
+    /// Material of support surfaces and floors, by its name in files and on the command line.
     TableTop,
     "table top",
     TOPS,
     SIZE
 );
 
-/// All materials, the default first. Colours and roughness are chosen to match their names; none is so dark or
+/// All materials, the default first. Colours and roughness were chosen by hand to match the names; none is so dark or
 /// saturated that objects on it would be hard to see.
 const TOPS: [Patterned; 32] = [
     top("pale_oak", Grain { bands: 9.0 }, [222, 209, 190], [194, 176, 152], 0.55, 0.0),
@@ -66,8 +66,8 @@ mod tests {
         assert!(TableTop::all().len() >= 30);
     }
 
-    /// Neighbours over the border differ no more than those on both sides of some line inside: checks and joints are lines,
-    /// too.
+    /// Textures tile seamlessly: neighbouring texels differ no more across the border than across some line inside,
+    /// such as a joint or the edge of a check.
     #[test]
     fn tops_repeat_without_a_seam() {
         const ROWS: u32 = 32;

@@ -11,27 +11,27 @@ use multiversion::multiversion;
 
 use crate::simd::{BatchColumn, CHUNK, Column, floor, lerp, nearest_integer, polynomial, whole_registers, within};
 
-/// A texture and its mip levels, created on first use.
+/// Texture with its mip levels, which are created on first use.
 #[derive(Debug)]
 pub struct MipTexture {
     texture: Arc<Texture>,
     levels: OnceLock<Pyramid>,
 }
 
-/// All mip levels in one list.
+/// Mip levels of a texture; their texels are stored one level after the other.
 #[derive(Debug)]
 struct Pyramid {
     levels: Vec<Level>,
-    /// 8-bit sRGB, which fits the cache; the fourth byte is padding.
+    /// 8-bit sRGB, small enough for the processor's cache; the fourth byte is padding.
     texels: Vec<[u8; 4]>,
 }
 
-/// A mip level with a border of one texel from the opposite side: textures repeat.
+/// Mip level with a border of one texel, copied from the opposite side since textures repeat.
 #[derive(Clone, Copy, Debug)]
 struct Level {
     width: f32,
     height: f32,
-    /// Texels per row with the border, and index of the first one.
+    /// Texels per row including the border, and index of the level's first texel in [`Pyramid::texels`].
     stride: u32,
     first: u32,
 }
@@ -39,14 +39,14 @@ struct Level {
 /// Texture lookups of a batch of points.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Samples {
-    /// Mip level.
+    /// Mip level, 0 for full detail.
     octave: Column<u32>,
     levels: Levels,
-    /// Bilinear weights.
+    /// Texture coordinates first, then bilinear weights.
     x: BatchColumn,
     y: BatchColumn,
     index: Column<u32>,
-    /// Upper and lower pair of texels, left one first.
+    /// Upper and lower pair of texels; within a pair, the left one first.
     texels: [Column<[u32; 2]>; 2],
 }
 
@@ -60,20 +60,20 @@ struct Levels {
 }
 
 impl MipTexture {
-    /// The texture with its mip levels, cached per process while in use; `None` for an empty or incomplete texture.
+    /// Texture with mip levels, cached in the process while in use; `None` for an empty or incomplete texture.
     pub fn shared(texture: &Arc<Texture>) -> Option<Arc<Self>> {
         static KNOWN: Mutex<BTreeMap<usize, Arc<MipTexture>>> = Mutex::new(BTreeMap::new());
         let (width, height) = (texture.width as usize, texture.height as usize);
         let is_whole = width > 0 && height > 0 && texture.rgb.len() == width * height * 3;
-        // A poisoned lock still guards a consistent map.
+        // The map is consistent even if a thread panicked while it held the lock.
         let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-        // Dropped when nobody else holds the texture.
+        // Drops textures that only this cache still holds.
         known.retain(|_, made| Arc::strong_count(&made.texture) > 1 || Arc::strong_count(made) > 1);
         let new = || Arc::new(Self { texture: Arc::clone(texture), levels: OnceLock::new() });
         is_whole.then(|| Arc::clone(known.entry(Arc::as_ptr(texture) as usize).or_insert_with(new)))
     }
 
-    /// Texels per unit square of texture coordinates.
+    /// Number of texels of the full-detail image, that is per unit square of texture coordinates.
     pub fn texels(&self) -> f32 {
         (self.texture.width as usize * self.texture.height as usize) as f32
     }
@@ -100,7 +100,7 @@ impl MipTexture {
         upper.lerp(texel(0, 1).lerp(texel(1, 1), share.x), share.y)
     }
 
-    /// Samples linear colours, times a tint, for `count` points.
+    /// Samples the linear colours, multiplied by a tint, at `count` points.
     pub(crate) fn sample(
         &self,
         count: usize,
@@ -135,12 +135,13 @@ impl Samples {
         }
     }
 
-    /// Finds the first of the four texels around a point.
+    /// Sets the index of the first of the four texels around point `i`, and its bilinear weights.
     #[inline(always)]
     fn find(&mut self, i: usize, [u, v]: [f32; 2], level: Level) {
         let column = (u - floor(u)).mul_add(level.width, 0.5);
         let row = (v - floor(v)).mul_add(level.height, 0.5);
-        // Includes the border; also clamps coordinates that are not finite.
+        // Also clamps coordinates that are not finite; the border makes the last texel's right and lower neighbours
+        // valid.
         let (left, top) = (within(floor(column), 0.0, level.width), within(floor(row), 0.0, level.height));
         self.x[i] = column - left;
         self.y[i] = row - top;
@@ -148,7 +149,7 @@ impl Samples {
     }
 }
 
-/// Mip levels of a batch: about one texel per pixel.
+/// Mip levels of a batch, with about one texel per pixel.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn find_octaves(count: usize, texels_per_pixel: &BatchColumn, octaves: &mut Column<u32>) {
     for i in 0..whole_registers(count) {
@@ -159,7 +160,8 @@ fn find_octaves(count: usize, texels_per_pixel: &BatchColumn, octaves: &mut Colu
 /// Mip level of one point.
 #[inline(always)]
 fn octave(texels_per_pixel: f32) -> u32 {
-    // The exponent of the float is the rounded-down logarithm; half a level more would blur, less would alias.
+    // The exponent of a float is its rounded-down binary logarithm. A level half a step higher would blur, one half a
+    // step lower would alias.
     let texels = if texels_per_pixel > 1.0 { texels_per_pixel } else { 1.0 };
     ((texels * 1.19).to_bits() >> 23) - 127
 }
@@ -187,7 +189,8 @@ fn mix_texels(count: usize, tint: [f32; 3], samples: &Samples, out: &mut [BatchC
     }
 }
 
-/// sRGB to linear with a relative error of 0.4 %: polynomial fit of the power 0.4.
+/// Linear value of an sRGB value in 0-1, with a relative error of 0.4 %: `t²` times a polynomial fit of `t` to the
+/// power 0.4.
 #[inline(always)]
 fn linear_of(value: f32) -> f32 {
     let t = value.mul_add(1.0 / 1.055, 0.055 / 1.055);
@@ -208,7 +211,7 @@ impl Pyramid {
         pyramid
     }
 
-    /// A mip level, or the smallest one.
+    /// Mip level `octave`, or the smallest level if there are fewer.
     fn at(&self, octave: u32) -> &Level {
         &self.levels[(octave as usize).min(self.levels.len() - 1)]
     }

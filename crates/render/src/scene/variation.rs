@@ -1,4 +1,4 @@
-//! Appearance of a rendering: light, exposure, background, support surface and object paint.
+//! Variation of a rendering: light, exposure, background, support surface and paint of objects.
 
 use genmanip_core::Seed;
 use glam::Vec3A;
@@ -12,7 +12,7 @@ use crate::scene::table_tops::TableTop;
 use crate::scene::texture::linear_from_srgb;
 use crate::scene::walls::Room;
 
-/// Light and appearance of a rendering. Colours are sRGB, 0-1 unless noted.
+/// Light and appearance of a rendering. Colours are sRGB, each channel 0-1 unless noted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RenderVariation {
@@ -20,57 +20,57 @@ pub struct RenderVariation {
     pub light_direction: [f32; 3],
     /// Colour of the key light.
     pub light_color: [f32; 3],
-    /// Brightness of a white surface that faces the key light, before exposure.
+    /// Brightness (radiance) of a white surface that faces the key light, before exposure.
     pub light_intensity: f32,
-    /// Angular radius of the key light (rad): sets the width of penumbrae.
+    /// Angular radius of the key light (rad), which determines the width of penumbrae.
     pub light_angular_radius: f32,
     /// Colour of the sky.
     pub sky_color: [f32; 3],
-    /// Colour of the ground reflection.
+    /// Colour of the studio's ground, which reflects light upwards.
     pub ground_color: [f32; 3],
-    /// Brightness of a white surface that faces the sky only, before exposure.
+    /// Brightness (radiance) of a white surface that faces the sky and gets no key light, before exposure.
     pub ambient_intensity: f32,
     /// Factor applied before tone mapping.
     pub exposure: f32,
     /// Background colour, 0-255, written without lighting or tone mapping.
     pub background: [u8; 3],
-    /// Room shown instead of the background colour; it has neither depth nor ids.
+    /// Room shown instead of the background colour, without depth and ids; `None` for the colour.
     pub room: Option<Room>,
     /// Material of the first support surface.
     pub table_top: TableTop,
-    /// Tint that multiplies the texture of that surface.
+    /// Tint that multiplies the texture of the first support surface.
     pub table_color: [f32; 3],
-    /// Variation of the objects' paint; `None` keeps it.
+    /// Variation of the objects' paint; `None` for the original paint.
     pub objects: Option<ObjectVariation>,
-    /// Radius of the ambient occlusion (m); 0 switches it off.
+    /// Radius within which surfaces occlude ambient light (m); 0 switches ambient occlusion off.
     pub occlusion_radius_m: f32,
-    /// Strength of the ambient occlusion, 0-2: factor on the darkening by nearby surfaces.
+    /// Strength of the ambient occlusion, 0-2, as a factor on the darkening.
     pub occlusion_strength: f32,
-    /// Texels per side of the shadow map, at most 8192; images of at most 128 px use fewer. 0 switches shadows off.
+    /// Texels along a side of the shadow map, at most 8192; images of at most 128 px use fewer. 0 switches shadows off.
     pub shadow_resolution: u32,
-    /// Centre of the ball in which objects cast shadows, world frame (m).
+    /// Centre of the sphere in which objects cast shadows, world frame (m).
     pub shadow_center: [f32; 3],
-    /// Radius of that ball (m).
+    /// Radius of that sphere (m).
     pub shadow_radius_m: f32,
 }
 
-/// Variation of the objects' paint, sampled per object: all its parts change alike.
+/// Variation of the objects' paint, sampled once per object for all of its parts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectVariation {
-    /// Seed of the samples.
+    /// Seed of the sampled paints.
     pub seed: Seed,
-    /// Largest relative change of each colour channel; hues stay recognisable while it is small.
+    /// Largest relative change of each colour channel (0.1 for ±10 %); hues stay recognisable if it is small.
     pub tint: f32,
-    /// Largest change of the roughness.
+    /// Largest absolute change of the roughness.
     pub roughness: f32,
-    /// Largest change of the metallic parameter of metals; other materials keep theirs.
+    /// Largest absolute change of the metallic parameter of metals; other materials keep theirs.
     #[serde(default)]
     pub metallic: f32,
 }
 
 impl RenderVariation {
-    /// Materials of all parts of the assets.
+    /// Materials of all parts of the assets under this variation, by part index.
     #[doc(hidden)]
     pub fn materials(&self, assets: &RenderAssets) -> Vec<Material> {
         let mut materials: Vec<Material> =

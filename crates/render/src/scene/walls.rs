@@ -8,20 +8,20 @@ use crate::scene::patterns::Pattern::{
 use crate::scene::patterns::{Patterned, named_materials, patterned as wall};
 use crate::scene::table_tops::TableTop;
 
-/// Size of one texture repetition (m).
+/// Side of the square that one repetition of a texture covers (m).
 pub(crate) const WALL_SIZE_M: f32 = 2.4;
-/// Texels per side of a texture: 5 mm each.
+/// Texels along a side of a texture, each 5 mm wide.
 const SIZE: u32 = 512;
 
 named_materials!(
-    /// A wall material by its name in files.
+    /// Wall material, by its name in files.
     Wall,
     "wall",
     WALLS,
     SIZE
 );
 
-/// All wall materials. Colours are chosen to match their names.
+/// All wall materials. Colours were chosen by hand to match the names.
 const WALLS: [Patterned; 32] = [
     wall("white_paint", Plain, [232, 231, 228], [224, 223, 220], 0.8, 0.0),
     wall("cream_paint", Plain, [232, 222, 200], [224, 214, 192], 0.8, 0.0),
@@ -57,7 +57,7 @@ const WALLS: [Patterned; 32] = [
     wall("checked_cloth", Checks { count: 24 }, [222, 218, 210], [146, 160, 150], 0.9, 0.0),
 ];
 
-/// A room around the scene.
+/// Materials of the room around the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Room {

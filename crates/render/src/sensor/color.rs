@@ -11,7 +11,8 @@ use super::noise::bell;
 use crate::encode;
 use crate::scene::texture::{linear_from_srgb8, srgb8_from_linear};
 
-/// Image of the sensor from an ideal 8-bit sRGB image, whose linear values are taken as light; 1.0 fills the wells.
+/// Image of the sensor from an ideal 8-bit sRGB image, whose linear values are taken as light; at 1.0 a pixel reaches
+/// its full-well capacity.
 pub(super) fn exposed(
     settings: &ColorSensor,
     [width, height]: [u32; 2],
@@ -42,7 +43,7 @@ pub(super) fn exposed(
     }
 }
 
-/// Round trip through JPEG.
+/// Image after JPEG compression and decompression, 8-bit RGB.
 fn compressed(width: u32, height: u32, rgb: &[u8], quality: u8) -> Result<Vec<u8>, String> {
     let bytes = encode::jpeg_rgb(width, height, rgb, quality).map_err(|error| format!("no JPEG of it: {error}"))?;
     let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB);

@@ -1,4 +1,4 @@
-//! Stereo depth: occlusion in the second imager, low returns and disparity noise.
+//! Stereo depth: occlusion in the second imager, weak returns and disparity noise.
 
 use genmanip_core::glam::DVec2;
 use genmanip_core::{DepthSensor, Intrinsics, Seed};
@@ -8,22 +8,22 @@ use rand::{Rng, RngExt};
 use super::noise::bell;
 use crate::job::FrameBuffers;
 
-/// Relative difference in depth between neighbouring pixels on different surfaces; chosen.
+/// Relative difference in depth from which neighbouring pixels count as different surfaces. Chosen by hand.
 const EDGE: f32 = 0.02;
-/// Probabilities that a pixel at an edge has no depth, or the depth of the other side; chosen.
+/// Probabilities that a pixel at a depth edge has no depth, or the depth of a neighbour. Chosen by hand.
 const EDGE_LOST: f32 = 0.25;
 const EDGE_MIXED: f32 = 0.25;
-/// Difference in disparity at which a nearer surface hides a pixel from the second imager (px); on slanted surfaces
+/// Difference in disparity (px) from which a nearer surface occludes a pixel in the second imager. On slanted surfaces,
 /// half of the neighbouring pixels differ by less.
 const HIDING_PX: f32 = 1.0;
-/// Size of patches with weaker or stronger returns (px), and their amplitude; chosen: holes of real cameras are
-/// connected.
+/// Size (px) of patches with weaker or stronger returns, and relative amplitude. Chosen by hand: patches make missing
+/// pixels connected, as in real cameras.
 const PATCH_PX: usize = 6;
 const PATCH_SHARE: f32 = 0.6;
 
-/// Measured depth of an ideal image, 0 for no measurement.
+/// Depth (m) that the sensor measures from an ideal image, row by row; 0 for no measurement.
 ///
-/// `returns` is the retroreflected share of each part; the image holds depth, normals and parts.
+/// `returns` is the retroreflected share of light of each part; `picture` must hold depth, normals and parts.
 pub(super) fn measured(
     settings: &DepthSensor,
     intrinsics: &Intrinsics,
@@ -44,7 +44,7 @@ pub(super) fn measured(
     let mut depth_m = Vec::with_capacity(width * height);
     for index in 0..width * height {
         let (column, row) = (index % width, index / width);
-        // Two numbers per pixel in any case.
+        // Every pixel draws two numbers, so that the noise of one does not depend on the others.
         let (coin, side) = (edges.random::<f32>(), edges.random_range(0..4_usize));
         let mut is_lost = hidden[index] || !seen.is_in_view(column, row);
         let mut true_m = picture.depth_m[index];
@@ -71,7 +71,7 @@ pub(super) fn measured(
     depth_m
 }
 
-/// An ideal depth image and its sensor.
+/// Ideal depth image (m, 0 for the background), with the sensor that measures it.
 struct Seen<'a> {
     settings: &'a DepthSensor,
     intrinsics: &'a Intrinsics,
@@ -81,25 +81,27 @@ struct Seen<'a> {
 }
 
 impl Seen<'_> {
-    /// Pixels hidden from the second imager, or outside its view.
+    /// Per pixel: true if it is occluded in the second imager, or outside that imager's field of view.
     fn hidden(&self) -> Vec<bool> {
         let Intrinsics { fx, cx, .. } = *self.intrinsics;
         let shift = (fx * self.settings.baseline_m) as f32;
         let edge = (self.settings.field_of_view_deg[0].to_radians() / 2.0).tan() * fx;
         let (first, last) = ((cx - edge) as f32, (cx + edge) as f32);
-        // Second imager's row: largest disparity per pixel, as far as it sees this image.
+        // Row of the second imager: largest disparity per pixel. The row is twice as wide as the image, to hold shifted
+        // pixels.
         let reach = self.width * 2;
         let mut nearest = vec![0.0_f32; reach];
         let mut hidden = Vec::with_capacity(self.depth_m.len());
         for row in self.depth_m.chunks_exact(self.width) {
             nearest.fill(0.0);
             let disparity = |depth: f32| if depth > 0.0 { shift / depth } else { 0.0 };
-            // Its columns are counted from half a width before this image's, and clipped.
+            // Index in that row of an image column; the row begins half an image width to the left of the image, and
+            // indices are clamped.
             let column = |at: f32| ((at + 0.5 * self.width as f32).max(0.0) as usize).min(reach - 1);
             for (index, &depth) in row.iter().enumerate() {
                 let disparity = disparity(depth);
                 let at = index as f32 - disparity;
-                // One pixel wide; coverage below a quarter does not count.
+                // A shifted pixel is one pixel wide; an overlap of less than a quarter is ignored.
                 for place in [column(at + 0.25), column(at + 0.75)] {
                     nearest[place] = nearest[place].max(disparity.abs());
                 }
@@ -121,7 +123,7 @@ impl Seen<'_> {
         ((column as f64 - cx) / fx).abs() <= horizontal && ((row as f64 - cy) / fy).abs() <= vertical
     }
 
-    /// Depth of the four neighbours; its own beyond the border.
+    /// Depth (m) of the four neighbours of a pixel; beyond the image border the pixel's own depth.
     fn around(&self, column: usize, row: usize) -> [f32; 4] {
         let at = |column: usize, row: usize| self.depth_m[row * self.width + column];
         [
@@ -132,14 +134,15 @@ impl Seen<'_> {
         ]
     }
 
-    /// Cosine between a normal (times 127) and the view direction.
+    /// Cosine between a normal (times 127) and the direction to the camera; 0 for the background.
     fn cosine(&self, column: usize, row: usize, normal: [i8; 3]) -> f32 {
         let ray = self.intrinsics.unproject(DVec2::new(column as f64, row as f64), 1.0).as_vec3();
         -ray.normalize().dot(Vec3::from_array(normal.map(f32::from)).normalize_or_zero())
     }
 }
 
-/// Noise of variance 1, correlated like that of a window matcher: mean of white noise over 3×3 pixels, times 3.
+/// Noise of variance 1 per pixel, correlated like that of a stereo matcher with a window: three times the mean of white
+/// noise over 3×3 pixels.
 fn smooth_noise(width: usize, height: usize, rng: &mut impl Rng) -> Vec<f32> {
     let mut across = |_| {
         let white: Vec<f32> = (0..width + 2).map(|_| bell(rng)).collect();
@@ -156,7 +159,7 @@ fn smooth_noise(width: usize, height: usize, rng: &mut impl Rng) -> Vec<f32> {
     noise
 }
 
-/// Piecewise factors around 1.
+/// Factors on the returned light, bilinearly interpolated between random values around 1.
 struct Patches {
     columns: usize,
     factors: Vec<f32>,

@@ -5,7 +5,8 @@ use genmanip_core::{Distortion, Intrinsics};
 
 use crate::job::FrameBuffers;
 
-/// Distorted image from a larger pinhole image: colours bilinear, other channels nearest.
+/// Distorted image from a larger pinhole image: colours are interpolated bilinearly, other channels take the nearest
+/// pixel.
 pub(super) fn distorted(
     lens: &Distortion,
     seen: &Intrinsics,
@@ -18,7 +19,8 @@ pub(super) fn distorted(
     let limit = DVec2::new((width - 1) as f64, (height - 1) as f64);
     let place = |index: u32| {
         let at = DVec2::new(f64::from(index % seen.width), f64::from(index / seen.width));
-        // A lens validated along the image border is invertible inside; the centre replaces failures.
+        // A lens validated along the image border is invertible inside it. If the inversion still fails, the centre is
+        // used.
         let point = lens.undistort((at - DVec2::new(seen.cx, seen.cy)) / focal).unwrap_or_default();
         (point * focal + shift).clamp(DVec2::ZERO, limit)
     };

@@ -1,11 +1,13 @@
-//! Lens distortion, exposure, noise and stereo depth: the sensor stage after rendering. A camera without them keeps its bytes.
+//! Lens distortion, exposure, noise and stereo depth: the sensor stage after rendering. A camera without them keeps its
+//! bytes.
 //!
 //! ```text
 //! camera ── pinhole, needed ──► job ── Renderer ──► ideal image ── developed ──► sensor output
 //! ```
 //!
-//! Motion blur averages several images, see [`shutter`]. Depth is measured in the ideal pinhole image, then all channels are
-//! distorted, then the colour imager reads. Ids and normals stay exact: they are labels that no sensor measures.
+//! For motion blur, several images are averaged, see [`shutter`]. Depth is measured in the ideal pinhole image; then
+//! the lens distorts all channels; then noise and exposure of the colour imager are applied. Ids and normals stay
+//! exact: they are labels that no sensor measures.
 
 mod color;
 mod depth;
@@ -23,7 +25,8 @@ use crate::job::{Channels, FrameBuffers};
 use crate::lights::sky::luminance;
 use crate::scene::material::Material;
 
-/// Pinhole camera whose image contains everything visible through a camera's lens; the camera itself without a lens.
+/// Pinhole camera whose image contains everything that a camera sees through its lens; the camera itself if it has no
+/// lens.
 ///
 /// # Errors
 /// A lens whose distortion is not invertible.
@@ -106,8 +109,8 @@ fn distorted(camera: &Camera, pinhole: &Intrinsics, picture: FrameBuffers) -> Fr
     }
 }
 
-/// Retroreflected share of light at normal incidence, averaged over colours: the albedo of diffuse surfaces, the rough
-/// part of a metal's reflection, almost nothing from glass (chosen: cubed opacity).
+/// Share of light that a surface returns towards its source at normal incidence, averaged over colours: the albedo of
+/// diffuse surfaces, the rough part of a metal's reflection, almost nothing from glass (cubed opacity, chosen by hand).
 fn returned(surface: &Material) -> f32 {
     const TEXELS: u32 = 8;
     let texture = surface.texture.as_ref().map_or(1.0, |texture| {

@@ -1,7 +1,7 @@
 //! Motion blur during the exposure.
 //!
-//! A blurred image is the mean, in linear light, of sharp images of states spread evenly over the exposure; the last one is
-//! the present state. Bodies move linearly between known states.
+//! A blurred image is the mean, in linear light, of sharp images of states that are evenly spread over the exposure;
+//! the latest of them is the present state. Bodies move linearly between known states.
 
 #[cfg(test)]
 mod tests;
@@ -13,31 +13,31 @@ use crate::job::{FrameBuffers, FrameState};
 use crate::scene::assets::RenderAssets;
 use crate::scene::texture::{linear_from_srgb8, srgb8_from_linear};
 
-/// Motion on the image below which it stays sharp (px).
+/// Motion in the image below which an image stays sharp (px).
 const SHARP_PX: f64 = 0.5;
-/// Largest number of averaged images; fewer if the motion is shorter in pixels.
+/// Largest number of averaged images; otherwise one per pixel of motion.
 const MOST_PICTURES: usize = 16;
-/// Stride between pixels whose motion is evaluated.
+/// Distance between evaluated pixels along rows and columns (px).
 const STRIDE: usize = 3;
-/// Distance of the background (m).
+/// Distance at which the motion of the background is computed (m); practically infinite.
 const FAR_M: f64 = 1000.0;
 
-/// Recent states.
+/// Present and recent states of the scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Past<'a> {
-    /// Present and earlier states, newest first; at rest before the last one.
+    /// States, newest first; index 0 is the present. Before the last one everything is taken to be at rest.
     pub moments: &'a [FrameState],
     /// Time between two states (s).
     pub step_s: f64,
 }
 
 impl Past<'_> {
-    /// Number of states that cover an exposure time.
+    /// Number of states, the present one included, that cover an exposure time.
     pub fn moments_within(shutter_s: f64, step_s: f64) -> usize {
         1 + (shutter_s / step_s - 1e-9).ceil().max(0.0) as usize
     }
 
-    /// Interpolated state some time ago.
+    /// State `ago_s` before the present, interpolated linearly between known states.
     fn at(&self, ago_s: f64) -> FrameState {
         let (place, last) = (ago_s / self.step_s, self.moments.len() - 1);
         let index = (place as usize).min(last);
@@ -48,9 +48,10 @@ impl Past<'_> {
     }
 }
 
-/// States besides the present one to be averaged for a camera; none for a sharp image.
+/// States to be averaged with the present one for a camera; none for a sharp image.
 ///
-/// Their number follows from the longest motion of what the [`super::pinhole`] image, with depth and parts, shows now.
+/// Their number follows from the longest image motion of the surfaces in `picture`, the present [`super::pinhole`]
+/// image with depth and parts.
 pub fn moments(
     assets: &RenderAssets,
     pinhole: &Camera,
@@ -66,7 +67,7 @@ pub fn moments(
     (1..count).map(|index| past.at(shutter_s * index as f64 / count as f64)).collect()
 }
 
-/// Longest motion on the image during the exposure (px).
+/// Longest motion of any evaluated pixel's surface in the image during the exposure (px).
 fn longest_way_px(
     assets: &RenderAssets,
     pinhole: &Camera,
@@ -79,7 +80,8 @@ fn longest_way_px(
     let states: Vec<FrameState> = times.map(|ago_s| past.at(ago_s)).collect();
     let cameras: Vec<Pose> =
         states.iter().map(|state| pinhole.world_from_camera(&assets.world_from_hand(state))).collect();
-    // Camera axes now to camera axes then, for what moves with each part; the background is fixed to the world.
+    // Transformations from present to earlier camera axes, for points that move with a body; `None` is fixed in the
+    // world, like the background.
     let then_from_now = |body: Option<usize>| -> Vec<Pose> {
         let camera_from = |index: usize| {
             cameras[index].inverse() * body.map_or(Pose::IDENTITY, |body| states[index].body_poses[body])
@@ -100,7 +102,7 @@ fn longest_way_px(
             let point: DVec3 = intrinsics.unproject(last, depth_m);
             let mut way = 0.0;
             for then_from_now in &ways[part] {
-                // Points behind the camera have no image position.
+                // A point that was behind the camera has no image position then.
                 let Some(place) = intrinsics.project(then_from_now.transform_point(point)) else { break };
                 way += place.distance(last);
                 last = place;
@@ -111,7 +113,7 @@ fn longest_way_px(
     longest
 }
 
-/// Mean of 8-bit sRGB images in linear light.
+/// Mean in linear light of 8-bit sRGB images of the same size.
 pub fn mean(pictures: &[Vec<u8>]) -> Vec<u8> {
     let Some(first) = pictures.first() else { return Vec::new() };
     let share = 1.0 / pictures.len() as f32;

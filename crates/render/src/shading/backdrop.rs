@@ -13,14 +13,15 @@ use crate::scene::variation::RenderVariation;
 use crate::scene::walls::WALL_SIZE_M;
 use crate::shading::tone_map::tone_map;
 
-/// Corners of the room in the world (m). Chosen around the default cameras, with the floor of the default world.
+/// Lower and upper corner of the room in the world (m). Chosen by hand around the default cameras, with the floor of
+/// the default world.
 const LOW: Vec3A = Vec3A::new(-1.9, -2.7, -0.75);
 const HIGH: Vec3A = Vec3A::new(3.6, 2.9, 2.2);
-/// Distance (m) within which a room darkens towards its edges, and by how much. Chosen.
+/// Distance (m) over which a room darkens towards its edges, and the share of light lost there. Chosen by hand.
 const EDGE: (f32, f32) = (0.35, 0.3);
-/// Brightness of the ceiling relative to the ambient light. Chosen.
+/// Brightness of the ceiling relative to the ambient light. Chosen by hand.
 const CEILING: f32 = 0.7;
-/// Share of the key light on walls and floor. Chosen: the light is aimed at the scene.
+/// Share of the key light that reaches walls and floor. Chosen by hand: the key light is aimed at the scene.
 const KEY_SHARE: f32 = 0.4;
 
 /// Background colours after tone mapping.
@@ -30,24 +31,24 @@ pub struct Backdrop {
     room: Option<Lit>,
 }
 
-/// A lit room.
+/// Room with its textures and illumination.
 #[derive(Debug)]
 struct Lit {
     wall: Arc<MipTexture>,
     floor: Arc<MipTexture>,
-    /// Irradiance on the sides towards lower and higher coordinates, by axis.
+    /// Irradiance of each side times exposure, by axis: of the side at the lower and at the higher coordinate.
     light: [[Vec3A; 2]; 3],
 }
 
 impl Backdrop {
-    /// The background of a variation.
+    /// Background of a variation, lit by `lighting`.
     pub fn new(variation: &RenderVariation, lighting: &Lighting) -> Self {
         let room = variation.room.and_then(|room| {
             let shared = |material: Material| material.texture.as_ref().and_then(MipTexture::shared);
             let light = |axis: usize, sign: f32| {
                 let mut normal = Vec3A::ZERO;
                 normal[axis] = sign;
-                // Light fixtures hang below the ceiling.
+                // The ceiling is lit like an upward surface, but more weakly, since light fixtures hang below it.
                 let around =
                     if axis == 2 && sign < 0.0 { lighting.around(Vec3A::Z) * CEILING } else { lighting.around(normal) };
                 around + lighting.key * (lighting.to_light.dot(normal).max(0.0) * KEY_SHARE)
@@ -59,12 +60,12 @@ impl Backdrop {
         Self { plain: linear_from_srgb8(variation.background), room }
     }
 
-    /// The colour, if it is constant.
+    /// Background colour if it is constant; `None` if there is a room.
     pub fn plain(&self) -> Option<Vec3A> {
         self.room.is_none().then_some(self.plain)
     }
 
-    /// Colour of a view ray; a room is visible from inside only.
+    /// Background colour along a view ray; a room is visible from inside only, from outside the constant colour is.
     pub fn color(&self, viewpoint: Vec3A, ray: Vec3A) -> Vec3A {
         let is_inside = viewpoint.cmpgt(LOW).all() && viewpoint.cmplt(HIGH).all();
         let Some(room) = self.room.as_ref().filter(|_| is_inside) else { return self.plain };
@@ -80,7 +81,7 @@ impl Backdrop {
             _ if ray.z < 0.0 => (Some(&room.floor), Vec2::new(across(0), across(1))),
             _ => (None, Vec2::ZERO),
         };
-        // The ceiling is white.
+        // The ceiling has no texture: it is plain white.
         let color = texture.map_or(Vec3A::splat(0.8), |texture| texture.at(place / WALL_SIZE_M));
         let (reach, dark) = EDGE;
         let open = (0..3).filter(|&other| other != axis).fold(1.0, |open: f32, other| {

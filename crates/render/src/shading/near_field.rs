@@ -1,4 +1,4 @@
-//! Near-field light: ground bounce and cavity light.
+//! Near-field light: bounce from the support surface, and interreflection in cavities.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -13,7 +13,8 @@ use crate::scene::material::Material;
 use crate::shading::reflectance::cavity_interreflection;
 use crate::simd::dot;
 
-/// Adds the light of the support surface, `eye_height` (m) below the camera, on objects close above it.
+/// Adds the bounce light of the support surface to objects close above it; `eye_height` is the camera's height above
+/// the surface (m).
 #[inline(always)]
 pub(super) fn ground_bounce<const LANES: usize>(
     light: &PartLight<'_>,

@@ -11,8 +11,8 @@ use crate::render_scene::RenderScene;
 use crate::scene::material::Material;
 use crate::scene::mesh::Face;
 
-/// Share of the ambient light that comes from around the key light and is occluded with it: on objects, and on the
-/// support surfaces, whose irradiance grids cover most of it. Fitted to path-traced images.
+/// Share of the ambient light that comes from around the key light, and is occluded together with it: on objects, then
+/// on support surfaces, whose irradiance grids account for most of it. Fitted to path-traced images.
 const WITH_KEY: f32 = 0.1725;
 const WITH_KEY_ON_SUPPORT: f32 = 0.091;
 
@@ -20,7 +20,7 @@ const WITH_KEY_ON_SUPPORT: f32 = 0.091;
 #[derive(Debug)]
 pub(crate) struct ShadedPart<'a> {
     pub faces: &'a [Face],
-    /// Camera position in the body's frame, for meshes with visible back faces.
+    /// Camera position in the body's frame (m); `None` if the part's back faces are never visible.
     pub viewpoint: Option<Vec3A>,
     pub material: &'a Material,
     pub placed: &'a PartView,
@@ -32,17 +32,17 @@ pub(crate) struct ShadedPart<'a> {
 #[derive(Debug)]
 pub(crate) struct PartLight<'a> {
     pub lighting: &'a Lighting,
-    /// Environment prefiltered for its roughness.
+    /// Environment prefiltered for the part's roughness.
     pub glossy: Glossy,
-    /// Irradiance grid, if the part is a support surface.
+    /// Irradiance grid; `None` unless the part is a support surface.
     pub irradiance_grid: Option<&'a IrradianceGrid>,
     /// World z of the support surface below the part (m), which reflects light onto it; `None` for fixtures.
     pub ground: Option<f32>,
-    /// Share of the key light on the body and the surface around it that other bodies leave, 0-1.
+    /// Share of the key light on the body and the surface around it that other bodies do not occlude, 0-1.
     pub ground_lit: f32,
-    /// Proxy with its lit cavity.
+    /// Proxy of the body if light enters its cavity; `None` otherwise.
     pub cavity: Option<&'a Proxy>,
-    /// Share of the body's own bounce light that returns to it, 0-1: less in the dark gripper.
+    /// Factor on the albedo in multi-bounce ambient occlusion, 0-1: less for a body in the dark gripper.
     pub bounce: f32,
 }
 

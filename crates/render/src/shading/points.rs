@@ -12,12 +12,12 @@ use crate::scene::mesh::Face;
 use crate::scene::texture::Samples;
 use crate::simd::{BatchColumn, CHUNK, dot, turned};
 
-/// A batch of shading points of one part.
+/// Batch of shading points of one part.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ShadingPoints {
-    /// Image positions and triangles; not always pixel centres.
+    /// Image positions, depths and triangles of the points; positions need not be pixel centres.
     pub pixels: Pixels,
-    /// Shadow mask and ambient occlusion.
+    /// Shadow mask and ambient occlusion: unoccluded shares of key light and ambient light, 0-1.
     pub shadow: BatchColumn,
     pub ambient: BatchColumn,
     /// Positions in the body's frame (m).
@@ -26,13 +26,13 @@ pub(super) struct ShadingPoints {
     pub normal: [BatchColumn; 3],
     pub u: BatchColumn,
     pub v: BatchColumn,
-    /// Texture area per surface area [1/m²], then texels per pixel.
+    /// Texture area per surface area (1/m²), later replaced by texels per pixel.
     pub texels: BatchColumn,
     pub base: [BatchColumn; 3],
 }
 
 impl ShadingPoints {
-    /// Samples the linear base colour at all points.
+    /// Samples the linear base colour at all points, from texture or material.
     pub fn paint(&mut self, material: &Material, samples: &mut Samples) {
         let tint = material.base.to_array();
         match &material.texture {
@@ -44,7 +44,8 @@ impl ShadingPoints {
     }
 }
 
-/// Interpolates normals and texture coordinates on several triangles; `viewpoint` is given if back faces are visible.
+/// Interpolates normals and texture coordinates where points lie on different triangles; `viewpoint` is `None` if no
+/// back face is visible.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn interpolate(points: &mut ShadingPoints, faces: &[Face], viewpoint: Option<Vec3A>, is_textured: bool) {
     let viewpoint = viewpoint.map(|viewpoint| viewpoint.to_array());
@@ -56,7 +57,7 @@ pub(super) fn interpolate(points: &mut ShadingPoints, faces: &[Face], viewpoint:
         for row in 0..4 {
             mixed[i][row] = at(columns.map(|column| column[row]), place);
         }
-        // Flips the normal towards the viewer.
+        // A back face's normal is flipped towards the viewer.
         if let Some(viewpoint) = viewpoint
             && is_away(face, place, viewpoint)
         {
@@ -73,20 +74,20 @@ pub(super) fn interpolate(points: &mut ShadingPoints, faces: &[Face], viewpoint:
     }
 }
 
-/// A linear function, given by gradient and constant, at a position.
+/// Value at a position of a linear function, given by gradient and constant.
 #[inline(always)]
 fn at([x, y, z, first]: [f32; 4], place: [f32; 3]) -> f32 {
     dot([x, y, z], place) + first
 }
 
-/// True if a triangle shows its back face.
+/// True if the viewer sees a triangle's back face at a position; all in the body's frame.
 #[inline(always)]
 fn is_away(face: &Face, place: [f32; 3], viewpoint: [f32; 3]) -> bool {
     let [x, y, z, _] = face.plane.to_array();
     dot([x, y, z], [place[0] - viewpoint[0], place[1] - viewpoint[1], place[2] - viewpoint[2]]) > 0.0
 }
 
-/// [`interpolate`] on one triangle, with the same bits.
+/// [`interpolate`] for points on a single triangle; results have the same bits.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn interpolate_one<const LANES: usize>(points: &mut ShadingPoints, face: &Face, viewpoint: Option<Vec3A>) {
     let columns = face.columns.map(|column| column.to_array());
@@ -105,7 +106,7 @@ pub(super) fn interpolate_one<const LANES: usize>(points: &mut ShadingPoints, fa
     }
 }
 
-/// Computes positions in the body's frame.
+/// Computes the positions of the points in the body's frame.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn locate<const LANES: usize>(points: &mut ShadingPoints, placed: &PartView, camera: &CameraView) {
     let turn = [placed.body_from_camera.x_axis, placed.body_from_camera.y_axis, placed.body_from_camera.z_axis]
@@ -122,7 +123,7 @@ pub(super) fn locate<const LANES: usize>(points: &mut ShadingPoints, placed: &Pa
     }
 }
 
-/// Computes texels per pixel from the texture density.
+/// Replaces the texture area per surface area by texels per pixel; `texels` is the number of texels of the texture.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn find_footprints<const LANES: usize>(
     points: &mut ShadingPoints,
@@ -138,7 +139,8 @@ pub(super) fn find_footprints<const LANES: usize>(
             [points.place[0][i] - viewpoint[0], points.place[1][i] - viewpoint[1], points.place[2][i] - viewpoint[2]];
         let along = dot(normal, ray).abs();
         let facing = along / dot(ray, ray).mul_add(dot(normal, normal), 1e-20).sqrt();
-        // A grazing view stretches the pixel in one direction; the square root is a compromise.
+        // At grazing angles a pixel covers an elongated area of the texture; the square root is a compromise between
+        // its length and width.
         let facing = (if facing > 0.05 { facing } else { 0.05 }).sqrt();
         points.texels[i] = (points.texels[i] * texels).sqrt() * points.pixels.depth[i] * inverse_focal / facing;
     }

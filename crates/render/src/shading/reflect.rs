@@ -16,14 +16,14 @@ use crate::shading::reflectance::{ambient_fresnel, multibounce_ao, schlick_weigh
 use crate::shading::tone_map::tone_map;
 use crate::simd::{BatchColumn, CHUNK, REGISTER, dot, lerp, turned, within};
 
-/// Strength of twice-reflected key light in concave corners. Fitted to path-traced images.
+/// Strength of key light reflected twice in concave corners. Fitted to path-traced images.
 const CORNER_KEY: f32 = 0.845;
-/// Loss of it where a surface that faces the light is in shadow, and its limit as a multiple of the visible sky: little
-/// light enters deep corners. Fitted likewise.
+/// Loss of that light where a surface that faces the light is in shadow. Then its limit as a multiple of the unoccluded
+/// share of the sky, since little light enters deep corners. Fitted likewise.
 const CORNER_SHADE: f32 = 1.0;
 const CORNER_OPEN: f32 = 2.0;
 
-/// Computes tone-mapped reflected light of a batch.
+/// Computes the tone-mapped reflected radiance of a batch of points.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn reflect(points: &ShadingPoints, part: &ShadedPart<'_>, out: &mut ShadingTerms) {
     if points.pixels.count <= REGISTER {
@@ -33,7 +33,7 @@ pub(super) fn reflect(points: &ShadingPoints, part: &ShadedPart<'_>, out: &mut S
     }
 }
 
-/// Body of [`reflect`], compiled for several instruction sets.
+/// Implementation of [`reflect`], inlined so that it is compiled for several instruction sets.
 #[inline(always)]
 fn reflect_chunk<const LANES: usize>(points: &ShadingPoints, part: &ShadedPart<'_>, out: &mut ShadingTerms) {
     let &ShadedPart { material, placed, camera, ref light, .. } = part;
@@ -54,7 +54,7 @@ fn reflect_chunk<const LANES: usize>(points: &ShadingPoints, part: &ShadedPart<'
     tone_map_all::<LANES>(material.opacity < 1.0, out);
 }
 
-/// Unit normals and view directions.
+/// Computes unit normals, unit directions to the viewer, and the cosines between them.
 #[inline(always)]
 fn face_viewer<const LANES: usize>(
     points: &ShadingPoints,
@@ -85,7 +85,7 @@ fn face_viewer<const LANES: usize>(
     }
 }
 
-/// Diffuse and specular environment light.
+/// Computes the diffuse and specular environment light.
 #[inline(always)]
 fn environment_term<const LANES: usize>(sky: &Sky, glossy: &Glossy, out: &mut ShadingTerms) {
     for i in 0..LANES {
@@ -109,8 +109,8 @@ fn environment_term<const LANES: usize>(sky: &Sky, glossy: &Glossy, out: &mut Sh
     }
 }
 
-/// Specular highlight of the key light. The light's width adds to that of the lobe, as variances do, so that polished
-/// surfaces show its size.
+/// Computes the specular highlight of the key light. The squared angular radius of the light is added to the squared
+/// width of the lobe, as variances add up, so that polished surfaces show the light's size.
 #[inline(always)]
 fn find_highlights<const LANES: usize>(roughness: f32, lighting: &Lighting, out: &mut ShadingTerms) {
     let to_light = lighting.to_light.to_array();
@@ -131,7 +131,7 @@ fn find_highlights<const LANES: usize>(roughness: f32, lighting: &Lighting, out:
         let denominator = (n_h * n_h).mul_add(square_alpha - 1.0, 1.0);
         let smith = (lit * facing).mul_add(2.0 * (1.0 - alpha), (lit + facing) * alpha);
         let smith = if smith > 1e-4 { smith } else { 1e-4 };
-        // The key light is an irradiance over π, which cancels the π of the distribution.
+        // The key light is given as irradiance over π, which cancels the π of the distribution.
         out.lobe[i] = square_alpha * 0.5 / (denominator * denominator * smith);
         out.weight[i] = schlick_weight(dot(viewer, half));
     }
@@ -140,7 +140,7 @@ fn find_highlights<const LANES: usize>(roughness: f32, lighting: &Lighting, out:
     }
 }
 
-/// Applies the shadow mask to the key light and to the ambient light from its side.
+/// Applies the shadow mask to the key light, and to the ambient light that comes from around the key light.
 #[inline(always)]
 fn apply_shadow<const LANES: usize>(key: &BatchColumn, with_key: f32, out: &mut ShadingTerms) {
     for i in 0..LANES {
@@ -151,7 +151,7 @@ fn apply_shadow<const LANES: usize>(key: &BatchColumn, with_key: f32, out: &mut 
     }
 }
 
-/// Sum of all terms but the light of a cavity.
+/// Sums up all terms except the interreflection in a cavity.
 #[inline(always)]
 fn sum_terms<const LANES: usize>(
     points: &ShadingPoints,
@@ -162,7 +162,7 @@ fn sum_terms<const LANES: usize>(
     let (lighting, bounce) = (light.lighting, light.bounce);
     let (metallic, reflectance, exposure) = (material.metallic, material.reflectance, lighting.exposure);
     let key = lighting.key.to_array();
-    // One interface scatters this share.
+    // Diffuse share of one interface.
     let side = material.scatters();
     for channel in 0..3 {
         let lamp = key[channel];
@@ -180,7 +180,7 @@ fn sum_terms<const LANES: usize>(
     }
 }
 
-/// Specular reflectances for ambient and key light, of a reflectance at normal incidence.
+/// Specular reflectances for ambient light and for the key light; `f0` is the reflectance at normal incidence.
 #[inline(always)]
 fn mirrored_shares(f0: f32, out: &ShadingTerms, i: usize) -> [f32; 2] {
     let ambient = f0.mul_add(out.scale[i], out.bias[i]);
@@ -188,7 +188,7 @@ fn mirrored_shares(f0: f32, out: &ShadingTerms, i: usize) -> [f32; 2] {
     [if ambient > 0.0 { ambient } else { 0.0 }, if direct < 12.0 { direct } else { 12.0 }]
 }
 
-/// Diffuse reflection of ambient light, key light, and key light interreflected in a concave corner.
+/// Diffusely reflected light: ambient light, key light, and key light interreflected in a concave corner.
 #[inline(always)]
 fn scattered([albedo, bounce]: [f32; 2], open: f32, around: f32, arriving: f32, [corner, lamp]: [f32; 2]) -> f32 {
     let enclosed = (1.0 - open) * within(open * CORNER_OPEN, 0.0, 1.0);
@@ -196,7 +196,8 @@ fn scattered([albedo, bounce]: [f32; 2], open: f32, around: f32, arriving: f32, 
     albedo * around.mul_add(multibounce_ao(open, albedo * bounce), corner + arriving)
 }
 
-/// Tone mapping; transparent interfaces add to a tone-mapped background, where only the sum has dark tones.
+/// Tone-maps all colours, except those of transparent interfaces, which are only clamped to 1: they are added to a
+/// background that is already tone-mapped.
 #[inline(always)]
 fn tone_map_all<const LANES: usize>(is_transparent: bool, out: &mut ShadingTerms) {
     for i in 0..LANES {
@@ -216,7 +217,7 @@ mod tests {
     use super::*;
     use crate::scene::variation::RenderVariation;
 
-    /// All instruction sets give the bits of the scalar loop.
+    /// All instruction sets give the same bits as a scalar loop.
     #[test]
     fn wide_registers_give_the_same_bits() {
         let variation = RenderVariation::default();

@@ -14,8 +14,9 @@ pub(crate) fn multibounce_ao(open: f32, albedo: f32) -> f32 {
     if share > open { share } else { open }
 }
 
-/// Light that a cavity's walls reflect after at least one bounce off other walls, relative to the entering light: a
-/// geometric series, as in an integrating sphere. `open` is the share of the walls' view that the opening fills (0-1).
+/// Light that a cavity's walls reflect after at least one reflection off other walls, relative to the entering light: a
+/// geometric series, as in an integrating sphere. `open` is the share of the hemisphere above a wall that the opening
+/// fills (0-1).
 #[inline(always)]
 pub(crate) fn cavity_interreflection(albedo: f32, open: f32) -> f32 {
     let walls = 1.0 - open;
@@ -57,7 +58,7 @@ fn exp2_of_negative(x: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// Open points and black corners keep their share; white corners reflect nearly all light.
+    /// Unoccluded points and black corners keep their share; white corners reflect nearly all light.
     #[test]
     fn bright_corners_are_brighter() {
         for (open, albedo, low, high) in
@@ -68,8 +69,7 @@ mod tests {
         }
     }
 
-    /// A black or an open cavity interreflects nothing; a white one as much as the share of the walls' view that other
-    /// walls fill.
+    /// A black or an open cavity interreflects nothing; a white one as much as the share that is not open.
     #[test]
     fn hollows_throw_back_what_their_walls_do_not_absorb() {
         for (albedo, open, expected) in [(0.0, 0.3, 0.0), (1.0, 0.2, 0.8), (0.5, 1.0, 0.0), (0.5, 0.2, 0.04 / 0.6)] {

@@ -13,33 +13,33 @@ use crate::light_buffer::LightBuffer;
 use crate::scene::texture::{Samples, find_codes, srgb_table};
 use crate::simd::{BatchColumn, CHUNK, Column, REGISTER};
 
-/// A point on the image to be shaded.
+/// Point in the image to be shaded.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ShadingPoint {
-    /// Visibility id.
+    /// Visibility id of the triangle at the point.
     pub id: u32,
     /// Image position (px); integers at pixel centres.
     pub x: f32,
     pub y: f32,
     pub depth: f32,
-    /// Share of the key light that arrives (shadow mask).
+    /// Unoccluded share of the key light (shadow mask), 0-1.
     pub shadow: f32,
-    /// Share of the ambient light that arrives (ambient occlusion).
+    /// Unoccluded share of the ambient light (ambient occlusion), 0-1.
     pub ambient: f32,
 }
 
-/// Shades batches of points of one part.
+/// Shader of batches of points, each batch of one part; keeps its buffers from batch to batch.
 #[derive(Debug, Default)]
 pub(crate) struct Shading {
     points: ShadingPoints,
     samples: Samples,
     reflected: ShadingTerms,
-    /// Indices of the colours in the sRGB table.
+    /// Indices of the colours in [`srgb_table`].
     codes: [Column<u32>; 3],
 }
 
 impl Shading {
-    /// Starts a batch.
+    /// Empties the batch.
     pub fn clear(&mut self) {
         let pixels = &mut self.points.pixels;
         (pixels.count, pixels.is_flat) = (0, true);
@@ -56,7 +56,7 @@ impl Shading {
         pixels.count += 1;
     }
 
-    /// Loads the centres of listed (packed) pixels and their incoming light.
+    /// Replaces the batch by the centres of packed pixels, with their light from the light buffer.
     pub fn load_pixels(&mut self, places: &[u32], light_buffer: &LightBuffer) {
         let ShadingPoints { pixels, shadow, ambient, .. } = &mut self.points;
         pixels.load(places, light_buffer.centers());
@@ -66,7 +66,7 @@ impl Shading {
         clamp_unknown(shadow);
     }
 
-    /// Writes linear display colours and sRGB bytes of a batch of pixel centres.
+    /// Writes linear display colours and sRGB bytes of a batch of pixel centres into images.
     pub fn write(&mut self, colors: &mut [Vec3A], rgb: &mut [u8]) {
         find_codes(&self.reflected.color, &mut self.codes);
         let pixels = &self.points.pixels;
@@ -79,29 +79,29 @@ impl Shading {
         }
     }
 
-    /// Linear display colour of a point.
+    /// Linear display colour of point number `point`, after [`Shading::shade`].
     #[inline(always)]
     pub fn color_of(&self, point: usize) -> Vec3A {
         let [r, g, b] = &self.reflected.color;
         Vec3A::new(r[point], g[point], b[point])
     }
 
-    /// Linear display colours of all points.
+    /// Linear display colours of all points, after [`Shading::shade`].
     pub fn colors(&self) -> &[BatchColumn; 3] {
         &self.reflected.color
     }
 
-    /// Unit normals in the world towards the viewer, and cosines to the view direction.
+    /// Unit normals in the world on the side of the viewer, and their cosines to the direction to the viewer.
     pub fn normals(&self) -> (&[BatchColumn; 3], &BatchColumn) {
         (&self.reflected.normal, &self.reflected.facing)
     }
 
-    /// Linear base colours.
+    /// Linear base colours of all points.
     pub fn bases(&self) -> &[BatchColumn; 3] {
         &self.points.base
     }
 
-    /// Shades the batch as points of a part.
+    /// Shades the points of the batch, all of which lie on `part`.
     pub fn shade(&mut self, part: &ShadedPart<'_>) {
         let Self { points, samples, reflected, .. } = self;
         let &ShadedPart { faces, viewpoint, material, placed, camera, .. } = part;
@@ -121,7 +121,7 @@ impl Shading {
     }
 }
 
-/// Clamps the unknown shadow mask to 0.
+/// Replaces unknown values of the shadow mask, which are negative, by 0.
 #[inline(always)]
 fn clamp_unknown(shadow: &mut BatchColumn) {
     for shadow in shadow.iter_mut() {

@@ -7,29 +7,29 @@ use crate::simd::BatchColumn;
 pub(super) struct ShadingTerms {
     pub normal: [BatchColumn; 3],
     pub(super) viewer: [BatchColumn; 3],
-    /// Cosine between normal and view direction.
+    /// Cosine between normal and direction to the viewer.
     pub facing: BatchColumn,
-    /// Ambient light: diffuse and specular.
+    /// Ambient light for diffuse and for specular reflection (linear RGB).
     pub(super) around: [BatchColumn; 3],
     pub(super) mirrored: [BatchColumn; 3],
     /// Split-sum scale and bias of the ambient Fresnel term.
     pub(super) scale: BatchColumn,
     pub(super) bias: BatchColumn,
-    /// Cosine between normal and direction to the key light; 0 facing away.
+    /// Cosine between normal and direction to the key light; 0 on surfaces that face away from it.
     pub(super) lit: BatchColumn,
-    /// Arriving key light.
+    /// Cosine times shadow mask: arriving share of the key light.
     pub(super) strength: BatchColumn,
     /// Share of the ambient light occluded together with the key light.
     pub(super) occluded_ambient: BatchColumn,
-    /// Share of interreflected key light in concave corners.
+    /// Factor on the interreflected key light in concave corners, 0-1.
     pub(super) corner: BatchColumn,
-    /// Specular lobe of the key light, and Fresnel weight.
+    /// Specular lobe of the key light, and its Schlick weight.
     pub(super) lobe: BatchColumn,
     pub(super) weight: BatchColumn,
     pub color: [BatchColumn; 3],
 }
 
-/// Mirror direction, from twice the cosine between normal and view direction.
+/// Mirror direction of the direction to the viewer; `twice` is twice its cosine to the normal.
 #[inline(always)]
 pub(super) fn mirrored(normal: [f32; 3], viewer: [f32; 3], twice: f32) -> [f32; 3] {
     let along = |axis: usize| normal[axis].mul_add(twice, -viewer[axis]);

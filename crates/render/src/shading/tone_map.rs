@@ -1,11 +1,12 @@
-//! Tone mapping.
+//! Tone mapping with the Khronos PBR Neutral operator.
 
 use crate::simd::lerp;
 
-/// Peak from which colours are compressed, after the toe.
+/// Largest channel from which colours are compressed: 0.8 before the toe, which subtracts 0.04.
 const START: f32 = 0.8 - 0.04;
 
-/// Khronos PBR Neutral: identity below 0.76, highlights compress towards white.
+/// Khronos PBR Neutral: subtracts the toe; results below 0.76 stay unchanged, brighter ones are compressed towards
+/// white.
 #[inline(always)]
 pub fn tone_map(color: [f32; 3]) -> [f32; 3] {
     const DESATURATION: f32 = 0.15;
@@ -25,7 +26,7 @@ pub fn tone_map(color: [f32; 3]) -> [f32; 3] {
     out
 }
 
-/// Toe of [`tone_map`]: darkens dark tones.
+/// Toe of [`tone_map`]: subtracts up to 0.04 from all channels, less in dark colours.
 #[inline(always)]
 fn toe([r, g, b]: [f32; 3]) -> [f32; 3] {
     let low = if r < g { r } else { g };

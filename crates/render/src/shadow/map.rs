@@ -20,18 +20,19 @@ use crate::scene::variation::RenderVariation;
 use crate::shadow::pcss::{PcfTaps, SampleQueue, TAPS, UNKNOWN, even_pattern, near_pattern, tap, turn_of};
 use crate::simd::{BatchColumn, Column, floor, nearest_integer, whole_registers, within};
 
-/// Depth map seen from the key light.
+/// Depth map seen from the key light, with data that allows most lookups to be skipped.
 #[derive(Debug, Default)]
 pub(crate) struct ShadowMap {
     layers: LayeredBuffer,
     casters: Vec<Caster>,
     motions: Vec<Motion>,
-    /// By map tile: largest reversed z in it, and in the light cones of points in it.
+    /// By tile of the map: largest reversed z in the tile; then the largest one in the cones from points of the tile to
+    /// the light, in which blockers may lie.
     own_highest: Vec<f32>,
     highest: Vec<f32>,
-    /// Number of updates.
+    /// Number of updates so far.
     version: u64,
-    /// Version in which each tile last changed.
+    /// Version in which each tile of the map last changed.
     changed_in: Vec<u64>,
     light: KeyLight,
     clear: Clear,
@@ -43,12 +44,12 @@ struct Caster {
     corners: Vec<Corner>,
 }
 
-/// Bounds of an image tile on the shadow map.
+/// Bounds in the shadow map of the points that an image tile shows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MapFootprint {
-    /// First and last column and row of map tiles; first after last for nothing.
+    /// First and last (column, row) of tiles of the map; the first exceeds the last for no points.
     tiles: [[i32; 2]; 2],
-    /// Smallest reversed z.
+    /// Smallest reversed z of the points.
     lowest: f32,
 }
 
@@ -58,11 +59,11 @@ impl Default for MapFootprint {
     }
 }
 
-/// Largest penumbra radius in map tiles, rounded up.
+/// Largest penumbra radius in tiles of the map, rounded up.
 const REACH_TILES: isize = 4;
 
 impl MapFootprint {
-    /// First and last column and row of the map tiles on which its shadows depend.
+    /// First and last (column, row) of the tiles of the map on which shadows within these bounds depend.
     pub fn reach(&self) -> [[isize; 2]; 2] {
         let [from, to] = self.tiles.map(|tile| tile.map(|at| at as isize));
         if from[0] > to[0] {
@@ -72,7 +73,7 @@ impl MapFootprint {
     }
 }
 
-/// Queues of points that may lie in a penumbra: before the blocker search, and before filtering.
+/// Queues of points that may lie in a penumbra: before the blocker search, and between search and filter.
 #[derive(Debug, Default)]
 pub(crate) struct UnresolvedSamples {
     points: MapPoints,
@@ -82,17 +83,18 @@ pub(crate) struct UnresolvedSamples {
 }
 
 impl ShadowMap {
-    /// False without a shadow map.
+    /// False if the variation switches shadows off.
     pub fn is_on(&self) -> bool {
         self.light.size > 0
     }
 
-    /// Number of updates.
+    /// Number of updates so far, to be compared with [`ShadowMap::changed_after`].
     pub fn version(&self) -> u64 {
         self.version
     }
 
-    /// Rasterises the shadow casters of a frame, `size` texels wide; casters at rest are kept.
+    /// Rasterises the shadow casters of a frame into a map of `size` × `size` texels; casters at rest keep their
+    /// texels.
     pub fn update(
         &mut self,
         assets: &RenderAssets,
@@ -146,14 +148,14 @@ impl ShadowMap {
         }
     }
 
-    /// Marks of the map tiles that changed after a version, and tiles per row.
+    /// Per tile of the map, true if it changed after a version; and the number of tiles per row.
     pub fn changed_after(&self, version: u64) -> (impl Iterator<Item = bool>, usize) {
         (self.changed_in.iter().map(move |&changed_in| changed_in > version), self.layers.tile_columns)
     }
 
-    /// Bounds on the map of points and everything between them.
+    /// Bounds in the map of the convex hull of points in the world.
     pub fn footprint_of(&self, points: impl Iterator<Item = Vec3A>) -> MapFootprint {
-        /// The bias along the normal is at most two texels.
+        /// Largest shift of a lookup by the bias along the normal (texels).
         const MARGIN: f32 = 2.0;
         let (low, high) = extremes(points.map(|point| self.light.on_map(self.light.light_from_world * point)));
         let tile = |value: f32| (value.clamp(-1e6, 1e6) / TILE as f32).floor() as i32;
@@ -161,7 +163,7 @@ impl ShadowMap {
         MapFootprint { tiles, lowest: low.reversed_z }
     }
 
-    /// True if no shadow falls on anything within some bounds.
+    /// True if no shadow falls on any point within the bounds.
     pub fn lights(&self, footprint: &MapFootprint) -> bool {
         let count = self.layers.tile_columns;
         let [columns, mut rows] = [0, 1].map(|axis| {
@@ -171,7 +173,7 @@ impl ShadowMap {
         rows.all(|row| self.highest[row * count..][columns.clone()].iter().all(|&high| high <= footprint.lowest))
     }
 
-    /// Writes the shadow mask of points that are lit or facing away; queues the others.
+    /// Writes the shadow mask of points that are certainly lit or face away from the light; queues the others.
     pub fn classify(&self, points: &Points, share: &mut [f32], unresolved: &mut UnresolvedSamples) {
         let UnresolvedSamples { points: on_map, search, filter, taps } = unresolved;
         place_points(&self.light, points, on_map);
@@ -195,14 +197,15 @@ impl ShadowMap {
         }
     }
 
-    /// Resolves the queued points.
+    /// Computes the shadow mask of all points that are still queued.
     pub fn resolve(&self, unresolved: &mut UnresolvedSamples, share: &mut [f32]) {
         let UnresolvedSamples { search, filter, taps, .. } = unresolved;
         self.search(search, filter, taps, share);
         self.filter(filter, taps, share);
     }
 
-    /// Blocker search.
+    /// Searches blockers for the queued points; writes the shadow mask of fully lit points and of umbras, and queues
+    /// the others for the filter.
     fn search(&self, search: &mut SampleQueue, filter: &mut SampleQueue, taps: &mut PcfTaps, share: &mut [f32]) {
         let widest = self.light.search_radius();
         tap(search, &self.layers.target, near_pattern(), taps);
@@ -215,7 +218,7 @@ impl ShadowMap {
             if found == 0.0 {
                 share[pixel] = 1.0;
             } else if found == TAPS as f32 && radius <= widest {
-                // Umbra: a smaller radius would find the same.
+                // Umbra: all taps are blocked, and the smaller radius of the filter would find the same.
                 share[pixel] = 0.0;
             } else if filter.push(search, i, radius) {
                 self.filter(filter, taps, share);
@@ -224,7 +227,7 @@ impl ShadowMap {
         search.count = 0;
     }
 
-    /// Percentage-closer filter with the penumbra radius from the blocker search.
+    /// Computes the shadow mask by percentage-closer filtering, with the penumbra radius from the blocker search.
     fn filter(&self, filter: &mut SampleQueue, taps: &mut PcfTaps, share: &mut [f32]) {
         tap(filter, &self.layers.target, even_pattern(), taps);
         for i in 0..filter.count {
@@ -233,20 +236,21 @@ impl ShadowMap {
         filter.count = 0;
     }
 
-    /// Updates the largest reversed z of each tile and in the light cones of its points.
+    /// Updates the largest reversed z of each tile, and in the cones from points of the tile to the light.
     fn summarise(&mut self) {
         let tiles = self.layers.tile_columns;
         self.own_highest.resize(tiles * tiles, 0.0);
         summarise_tiles(&self.layers.target, &self.layers.changed, &mut self.own_highest);
         let reach = (self.light.search_radius() as usize + 1).div_ceil(TILE);
-        // Distances along both axes add up to at most √2 times the distance.
+        // The cones are computed along one axis after the other; the distances along both axes add up to at most √2
+        // times the true distance.
         let rise = TILE as f32 / self.light.texels_per_m / self.light.spread.max(1e-6) / std::f32::consts::SQRT_2;
         dilate_cones(&self.own_highest, tiles, reach, rise, &mut self.highest);
     }
 }
 
 impl Caster {
-    /// Moves the caster to a pose; returns bounds on the map.
+    /// Places the caster at a pose and projects its vertices; returns its bounds in the map (texels), empty if outside.
     fn place(&mut self, mesh: &Mesh, pose: Pose, light: &KeyLight) -> Rectangle {
         self.pose = pose;
         self.corners.clear();
@@ -262,7 +266,7 @@ impl Caster {
     }
 }
 
-/// Rasterises front faces, or both sides of a mesh that is not closed.
+/// Rasterises the front faces of a caster; both sides if its mesh is not closed.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn draw_caster(mesh: &Mesh, caster: &Caster, target: &mut VisibilityBuffer) {
     if caster.corners.is_empty() {
@@ -271,19 +275,20 @@ fn draw_caster(mesh: &Mesh, caster: &Caster, target: &mut VisibilityBuffer) {
     draw_mesh::<false>(&mesh.triangles, &caster.corners, [true, !mesh.closed], 0, target);
 }
 
-/// True if a material transmits most light.
+/// True if a material transmits so much light that its shadow is lighter
+/// ([`GLASS_SHADE`](crate::shadow::pcss::GLASS_SHADE)).
 fn is_clear(surface: &Material) -> bool {
     luminance((surface.tint(surface.base, 1.0, true) * surface.passing(1.0)).powf(2.0)) > 0.4
 }
 
-/// Depth map of transparent casters; empty except while one is drawn.
+/// Scratch depth map of transparent casters; empty except while one is drawn.
 #[derive(Debug, Default)]
 struct Clear {
     target: VisibilityBuffer,
 }
 
 impl Clear {
-    /// Merges a transparent caster into a map, marking its texels with the lowest bit.
+    /// Merges a transparent caster into a map, and marks its texels by setting their lowest bit.
     fn draw(&mut self, mesh: &Mesh, caster: &Caster, covered: &Rectangle, map: &mut VisibilityBuffer) {
         if (self.target.width, self.target.height) != (map.width, map.height) {
             self.target.reset::<false>(map.width, map.height, 1);
@@ -299,14 +304,14 @@ impl Clear {
     }
 }
 
-/// Points projected onto the map.
+/// Points projected into the shadow map.
 #[derive(Debug, Default)]
 struct MapPoints {
-    /// Positions on the map, and slopes of the receiving planes.
+    /// Positions in the map, and gradients of the receiving planes.
     samples: SampleQueue,
-    /// Map tile.
+    /// Index of the tile of the map.
     tile: Column<u32>,
-    /// Cosine between normal and light.
+    /// Cosine between normal and direction to the light.
     facing: BatchColumn,
 }
 
@@ -339,12 +344,12 @@ fn place_points(light: &KeyLight, points: &Points, out: &mut MapPoints) {
     }
 }
 
-/// Largest reversed z in changed tiles.
+/// Updates the largest reversed z of changed tiles.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn summarise_tiles(target: &VisibilityBuffer, changed: &[bool], highest: &mut [f32]) {
     let tiles = target.width / TILE;
     for (tile, _) in changed.iter().enumerate().filter(|(_, changed)| **changed) {
-        // Per column of the tile: vectorises.
+        // One maximum per column of the tile, so that the loop is vectorised.
         let mut highs = [0.0_f32; TILE];
         for row in 0..TILE {
             let first = (tile / tiles * TILE + row) * target.stride + tile % tiles * TILE;
@@ -357,9 +362,10 @@ fn summarise_tiles(target: &VisibilityBuffer, changed: &[bool], highest: &mut [f
     }
 }
 
-/// Largest value in the light cone above each tile, which rises by `rise` per tile: along rows, then along columns.
+/// Largest value in the cone from each tile to the light, whose height rises by `rise` per tile of distance: first
+/// along rows, then along columns.
 fn dilate_cones(own: &[f32], tiles: usize, reach: usize, rise: f32, out: &mut Vec<f32>) {
-    // Joins each value with one that is `step` tiles away in the other list.
+    // Combines each value with the value `step` tiles away, lowered by the rise of the cone.
     let widen = |list: &mut [f32], others: &[f32], step: usize| {
         let lost = rise * (step - 1) as f32;
         list.iter_mut().zip(others).for_each(|(value, &other)| *value = value.max(other - lost));

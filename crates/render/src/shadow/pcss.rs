@@ -1,4 +1,4 @@
-//! Taps of percentage-closer soft shadows (PCSS).
+//! Shadow-map taps of percentage-closer soft shadows (PCSS).
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -10,24 +10,25 @@ use multiversion::multiversion;
 use crate::raster::VisibilityBuffer;
 use crate::simd::{BatchColumn, CHUNK, Column, nearest_integer, whole_registers, within};
 
-/// Shadow mask of points that face away or are unknown.
+/// Shadow mask of points that face away from the light, and of pixels without a value.
 pub(crate) const UNKNOWN: f32 = -1.0;
-/// Taps of blocker search and filter.
+/// Number of taps of the blocker search, and of the filter.
 pub(crate) const TAPS: usize = 8;
 /// Share of the key light that transparent casters block; their texels have the lowest bit set. Fitted to path-traced
 /// images: more than clear glass reflects, since its edges are seen at grazing angles.
 pub(crate) const GLASS_SHADE: f32 = 0.5;
 /// Exponent that concentrates the taps of the blocker search. Fitted to path-traced images.
 const NEAR: f32 = 2.0;
-/// Rotations of the sampling pattern.
+/// Number of rotations of the sampling pattern.
 const TURNS: usize = 16;
 
-/// A batch of unresolved shadow samples.
+/// Batch of unresolved shadow samples.
 #[derive(Debug, Default)]
 pub(crate) struct SampleQueue {
     pub count: usize,
     pub pixel: Column<u32>,
-    /// Map position, slope of the receiving plane, rotation and radius of the sampling pattern.
+    /// Position in the shadow map (texels) with its reversed z, gradient of the receiving plane's reversed z, rotation
+    /// of the sampling pattern, and its radius (texels).
     pub x: BatchColumn,
     pub y: BatchColumn,
     pub reversed_z: BatchColumn,
@@ -39,7 +40,7 @@ pub(crate) struct SampleQueue {
 }
 
 impl SampleQueue {
-    /// Adds a sample of another queue with a radius; returns true if the queue is full.
+    /// Copies sample `from` of another queue with a new radius; returns true if this queue is then full.
     #[inline(always)]
     pub fn push(&mut self, other: &Self, from: usize, radius: f32) -> bool {
         let to = self.count;
@@ -55,7 +56,8 @@ impl SampleQueue {
 /// Tap positions on the unit disc.
 pub(crate) type Pattern = [[f32; 2]; TAPS];
 
-/// Counts the taps that are closer to the light than the receiving plane, and sums their distances.
+/// Counts the taps that are closer to the light than the receiving plane, and sums their distances in reversed z;
+/// transparent casters count with [`GLASS_SHADE`].
 pub(crate) fn tap(queue: &SampleQueue, map: &VisibilityBuffer, pattern: &Pattern, taps: &mut PcfTaps) {
     place_taps(queue, [map.width, map.stride], pattern, taps);
     for (index, stored) in taps.index.iter().zip(&mut taps.stored) {
@@ -66,7 +68,7 @@ pub(crate) fn tap(queue: &SampleQueue, map: &VisibilityBuffer, pattern: &Pattern
     add_taps(taps, queue.count);
 }
 
-/// Taps of a batch of samples.
+/// Shadow-map lookups (taps) of a batch of samples, and their sums.
 #[derive(Debug, Default)]
 pub(crate) struct PcfTaps {
     index: [Column<u32>; TAPS],
@@ -108,26 +110,26 @@ fn add_taps(taps: &mut PcfTaps, count: usize) {
     }
 }
 
-/// Uniform pattern of the filter.
+/// Pattern of the filter, of uniform density.
 pub(crate) fn even_pattern() -> &'static Pattern {
     static PATTERN: OnceLock<Pattern> = OnceLock::new();
     PATTERN.get_or_init(|| vogel_spiral(0.5))
 }
 
-/// Concentrated pattern of the blocker search: close blockers cast the sharpest shadows.
+/// Pattern of the blocker search, denser near its centre: blockers close to the receiver cast the sharpest shadows.
 pub(crate) fn near_pattern() -> &'static Pattern {
     static PATTERN: OnceLock<Pattern> = OnceLock::new();
     PATTERN.get_or_init(|| vogel_spiral(NEAR))
 }
 
-/// Vogel spiral with radii to a power.
+/// Vogel spiral on the unit disc; `power` is the exponent of the radii, 0.5 for uniform density.
 fn vogel_spiral(power: f32) -> Pattern {
     std::array::from_fn(|tap| {
         (Vec2::from_angle(tap as f32 * 2.399_963) * ((tap as f32 + 0.5) / TAPS as f32).powf(power)).to_array()
     })
 }
 
-/// Sine and cosine of a rotation.
+/// Sine and cosine of rotation number `turn`, modulo [`TURNS`].
 pub(crate) fn turn_of(turn: u8) -> (f32, f32) {
     static TABLE: OnceLock<[(f32, f32); TURNS]> = OnceLock::new();
     let turns = TABLE

@@ -13,16 +13,16 @@ use crate::scene::texture::{find_codes, srgb_table};
 use crate::shading::Shading;
 use crate::simd::{BatchColumn, CHUNK, Column, lerp, within};
 
-/// Number of glass interfaces that tint light near a contact (4: two cup walls; also fits solid feet).
+/// Number of glass interfaces that tint the light near a contact: 4 for the two walls of a cup; also suits solid feet.
 const LIT_THROUGH: f32 = 4.0;
-/// Distance from an object beyond which light is no longer tinted (m). Chosen.
+/// Distance behind a transparent object (m) from which light on a surface is not tinted. Chosen by hand.
 const LIT_THROUGH_M: f32 = 0.02;
 
-/// Transparent pixels of a frame, grouped by surfaces; memory is kept from frame to frame.
+/// Transparent pixels of a frame, grouped by their surfaces; allocations are reused by the next frame.
 #[derive(Debug, Default)]
 pub(crate) struct TransparencyLayers {
     groups: Vec<Group>,
-    /// Group of the last pixel: most pixels have that of their neighbour.
+    /// Index of the last pixel's group, which is tried first, since most pixels have the surfaces of their neighbour.
     last: usize,
     work: Box<Work>,
 }
@@ -30,39 +30,39 @@ pub(crate) struct TransparencyLayers {
 /// Pixels with the same transparent surfaces.
 #[derive(Debug)]
 struct Group {
-    /// Far and near surface number; the first is 0 if there is only one.
+    /// Far and near surface number; the far one is 0 if there is only one interface.
     surfaces: [u32; 2],
     pixels: Vec<Covered>,
 }
 
-/// Result of the opaque pass, over which layers are composited, with scene and view to shade them.
+/// Result of the opaque pass, over which transparent layers are composited, and what is needed to shade the layers.
 pub(crate) struct Opaque<'a> {
     pub scene: &'a RenderScene<'a>,
     pub view: &'a View,
     pub light_buffer: &'a LightBuffer,
-    /// Linear display colours of pixel centres, and of edge pixels.
+    /// Linear display colours of the pixel centres; then those of edge pixels, with their pixel indices.
     pub colors: &'a [Vec3A],
     pub edge_pixels: &'a [(u32, Vec3A)],
 }
 
-/// Scratch memory for a batch.
+/// Scratch memory for a batch of pixels.
 #[derive(Debug, Default)]
 struct Work {
     shading: Shading,
-    /// Far, near.
+    /// Far interfaces, then near ones.
     sides: [Interface; 2],
     rays: RefractedRays,
 }
 
 impl TransparencyLayers {
-    /// Forgets all pixels.
+    /// Removes the pixels of the last frame.
     pub fn clear(&mut self) {
         self.groups.retain(|group| !group.pixels.is_empty());
         self.groups.iter_mut().for_each(|group| group.pixels.clear());
         self.last = 0;
     }
 
-    /// Adds a pixel with one or two layers, which may be an edge pixel.
+    /// Adds a pixel with one or two layers; `edge_pixel` is its index among the edge pixels, if it is one.
     pub fn add(&mut self, pixel: u32, edge_pixel: Option<u32>, [one, other]: [Option<LayerSample>; 2]) {
         let mut layers = [one.or(other).unwrap_or_default(), other.or(one).unwrap_or_default()];
         if layers[0].point.depth < layers[1].point.depth {
@@ -80,7 +80,7 @@ impl TransparencyLayers {
         self.groups[self.last].pixels.push(Covered { pixel, edge_pixel, layers });
     }
 
-    /// Composites all pixels and writes their bytes.
+    /// Composites the layers of all pixels and writes the resulting bytes.
     pub fn show(&mut self, opaque: &Opaque<'_>, rgb: &mut [u8]) {
         let (mut seen, mut codes) = ([BatchColumn::default(); 3], [Column::default(); 3]);
         for Group { surfaces, pixels } in &self.groups {
@@ -104,7 +104,7 @@ impl TransparencyLayers {
 }
 
 impl Work {
-    /// Shades the interfaces of a batch and refracts its view rays.
+    /// Shades the interfaces of a batch; if its surface is a solid object, also refracts the view rays.
     fn shade(&mut self, opaque: &Opaque<'_>, surfaces: [u32; 2], pixels: &[Covered]) {
         let Opaque { scene, view, light_buffer, .. } = opaque;
         for (index, surface) in surfaces.into_iter().enumerate().filter(|(_, surface)| *surface > 0) {
@@ -122,7 +122,7 @@ impl Work {
         }
     }
 
-    /// Finds the opaque colours behind a batch.
+    /// Finds the opaque colour behind each pixel of a batch, along refracted rays if there are any.
     fn look_behind(
         &mut self,
         opaque: &Opaque<'_>,
@@ -136,7 +136,8 @@ impl Work {
         for (i, covered) in pixels.iter().enumerate() {
             let pixel = covered.pixel as usize;
             let aside = self.rays.pixel[i] as usize;
-            // A refracted ray may hit something nearer, or a label on the far interface, which stays in place.
+            // The straight view ray is used if the refracted ray hits something nearer than the object, and for a label
+            // on the far interface, which must not shift.
             let is_aside = self.rays.are_bent && {
                 let (depth, body) = (light_buffer.depth[aside], body_of(u32::from(light_buffer.surface[pixel])));
                 (depth <= 0.0 || depth > self.sides[1].depth[i]) && (body.is_none() || body != own_body)
@@ -149,30 +150,30 @@ impl Work {
     }
 }
 
-/// Number of times the stored far and near interfaces are composited: a pixel stores two, and hidden ones between them
-/// count as equal to these.
+/// Number of times that the stored far and near interfaces are composited. A pixel stores only two interfaces; hidden
+/// ones between them are taken to equal these.
 fn crossings(parts: &[Part], [far, near]: [u32; 2]) -> [usize; 2] {
     let near = &parts[near as usize - 1];
     let Some(far) = far.checked_sub(1).map(|part| &parts[part as usize]) else {
-        // The content of a cup hides its other interfaces.
+        // The content of a cup hides the cup's far interfaces.
         return [1, if near.faces_out && !near.mesh.closed { 2 } else { 1 }];
     };
     if std::ptr::eq(far, near) {
         return if near.mesh.closed { [1, 1] } else { [2, 2] };
     }
-    // A wall around a cavity has two interfaces, and so has the opposite wall.
+    // A wall next to a cavity has two interfaces, and so has the opposite wall.
     let of = |part: &Part| if part.faces_out && !part.mesh.closed { 4 } else { 2 };
     if near.body.is_none() || far.body != near.body {
         [of(far), of(near)]
     } else if near.faces_out {
         [2, if near.mesh.closed { 1 } else { 4 }]
     } else {
-        // Into a cup from above: its inner, then its outer surface.
+        // A view from above into a cup crosses its inner, then its outer surface.
         [1, 1]
     }
 }
 
-/// Tint of light near a contact with the far object; white without one.
+/// Tint of light on opaque surfaces in contact with the far object; white without a far object.
 fn lit_through(scene: &RenderScene<'_>, far: u32) -> [f32; 3] {
     let Some(part) = far.checked_sub(1).map(|part| part as usize) else { return [1.0; 3] };
     let material = &scene.materials[part];
@@ -180,8 +181,7 @@ fn lit_through(scene: &RenderScene<'_>, far: u32) -> [f32; 3] {
     material.tint(material.mean_color(), 1.0, is_shell).powf(LIT_THROUGH).to_array()
 }
 
-/// Composites the interfaces, far first, over the opaque colours. The cavity of a hollow object lies between its near
-/// and far interfaces.
+/// Composites the interfaces, far ones first, over the opaque colours.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn see_through(
     sides: &[Interface],
@@ -204,7 +204,7 @@ fn see_through(
             for i in 0..CHUNK {
                 let mut passed = seen[i];
                 for crossing in 0..crossings[index] {
-                    // The bottom of a cup in contact with its support neither reflects nor absorbs.
+                    // Where the bottom of a cup touches its support, it neither reflects nor absorbs.
                     let touches = if index + crossing == 0 && !side.is_solid { near_by[i] } else { 0.0 };
                     passed = lerp(color[i] + passed * passes[i], passed, touches);
                 }

@@ -13,7 +13,7 @@ use crate::simd::{BatchColumn, CHUNK};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Covered {
     pub pixel: u32,
-    /// Index among the edge pixels.
+    /// Index of the pixel in the list of edge pixels; `None` if it is not one.
     pub edge_pixel: Option<u32>,
     pub layers: [LayerSample; 2],
 }
@@ -22,16 +22,16 @@ pub(super) struct Covered {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct LayerSample {
     pub point: ShadingPoint,
-    /// Share of the pixel that it covers.
+    /// Share of the pixel that the interface covers, 0-1.
     pub coverage: f32,
 }
 
 /// Interfaces of one surface in front of a batch of pixels.
 #[derive(Debug, Default)]
 pub(super) struct Interface {
-    /// True if its mesh is closed (a solid object).
+    /// True if the mesh is closed, so that light passes through a solid object.
     pub is_solid: bool,
-    /// Image position (px), depth (m) and coverage.
+    /// Image position (px), depth (m) and coverage (0-1).
     pub place: [BatchColumn; 2],
     pub depth: BatchColumn,
     pub coverage: BatchColumn,
@@ -43,7 +43,7 @@ pub(super) struct Interface {
 }
 
 impl Interface {
-    /// Shades the far or near interfaces of a batch.
+    /// Shades the far or near interfaces of a batch of pixels, all of the same part.
     pub fn shade(
         &mut self,
         pixels: &[Covered],
@@ -81,7 +81,7 @@ impl Interface {
     }
 }
 
-/// Multiplies the transmittance by what is neither reflected nor scattered.
+/// Multiplies the transmittance by the share of light that is neither reflected nor scattered.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn attenuate(material: &Material, facing: &BatchColumn, passes: &mut [BatchColumn; 3]) {
     for i in 0..CHUNK {

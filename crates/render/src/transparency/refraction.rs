@@ -11,27 +11,28 @@ use crate::lights::lighting::Lighting;
 use crate::shading::tone_map::tone_map;
 use crate::simd::{BatchColumn, CHUNK, Column, dot, nearest_integer, within};
 
-/// Largest displacement of a refracted ray on the image [px]: within the dilation of dirty tiles.
+/// Largest displacement of a refracted ray in the image (px): at most the distance by which dirty tiles spread.
 const MOST_BENT: f32 = (TILE - 1) as f32;
-/// Cosine between the rays inside and behind an object below which the environment is mixed in, and below which it
-/// replaces the image. Chosen.
+/// Cosine between the ray inside and the ray behind an object below which the environment is mixed in, and the smaller
+/// one below which the environment replaces the image. Chosen by hand.
 const ASIDE: [f32; 2] = [0.97, 0.85];
 
-/// A batch of refracted view rays.
+/// Batch of refracted view rays.
 #[derive(Debug, Default)]
 pub(super) struct RefractedRays {
-    /// Pixels that they hit.
+    /// Index of the pixel that shows what each ray hits.
     pub pixel: Column<u32>,
-    /// Environment in their direction, and its weight where a ray leaves the reach of the image.
+    /// Environment radiance in the direction of each ray, and its weight (0-1): above 0 where the image cannot show
+    /// what the ray hits.
     pub around: [BatchColumn; 3],
     pub share: BatchColumn,
-    /// Distance from the far interface to the opaque surface, along the optical axis (m).
+    /// Distance along the optical axis from the far interface to the opaque surface (m).
     pub gap: BatchColumn,
-    /// True if the object refracts.
+    /// True if the rays are refracted, as by a solid object; false if they pass straight.
     pub are_bent: bool,
 }
 
-/// Refracts view rays at the near and far interfaces of a solid object, whose thickness is the distance between both.
+/// Refracts view rays at the near and far interfaces of a solid object; its thickness is the distance between the two.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn refract(
     [far, near]: &[Interface; 2],
@@ -108,7 +109,7 @@ fn put(lanes: &mut [BatchColumn; 3], i: usize, [x, y, z]: [f32; 3]) {
     (lanes[0][i], lanes[1][i], lanes[2][i]) = (x, y, z);
 }
 
-/// World position of a pixel at a depth.
+/// World position (m) of a pixel at a depth along the optical axis (m).
 #[inline(always)]
 fn point_at(
     pixel: [f32; 2],
@@ -125,8 +126,8 @@ fn point_at(
     point
 }
 
-/// Refracted direction of a unit direction at a unit normal, or total internal reflection; `ratio` is the quotient of
-/// the refractive indices before and behind.
+/// Refracted ray of a unit direction at a unit normal; the reflected ray in case of total internal reflection. `ratio`
+/// is the index of refraction before the interface divided by that behind it.
 #[inline(always)]
 fn refracted(along: [f32; 3], normal: [f32; 3], ratio: f32) -> [f32; 3] {
     let facing = -dot(along, normal);

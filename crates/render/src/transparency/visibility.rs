@@ -10,11 +10,11 @@ use crate::scene::assets::RenderAssets;
 /// Nearest and farthest transparent interfaces per sample.
 #[derive(Debug, Default)]
 pub(crate) struct TransparentBuffers {
-    /// Farthest back faces, with complemented reversed z, and nearest front faces.
+    /// Farthest back faces (stored with complemented reversed z), then nearest front faces.
     pub layers: [VisibilityBuffer; 2],
     /// Bounds of the visible transparent parts (px).
     areas: Vec<Rectangle>,
-    /// By tile: true if a transparent part may cover samples of it or next to it; empty before the first frame.
+    /// By tile: true if a transparent part may cover samples of the tile or next to it; empty before the first frame.
     reached: Vec<bool>,
 }
 
@@ -26,7 +26,7 @@ impl TransparentBuffers {
             if (layer.width, layer.height) != (width * scale, height * scale) {
                 layer.reset::<true>(width, height, scale);
             }
-            // Only the areas of the last frame hold samples; the rest is empty already.
+            // Only the areas of the last frame hold samples; all other samples are empty already.
             for area in &self.areas {
                 layer.clear_rectangle(
                     area.columns.start * scale..area.columns.end * scale,
@@ -50,7 +50,7 @@ impl TransparentBuffers {
         }
     }
 
-    /// Bounds of the visible transparent parts, as far as they lie in a rectangle that begins at the first pixel.
+    /// Bounds of the visible transparent parts, clipped at the far ends of a rectangle that begins at pixel (0, 0).
     pub fn areas_within(&self, image: &Rectangle) -> Vec<Rectangle> {
         let cut = |range: &Range<usize>, end: usize| range.start.min(end)..range.end.min(end);
         let areas = self.areas.iter();

@@ -1,8 +1,8 @@
 //! Conversion of policy actions to native joint commands.
 //!
-//! Actions of other spaces than the native one are executed only through this module; the inverse, from recorded
-//! commands to actions, is [`ActionSpec::encode`]. End-effector actions become joint targets by inverse kinematics,
-//! seeded with the reference configuration; unreachable poses are an error, on which [`crate::Driver`] holds the command.
+//! Actions in any space but the native one are executed only through this module; the inverse, from recorded commands
+//! to actions, is [`ActionSpec::encode`]. End-effector actions become joint targets by inverse kinematics, seeded with
+//! the reference configuration. Unreachable poses are an error; [`crate::Driver`] then holds the command in force.
 //!
 //! Deltas from the command are relative to the last request, not to the state reached by then, so that tracking errors
 //! do not accumulate. That reference stays within [`MAX_LEAD_M`], [`MAX_LEAD_RAD`] or [`MAX_LEAD_JOINT_RAD`] of the
@@ -21,12 +21,13 @@ use genmanip_core::{ActionMismatch, ActionSpace, ActionSpec, DeltaFrom, Interpol
 use genmanip_motion::{Chain, IkSettings, InverseKinematics, ModelError};
 use path_follower::Follower;
 
-/// Maximum distance between the reference of tool deltas and the measured tool, m; chosen: several times the tracking
-/// error of free motion, less than half of the usual largest delta.
+/// Maximum distance between the reference of tool deltas and the measured tool, m. Chosen by hand: several times the
+/// tracking error of free motion, less than half of the usual largest delta.
 pub const MAX_LEAD_M: f64 = 0.02;
-/// The same of the rotation, rad.
+/// Maximum angle between the reference of tool deltas and the measured tool, rad. Chosen in the same way.
 pub const MAX_LEAD_RAD: f64 = 0.2;
-/// Maximum difference between the reference of joint deltas and velocities and the measured joint, rad; chosen as above.
+/// Maximum difference between the reference of joint deltas and velocities and the measured joint, rad. Chosen in the
+/// same way.
 pub const MAX_LEAD_JOINT_RAD: f64 = 0.1;
 
 /// Converts actions of one specification for one robot.
@@ -34,12 +35,12 @@ pub const MAX_LEAD_JOINT_RAD: f64 = 0.1;
 pub struct Adapter {
     spec: ActionSpec,
     robot: Arc<RobotModel>,
-    /// `None` for joint spaces.
+    /// Inverse kinematics; `None` for joint spaces.
     kinematics: Option<InverseKinematics>,
     /// Maximum rotation of each arm joint during an action, rad.
     reach: Vec<f64>,
     control_period_s: f64,
-    /// Control steps per action.
+    /// Number of control steps per action.
     repeat: usize,
 }
 
@@ -59,11 +60,11 @@ pub struct ArmReference<'a> {
     pub command: &'a [f64],
     /// Gripper opening of the command in force, m; fully open before the first one.
     pub width_m: f32,
-    /// Current arm joint positions.
+    /// Measured arm joint positions.
     pub measured: &'a [f64],
     /// Arm joint positions when the chunk was requested.
     pub chunk_start: &'a [f64],
-    /// Part of the path that earlier actions left unexecuted.
+    /// Rest of the path that earlier actions have not executed.
     pub pending: &'a Pending,
 }
 
@@ -79,37 +80,37 @@ pub enum AdapterError {
     /// An action of the wrong length.
     #[error("expected {expected} numbers ({spec}), got {got}")]
     Length {
-        /// Expected length.
+        /// Length that the specification requires.
         expected: usize,
-        /// Meaning of the numbers.
+        /// Meaning of the action's entries, from the specification.
         spec: String,
-        /// Actual length.
+        /// Length of the action.
         got: usize,
     },
     /// A NaN or infinite value.
     #[error("number {index} of the action is {value}, expected a finite one")]
     NotFinite {
-        /// Its index.
+        /// Index of the value in the action.
         index: usize,
-        /// Its value.
+        /// Value at that index.
         value: f32,
     },
     /// Numbers that do not encode a rotation.
     #[error("expected a rotation as {encoding}, got {numbers:?}")]
     NoRotation {
-        /// Name of the encoding.
+        /// Name of the rotation encoding.
         encoding: &'static str,
-        /// The numbers.
+        /// Entries of the action that should encode the rotation.
         numbers: Vec<f64>,
     },
     /// A pose that no configuration of the arm reaches.
     #[error("no configuration of the arm brings the tcp to x {x_m:.3}, y {y_m:.3}, z {z_m:.3} m in that orientation")]
     OutOfReach {
-        /// Along x, metres.
+        /// Position along x in the world frame, metres.
         x_m: f64,
-        /// Along y, metres.
+        /// Position along y in the world frame, metres.
         y_m: f64,
-        /// Along z, metres.
+        /// Position along z in the world frame, metres.
         z_m: f64,
     },
 }
@@ -137,7 +138,7 @@ impl Adapter {
         Ok(Self { spec, robot: Arc::clone(robot), kinematics, reach, control_period_s, repeat })
     }
 
-    /// Control steps per action.
+    /// Number of control steps per action.
     pub fn repeat(&self) -> usize {
         self.repeat
     }
@@ -198,7 +199,7 @@ impl Adapter {
                 let in_force = from.command.iter().copied().chain([f64::from(from.width_m)]);
                 in_force.zip(&target).map(|(old, &new)| (old + (f64::from(new) - old) * share) as f32).collect()
             }
-            // The last command is bit-identical to the target.
+            // The last command must be bit-identical to the target.
             Interpolation::Linear | Interpolation::Hold => target.clone(),
         };
         Ok(NativeAction { commands: (1..=self.repeat).map(step).collect(), pending })

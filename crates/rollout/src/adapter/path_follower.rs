@@ -6,29 +6,29 @@
 use genmanip_core::{Pose, RobotModel};
 use genmanip_motion::InverseKinematics;
 
-/// Rate at which the posture returns to the robot's home in the null space, 1/s; chosen: slow compared with an action at
-/// 10 Hz, fast compared with an episode.
+/// Rate at which the posture returns to the robot's home in the null space, 1/s. Chosen by hand: slow compared with an
+/// action at 10 Hz, fast compared with an episode.
 const POSTURE_PULL_PER_S: f64 = 2.0;
-/// Maximum lag of the tool, s; older poses of the path are dropped. Chosen.
+/// Maximum lag of the tool behind the path, s; older poses of the path are dropped. Chosen by hand.
 const MAX_LAG_S: f64 = 2.0;
 /// Bisection steps for the reachable share of a path segment: precision of a hundredth of an action.
 const BISECTIONS: usize = 7;
-/// Minimum remaining share of an action's duration to start another pose.
+/// Minimum remaining share of an action's duration to start another pose. Chosen by hand.
 const MIN_TIME: f64 = 1e-3;
 
 /// Requested path that the arm has not executed yet.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pending {
-    /// Tool pose requested by the last action; none if the command came from elsewhere.
+    /// Tool pose requested by the last action; `None` if the command in force has another source.
     pub(super) requested: Option<Pose>,
     /// Poses up to and including the requested one that the tool has not reached; oldest first.
     pub(super) path: Vec<Pose>,
-    /// Configuration of the first of them in another posture, to which the arm moves because it cannot follow in its
-    /// own, rad.
+    /// Configuration (rad) of the first pose of `path` in another posture, to which the arm moves because it cannot
+    /// follow the path in its own. `None` while it can.
     pub(super) posture: Option<Vec<f64>>,
 }
 
-/// Follows the tool path.
+/// Follower of the tool path for one action.
 pub(super) struct Follower<'a> {
     pub(super) robot: &'a RobotModel,
     pub(super) kinematics: &'a InverseKinematics,
@@ -68,7 +68,8 @@ impl Follower<'_> {
             if posture.is_none() {
                 let (share, farthest) = self.partway(next, &arm, time);
                 let other = self.any_configuration(next, &arm)?;
-                // In units of actions: the rest of the path at this pace, or a joint motion to the other posture.
+                // Compares durations in units of actions: the rest of the path at this pace, and a joint motion to the
+                // other posture.
                 if share * self.actions_to(&other, &arm) < time {
                     posture = Some(other);
                 } else {
@@ -86,7 +87,8 @@ impl Follower<'_> {
         Some((arm, Pending { requested: Some(requested), path, posture }))
     }
 
-    /// Configuration of a pose reachable within the share `time` of an action; the null space drifts towards home.
+    /// Configuration of a pose that is reachable within the share `time` of an action, with null-space drift towards
+    /// home; `None` if it is not reachable in time.
     fn reached_in_time(&self, pose: &Pose, arm: &[f64], time: f64) -> Option<Vec<f64>> {
         let reach: Vec<f64> = self.reach.iter().map(|reach| reach * time).collect();
         let pull = (POSTURE_PULL_PER_S * self.duration_s * time).min(1.0);
@@ -95,7 +97,8 @@ impl Follower<'_> {
         drifting.or_else(|| self.kinematics.follow(pose, arm, &reach))
     }
 
-    /// Share of the path to a pose reachable within the share `time` of an action, and the configuration there.
+    /// Share of the path segment to a pose that is reachable within the share `time` of an action, and the
+    /// configuration there.
     fn partway(&self, pose: &Pose, arm: &[f64], time: f64) -> (f64, Vec<f64>) {
         let reach: Vec<f64> = self.reach.iter().map(|reach| reach * time).collect();
         let here = self.robot.tcp_pose(arm);
@@ -110,14 +113,14 @@ impl Follower<'_> {
         (near, farthest)
     }
 
-    /// Configuration of a pose at any joint distance.
+    /// Configuration of a pose at any joint distance; `None` if the pose is unreachable.
     fn any_configuration(&self, pose: &Pose, arm: &[f64]) -> Option<Vec<f64>> {
         let unlimited = vec![f64::INFINITY; self.reach.len()];
         let followed = self.kinematics.follow(pose, arm, &unlimited);
         followed.or_else(|| self.kinematics.solutions(pose, arm).next())
     }
 
-    /// Actions that the slowest joint needs to another configuration.
+    /// Number of actions that the slowest joint needs to reach another configuration.
     fn actions_to(&self, to: &[f64], arm: &[f64]) -> f64 {
         let each = arm.iter().zip(to).zip(self.reach);
         each.map(|((q, to), reach)| (to - q).abs() / reach).fold(0.0, f64::max)

@@ -1,4 +1,4 @@
-//! Moving joints: grasp or push a link, follow the joint's line or arc, release.
+//! Motion of articulated joints: grasp or push a link, follow the joint's line or arc, release.
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Failure, FailureCause, JointKind, Pose, Seed};
@@ -12,7 +12,8 @@ use super::{Expert, pick::grasp_direction};
 
 /// Peak speed of the minimum-jerk profile relative to its mean: the largest slope of 10t³ − 15t⁴ + 6t⁵.
 const PEAK_SPEED: f64 = 1.875;
-/// Minimum lever arm for the speed of a joint, metres: near the axis, the rotation of the gripper limits the speed.
+/// Minimum lever arm that converts gripper speed to joint speed, metres; closer to the axis, the gripper's rotation
+/// limits the speed.
 const MIN_LEVER_M: f64 = 0.1;
 /// Minimum control steps of a joint motion: a third of a second, below which the arm's drives do not follow.
 const MIN_STEPS: f64 = 20.0;
@@ -22,14 +23,14 @@ const PATH_STATES: usize = 200;
 const MAX_SLOWDOWNS: usize = 6;
 /// Distance by which a pushing finger first backs off, metres: more than the 4 mm it may press in (`joint_lag_m`).
 const EASE_M: f64 = 0.006;
-/// Shares of the full retreat tried in each direction, for lack of space.
+/// Shares of the full retreat distance tried in each direction, where space is short. Chosen by hand.
 const RETREAT_SHARES: [f64; 2] = [1.0, 0.4];
 
 /// A joint motion in progress, from the contact with the link on.
 pub(super) struct Turning {
-    /// The contact and the joint change.
+    /// Contact with the link, and change of the joint.
     pub sweep: JointSweep,
-    /// Direction of motion of the link at the contact, at the start, in the world.
+    /// Direction in which the link initially moves at the contact, world frame.
     pub direction: DVec3,
     /// Commands along the joint path.
     commands: Vec<Vec<f32>>,
@@ -56,7 +57,7 @@ pub(super) fn plan(
     let (planner, settings) = (&expert.planner, &expert.settings);
     let occupied = obstacles::around(scene, None);
     let nothing = AllowedCollisions::none();
-    // Later tries skip the candidates of earlier ones.
+    // Later tries skip the candidates that earlier tries used.
     let mut skip = expert.tries.saturating_sub(1);
     sweeper.search(arm, &mut |sweep| {
         let contact = &sweep.contact;
@@ -84,7 +85,8 @@ pub(super) fn plan(
     })
 }
 
-/// Commands along the whole joint path, at a speed within the limits of gripper and arm.
+/// Commands along the whole joint path, at a speed within the limits of gripper and arm. `None` if the arm cannot
+/// follow the path, even when slowed down.
 fn turn(expert: &Expert, sweeper: &Sweeper, sweep: &JointSweep) -> Option<Turning> {
     let settings = &expert.settings;
     let (direction, lever) = sweeper.velocity(sweep);
@@ -171,7 +173,7 @@ pub(super) fn release(expert: &Expert, scene: &PosedScene, turning: &Turning, ar
     commands
 }
 
-/// Direction away from the link at the tool, against the joint's motion.
+/// Unit direction away from the link at the tool, against the joint's motion, world frame.
 fn backward(scene: &PosedScene, turning: &Turning, tcp: &Pose) -> DVec3 {
     let change = &turning.sweep.change;
     let Some(object) = scene.objects().nth(change.object) else { return DVec3::Z };

@@ -33,8 +33,8 @@ use self::joint::Turning;
 use self::pick::Pick;
 use crate::Stage;
 
-/// Joint step between the states at which clearance for opening the gripper is tested, rad: coarse, because without
-/// clearance the gripper opens before the motion.
+/// Joint step between the states of a path at which clearance for a wider gripper is tested, rad. Coarse, since the
+/// test only decides whether the gripper opens during the motion or before.
 const CLEARANCE_STEP_RAD: f64 = 0.05;
 
 /// Solves tasks from simulator ground truth; its results are marked `oracle`.
@@ -43,7 +43,7 @@ pub struct Expert {
     planner: Arc<Planner>,
     /// Precomputed grasps of each object.
     precomputed: Vec<Vec<VerifiedGrasp>>,
-    /// Grasp proposals from images, instead of geometry.
+    /// Grasp proposals from images, instead of geometry. `None` for geometry.
     grasp_proposer: Option<Arc<dyn GraspProposer>>,
     settings: ExpertSettings,
     seed: Seed,
@@ -51,22 +51,22 @@ pub struct Expert {
     plans: Vec<Vec<Move>>,
     /// Number of picks so far; each has its own random stream.
     picks: u64,
-    /// Number of picks for the current move.
+    /// Number of picks so far for the current move.
     tries: usize,
     /// Number of waits for objects to come to rest since the last pick.
     waits: usize,
     phase: Phase,
-    /// Initial orientation of each object, in which it is placed.
+    /// Initial orientation of each object, which placements preserve up to yaw.
     upright: Vec<DQuat>,
     last_failure: Option<Failure>,
 }
 
 enum Phase {
-    /// Before the first action.
+    /// No action was executed yet.
     Beginning,
-    /// The gripper is empty.
+    /// The gripper is empty, and the next move can begin.
     Free,
-    /// A pick was executed.
+    /// A pick was executed; its success is not checked yet.
     Picked { step: Move, open_width: f64, hold_width: f64, taken_from: GoalPose },
     /// The gripper is moving a joint's link.
     Turning(Box<Turning>),
@@ -74,25 +74,25 @@ enum Phase {
     Home,
 }
 
-/// Current activity of the expert, for policies that imitate it with mistakes.
+/// Current activity of the expert, for policies that imitate the expert with injected mistakes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Activity {
-    /// Picking an object.
+    /// Reaching for and lifting an object.
     Picking,
-    /// Moving a joint.
+    /// Moving a joint of an object.
     Turning,
-    /// Anything else.
+    /// Carrying, placing or returning home.
     Other,
 }
 
 /// Current state of arm and gripper.
 struct ArmState {
     arm: Vec<f64>,
-    /// Current gripper opening.
+    /// Current gripper opening, m.
     width: f64,
-    /// Gripper opening for the release.
+    /// Gripper opening for the release, m.
     open_width: f64,
-    /// Gripper opening commanded while holding.
+    /// Gripper opening commanded while holding, m.
     hold_width: f64,
 }
 
@@ -133,7 +133,7 @@ impl Expert {
         Self { grasp_proposer: Some(source), ..self }
     }
 
-    /// From the next reset on, pursues this goal instead of the task's.
+    /// Replaces the task's goal from the next reset on.
     pub(crate) fn set_goal(&mut self, goal: Goal) {
         self.stage.goal = Arc::new(goal);
     }
@@ -172,7 +172,7 @@ impl Expert {
         self.precomputed.get(object).map_or(&[], Vec::as_slice)
     }
 
-    /// Goal poses of an object at which all conditions of its move hold.
+    /// Goal poses of an object at which all conditions of its move hold and which `usable` accepts.
     fn goals(&self, scene: &PosedScene, step: &Move, usable: &dyn Fn(&Pose) -> bool, seed: Seed) -> Vec<GoalPose> {
         let search = GoalSearch {
             scene,
@@ -211,7 +211,7 @@ impl Expert {
         step.atoms.iter().all(|atom| judge_atom(scene, atom, &self.stage.relations).holds)
     }
 
-    /// The first unfinished move of the current alternative.
+    /// The first unfinished move of the current alternative. `None` if all are finished.
     fn next_move(&self, scene: &PosedScene) -> Option<Move> {
         self.plans.last()?.iter().find(|step| !self.is_done(scene, step)).cloned()
     }
@@ -266,7 +266,7 @@ impl Expert {
                     }
                 }
             };
-            // The alternative is exhausted; start the next one.
+            // No move of this alternative is left; start the next alternative.
             self.plans.pop();
             self.tries = 0;
             if self.plans.is_empty() {
@@ -285,8 +285,8 @@ impl Expert {
         GoalPose { world_from_object, support: None, bounds }
     }
 
-    /// Initial phase: an earlier policy may have left an object in the gripper. It is carried on if the next move is
-    /// about it, otherwise put back at its initial pose.
+    /// Initial phase: an earlier policy may have left an object in the gripper. The expert places it if the next move
+    /// concerns it, otherwise it puts it back at its initial pose.
     fn take_over(&mut self, scene: &PosedScene, truth: &PrivilegedState, width: f64) -> Phase {
         let Some(held) = truth.grasped else { return Phase::Free };
         let step = self.next_move(scene).filter(|step| step.object == held && step.state().is_none());
@@ -326,7 +326,8 @@ impl Expert {
         };
         match planned {
             Ok(actions) => Ok(ActionChunk { actions, finished: false }),
-            // After a takeover in a pose without a plan: drop the object and pick it up as it lies.
+            // After a takeover in a pose from which nothing can be planned: drop the object and pick it up where it
+            // then lies.
             Err(_) if self.picks == 0 => {
                 let actions = commands::fingers(&hand.arm, hand.hold_width, hand.open_width, self.settings.open_steps);
                 Ok(ActionChunk { actions, finished: false })
@@ -338,7 +339,7 @@ impl Expert {
     fn go_home(&self, scene: &PosedScene, arm: &[f64], width: f64) -> Vec<Vec<f32>> {
         let world = obstacles::around(scene, None);
         let open = self.stage.robot.gripper.max_width;
-        // The gripper opens at home, where it has clearance.
+        // The gripper opens at the home configuration, where it has clearance.
         let around =
             PlanningScene { world: &world, attached: None, allowed: &AllowedCollisions::none(), gripper_width: width };
         let home = std::slice::from_ref(&self.stage.robot.home);
@@ -383,9 +384,9 @@ impl Policy for Expert {
         self.seed = start.seed;
         self.plans = moves(&self.stage.goal, self.stage.start());
         match self.settings.style {
-            // So that demonstrations of a disjunction cover all its alternatives.
+            // Random order, so that demonstrations of a disjunction cover all its alternatives.
             ExpertStyle::Default => self.plans.shuffle(&mut start.seed.fork("alternative").rng()),
-            // The first alternative is the last of the list.
+            // Alternatives are popped from the end.
             ExpertStyle::Consistent => self.plans.reverse(),
         }
         self.upright = scenario.objects.iter().map(|object| object.pose.rotation).collect();

@@ -12,10 +12,10 @@ use genmanip_relations::PosedScene;
 
 use super::Expert;
 
-/// Directions that count as equally near (rad): less than what a policy resolves.
+/// Angle within which two directions count as equal, rad: less than what a policy resolves.
 const SAME_DIRECTION_RAD: f64 = 0.02;
 
-/// A planned pick.
+/// A planned pick as commands.
 pub(super) struct Pick {
     /// Commands for approach, closing and lift.
     pub commands: Vec<Vec<f32>>,
@@ -122,7 +122,7 @@ fn feasible(
     Ok(lowest_release_first(expert, grasps))
 }
 
-/// Grasps in their order, but a worse one before one with a long drop.
+/// Grasps in their order, except that those with a low release come before those with a long drop.
 fn lowest_release_first(expert: &Expert, mut grasps: Vec<FeasibleGrasp>) -> Vec<FeasibleGrasp> {
     let highest_m = expert.settings.max_open_release_m;
     grasps.sort_by_key(|grasp| grasp.release_height_m.is_some_and(|height_m| height_m > highest_m));

@@ -8,18 +8,18 @@ use genmanip_relations::PosedScene;
 
 use super::{ArmState, Expert};
 
-/// Height above a goal pose that must be reachable for motions to be planned at all, metres: chosen in the lower part
-/// of the release heights.
+/// Height above a goal pose that must be reachable for motions to be planned at all, metres. Chosen by hand in the
+/// lower part of the release heights.
 const GOAL_HEIGHT_M: f64 = 0.01;
 
-/// The held object and its obstacles.
+/// Held object with its obstacles.
 struct Held<'a> {
-    /// Index of the object.
+    /// Index of the object in the scenario.
     object: usize,
-    /// Its name in the collision world.
+    /// Name of the object in the collision world.
     name: &'a str,
     pieces: Vec<Piece>,
-    /// Actual pose in the gripper, independent of the planned grasp.
+    /// Actual pose of the object in the gripper, which may differ from that of the planned grasp.
     tcp_from_object: Pose,
     /// Obstacles: everything except the object.
     world: CollisionWorld,

@@ -12,15 +12,15 @@ use genmanip_render::FIRST_OBJECT;
 /// Points of an object and its surroundings seen by all fixed cameras; world frame, metres.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ObservedObject {
-    /// Points on the object.
+    /// Points on the object's surface.
     pub points: Vec<DVec3>,
     /// Points of everything else except the arm and the table.
     pub scene: Vec<DVec3>,
-    /// Pose of the camera with the most points on it; x right, y down, z forward.
+    /// Pose of the camera that sees most points of the object; x right, y down, z forward.
     pub world_from_camera: Pose,
-    /// Positions of all cameras that see it.
+    /// Positions of all cameras that see the object.
     pub camera_positions: Vec<DVec3>,
-    /// Height of its support, world z.
+    /// Height of the object's support, world z, metres.
     pub table_height: f64,
 }
 
@@ -65,7 +65,7 @@ fn add(seen: &mut ObservedObject, image: &RgbdImage, wanted: u16) {
         match *id {
             _ if !point.is_finite() => {}
             id if id == wanted => seen.points.push(point),
-            // Lower ids are background, table and the arm, which moves and is planned around anyway.
+            // Lower ids are the background, the table and the arm. The arm moves, and planning avoids it anyway.
             id if id >= FIRST_OBJECT => seen.scene.push(point),
             _ => {}
         }

@@ -13,14 +13,14 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExpertSettings {
-    /// Choices where several solve the task.
+    /// Style of choosing among several solutions of a task.
     #[serde(skip_serializing_if = "ExpertStyle::is_default")]
     pub style: ExpertStyle,
-    /// Search for goal poses.
+    /// Settings of the search for goal poses.
     pub goal_pose: GoalPoseSettings,
-    /// Selection of grasps, and motions to pick and place an object.
+    /// Settings of grasp selection, and of the motions to pick and place an object.
     pub feasibility: FeasibilitySettings,
-    /// Contacts with joints and the motions along them.
+    /// Settings of contacts with joints and of the motions along them.
     pub joint: JointSettings,
     /// Maximum speed of the gripper while it moves a joint, m/s.
     pub joint_speed: f64,
@@ -46,15 +46,15 @@ pub struct ExpertSettings {
     pub empty_speed: f64,
     /// Share of the robot's velocity and acceleration limits with a held object.
     pub loaded_speed: f64,
-    /// Share for straight approach, lift, lowering and retreat.
+    /// Share of the robot's velocity and acceleration limits for straight approach, lift, lowering and retreat.
     pub careful_speed: f64,
     /// Control steps for closing the gripper and building up force.
     pub close_steps: usize,
     /// Control steps for opening the gripper.
     pub open_steps: usize,
-    /// Guaranteed rate of change of the gripper opening, m/s.
+    /// Rate of change of the gripper opening that the gripper can always reach, m/s.
     pub fingers_m_s: f64,
-    /// Maximum speed of an object at rest, m/s.
+    /// Speed below which an object counts as at rest, m/s.
     pub rest_speed: f64,
     /// Maximum waits of `rest_steps` for objects to come to rest before a pick.
     pub longest_wait: usize,
@@ -73,11 +73,11 @@ impl Default for ExpertSettings {
             joint_speed: 0.15,
             // A tenth of a second at 60 Hz: two to three time constants of the arm's drives (kv/kp, 0.03-0.044 s).
             joint_steps: 6,
-            // Chosen on blocked joints.
+            // Chosen by trials with blocked joints.
             joint_lag_m: 0.004,
             // All precomputed grasps (24 at most per object) and most of `GraspSettings::max_candidates` (64).
             grasps: 80,
-            // Chosen: what failed four times kept failing.
+            // Chosen: moves that failed four times kept failing.
             tries_per_move: 4,
             // Chosen, for flat objects, which are grasped close to the table.
             tight_clearance_m: 0.001,

@@ -16,9 +16,10 @@ use serde::Serialize;
 use super::trial::Candidate;
 use super::{CandidateChoice, ExecutedGrasp, GraspTrials, Table, TrialError};
 
-/// Length of the straight approach, m: clears the object before it, and costs no arm postures.
+/// Length of the straight approach, m: starts clear of the object, and is short enough to be reachable in most
+/// postures.
 const APPROACH_M: f64 = 0.1;
-/// Height of the lift, m: clearance for shaking an object as long as the gripper is wide that hangs down.
+/// Height of the lift, m: clearance for shaking an object that hangs down by the gripper's maximum width.
 const LIFT_M: f64 = 0.18;
 /// Minimum rise of the centre of mass to count as lifted, m; an object held at one end sags by up to half its length.
 const LIFTED_M: f64 = 0.1;
@@ -30,11 +31,12 @@ const LIFT_STEPS: usize = 84;
 const HOLD_STEPS: usize = 60;
 /// Control steps before the gripper moves, for the arm to catch up: 0.2 s are several time constants of its drives.
 const REST_STEPS: usize = 12;
-/// Rate of change of the gripper opening, m/s: two fingers at 5 cm/s each according to the Franka Hand's data sheet.
+/// Maximum rate of change of the gripper opening, m/s: two fingers at 5 cm/s each according to the Franka Hand's data
+/// sheet.
 const FINGERS_M_S: f64 = 0.1;
 /// Control rate, Hz.
 const RATE_HZ: f64 = 60.0;
-/// Number of arm configurations tried per grasp, nearest to home first.
+/// Number of arm configurations tried per grasp, nearest to home first. Chosen by hand.
 const CONFIGURATIONS: usize = 4;
 /// Shaking: a second of 2 Hz along each axis, up to 4.7 m/s², and a second of 1 Hz about two axes, up to 14 rad/s²,
 /// which is about the limit of the arm's wrist.
@@ -47,7 +49,7 @@ const TURN_RAD: f64 = 0.35;
 /// 0.044); larger steps indicate a singular posture.
 const JOINT_STEP: f64 = 0.12;
 
-/// Ending of a trial.
+/// Success of a trial, or the phase in which it failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TrialEnding {
@@ -119,7 +121,7 @@ pub(super) fn execute_one(
     Ok(Some(simulate(trials, table, &motion, opening)?.0))
 }
 
-/// Obstacles of the arm.
+/// Obstacles of the arm's motion.
 struct Obstacles {
     /// Geometry of the objects, which the start configuration must not touch.
     objects: CollisionWorld,
@@ -138,11 +140,11 @@ impl Obstacles {
     }
 }
 
-/// Name of the points in the collision world, and their radius, m.
+/// Name of the observed points in the collision world, and (`SEEN_RADIUS_M`) radius of each, m.
 const SEEN: &str = "seen";
 const SEEN_RADIUS_M: f64 = 0.003;
 
-/// Support surfaces and objects, for a collision-free start configuration.
+/// Collision world of support surfaces and objects, for a collision-free start configuration.
 fn neighbours(table: &Table, surfaces: &[SupportSurface]) -> CollisionWorld {
     let mut world = CollisionWorld::new();
     // A checked world's boxes, finite poses and the models' own pieces are always accepted.
@@ -155,7 +157,8 @@ fn neighbours(table: &Table, surfaces: &[SupportSurface]) -> CollisionWorld {
     world
 }
 
-/// Feasibility settings: the sampler has checked the clearance of the gripper, so only reachability remains.
+/// Feasibility settings without clearance checks: the sampler has checked the gripper's clearance, so only reachability
+/// remains.
 fn feasibility(max_width: f64) -> FeasibilitySettings {
     FeasibilitySettings {
         wanted: usize::MAX,

@@ -1,7 +1,7 @@
-//! Grasp trials: objects on a table, a point cloud of them, the best grasp, and its physics simulation with the arm.
+//! Grasp trials: samples grasps from a point cloud of objects on a table, and simulates the best one with the arm.
 //!
 //! The objects are instances outside the catalogue ([`genmanip_assets::variant`]), settled in simulation. The cloud is
-//! sampled from their whole surface or rendered with noise; it is the sampler's only input. The arm starts at the
+//! sampled from their whole surface or rendered with noise; the grasp sampler gets nothing else. The arm starts at the
 //! pregrasp pose, approaches, closes, lifts, shakes and holds; only friction carries the object. Ground truth is used
 //! to build the scene, to segment the target, to start the arm out of collision, and to judge.
 
@@ -26,24 +26,24 @@ pub use table::Table;
 pub use trial::{CandidateChoice, ExecutedGrasp, TrialClass, TrialError, TrialView};
 pub use view::{Cloud, ViewSettings};
 
-/// Result of one trial.
+/// Inputs and result of one grasp trial.
 #[derive(Clone, Debug, Serialize)]
 pub struct Trial {
-    /// Class of the trial.
+    /// Class of objects that the trial was made with.
     pub class: TrialClass,
     /// Name of the family's card.
     pub object: String,
     /// Number of objects on the table, including the target.
     pub things: usize,
-    /// Number of points of the target.
+    /// Number of points of the target in the cloud.
     pub points: usize,
     /// Processor time of the sampler, measured by the caller's clock, s.
     pub sampler_cpu_s: f64,
-    /// Number of candidates.
+    /// Number of grasp candidates.
     pub candidates: usize,
-    /// Ending of the trial.
+    /// Success, or the phase in which the trial failed.
     pub ending: TrialEnding,
-    /// The executed grasp, if any.
+    /// Executed grasp; `None` if none was executed.
     pub grasp: Option<ExecutedGrasp>,
 }
 

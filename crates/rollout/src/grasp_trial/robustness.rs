@@ -17,19 +17,19 @@ use super::{GraspTrials, Table, TrialError};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RobustnessSettings {
-    /// Trials per grasp.
+    /// Number of trials per grasp.
     pub trials: u32,
-    /// Number of failed trials after which a grasp is not tried further.
+    /// Number of failed trials after which no further trials of a grasp are made.
     pub most_lost: u32,
     /// Maximum position error of the gripper along each axis, m.
     pub offset_m: f64,
     /// Maximum orientation error of the gripper, rad.
     pub turn_rad: f64,
-    /// Minimum friction of the pads as a share of the robot's own value; each trial draws from it to 1.
+    /// Minimum friction of the pads as a share of the robot's own value; each trial draws a share between this and 1.
     pub least_friction: f64,
-    /// Maximum relative change of the mass.
+    /// Maximum relative change of the object's mass.
     pub mass_spread: f64,
-    /// Number of object yaws tried until the grasp is feasible for the arm.
+    /// Number of object yaws tried until a grasp is feasible for the arm.
     pub yaws: usize,
 }
 
@@ -67,9 +67,9 @@ impl RobustnessSettings {
     }
 }
 
-/// Robust grasps to find in interactive use, and failed grasps allowed on the way: about 2 s of processor time.
+/// Number of robust grasps to find in interactive use: about 2 s of CPU time, [`MAX_FAILED_GRASPS`] included.
 pub const WANTED_GRASPS: usize = 4;
-/// See [`WANTED_GRASPS`].
+/// Number of failed grasps after which the search in interactive use ends; see [`WANTED_GRASPS`].
 pub const MAX_FAILED_GRASPS: usize = 8;
 
 /// Success counts of the exact generator's candidates for an object upright on the table: by share of successes, then
@@ -189,7 +189,7 @@ fn try_once(
     Ok(TrialEnding::OutOfReach)
 }
 
-/// Rotated about the vertical axis through its origin.
+/// Pose rotated about the vertical axis through its origin.
 fn turned(world_from_object: &Pose, yaw: f64) -> Pose {
     let turn = DQuat::from_rotation_z(yaw);
     Pose { rotation: turn * world_from_object.rotation, ..*world_from_object }

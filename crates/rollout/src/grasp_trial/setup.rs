@@ -1,4 +1,4 @@
-//! Data shared by all trials.
+//! Data shared by all grasp trials.
 
 use std::sync::Arc;
 
@@ -9,19 +9,19 @@ use genmanip_motion::Planner;
 use super::view::ViewSettings;
 use crate::expert::GraspProposer;
 
-/// Data shared by all trials.
+/// Immutable data shared by all grasp trials.
 #[derive(Clone)]
 pub struct GraspTrials {
-    /// The objects' families.
+    /// Catalogue whose families the objects are instances of.
     pub catalogue: &'static Catalogue,
-    /// Kinematics and the sampler.
+    /// Planner: kinematics of the robot and the grasp sampler.
     pub planner: Arc<Planner>,
-    /// A detector to be tried instead of the sampler.
+    /// Grasp detector used instead of the sampler; `None` for the sampler.
     pub detector: Option<Arc<dyn GraspProposer>>,
-    /// The robot.
+    /// Robot that executes the grasps.
     pub robot: Arc<RobotModel>,
-    /// Surfaces, physics and cameras.
+    /// World that defines surfaces, physics and cameras.
     pub world: Arc<World>,
-    /// Noise and resolution of the cameras.
+    /// Noise and resolution of the depth cameras.
     pub view: ViewSettings,
 }

@@ -1,4 +1,4 @@
-//! A table with objects outside the catalogue, at rest.
+//! Tables with settled objects outside the catalogue, as scenes of grasp trials.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -15,31 +15,31 @@ use super::{TrialClass, TrialError};
 pub(super) const UTENSILS: [&str; 9] =
     ["spoon", "fork", "spatula", "ladle", "pan", "pen", "hammer", "screwdriver", "wrench"];
 
-/// Mean position of the target and its spread, m: chosen in the middle of the area the arm reaches from all sides.
+/// Mean position of the target and its spread, m. Chosen by hand: the middle of the area that the arm reaches from all
+/// sides.
 const MIDDLE: DVec3 = DVec3::new(0.5, 0.0, 0.0);
 const SPREAD_M: f64 = 0.05;
-/// Number of objects in clutter, and their spread around the mean position, m: chosen so that most are within the width
-/// of the gripper of another.
+/// Number of objects in clutter, and their spread around the mean position, m. Chosen by hand such that most are within
+/// the gripper's width of another.
 const CLUTTER: usize = 8;
 const CLUTTER_SPREAD_M: f64 = 0.17;
-/// Minimum distance of the reduced bounding circles in clutter, m; chosen.
+/// Minimum gap between the reduced bounding circles in clutter, m. Chosen by hand.
 const NEAR_M: f64 = 0.01;
 /// Maximum positions sampled per object before it is omitted, and number of samples after which the area grows by a
-/// quarter: chosen so that the last ones are sampled from twice the width.
+/// quarter. Chosen by hand such that the last samples are drawn from twice the width.
 const DRAWS: u32 = 2000;
 const DRAWS_PER_AREA: u32 = 400;
-/// Drop height of the objects, m: chosen above rounding errors and below a bounce.
+/// Drop height of the objects, m. Chosen by hand: above rounding errors and below a bounce.
 const DROP_M: f64 = 0.001;
-/// Maximum settling time, simulated seconds: chosen, twice that of a layout, since these objects start with gaps below
-/// them.
+/// Maximum settling time, simulated seconds. Twice that of a layout, since these objects start with gaps below them.
 const SETTLE_S: f64 = 4.0;
 
 /// Objects at rest; the first one is the target.
 #[derive(Clone, Debug)]
 pub struct Table {
-    /// The objects.
+    /// Models of the objects.
     pub models: Vec<Arc<ObjectModel>>,
-    /// Poses `world_from_object`.
+    /// Poses `world_from_object`, in the order of the models.
     pub poses: Vec<Pose>,
 }
 

@@ -1,4 +1,4 @@
-//! Kinds of trials, their grasps and their errors.
+//! Classes and results of grasp trials.
 
 use genmanip_core::{Grasp, PolicyError};
 use genmanip_motion::grasp::cloud::Features;
@@ -18,7 +18,7 @@ pub enum TrialClass {
     Clutter,
 }
 
-/// Observation of the objects.
+/// Viewpoints from which the point cloud is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TrialView {
@@ -30,7 +30,7 @@ pub enum TrialView {
     Three,
 }
 
-/// Choice of the candidate.
+/// Choice of the candidate that is executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CandidateChoice {
@@ -46,7 +46,7 @@ pub(super) struct Candidate {
     pub grasp: Grasp,
     /// Gripper opening for the approach, m.
     pub opening: f64,
-    /// Features of the sampler's score.
+    /// Features of the sampler's score. `None` for a detector's candidate.
     pub features: Option<Features>,
 }
 
@@ -65,7 +65,7 @@ pub struct ExecutedGrasp {
     pub score: f64,
     /// Distance between the contacts, m.
     pub width: f64,
-    /// Features of the sampler's score.
+    /// Features of the sampler's score. `None` for a detector's candidate.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub features: Option<Features>,
     /// Gripper opening at the end, m.
@@ -81,13 +81,13 @@ pub enum TrialError {
     /// An object could not be built.
     #[error(transparent)]
     Asset(#[from] genmanip_assets::AssetError),
-    /// Rendering failed.
+    /// The depth image could not be rendered.
     #[error("rendering a depth image of the table failed: {0}")]
     Render(#[from] genmanip_render::RenderError),
     /// The object's geometry was rejected.
     #[error(transparent)]
     Geometry(#[from] GeometryError),
-    /// The cloud was rejected.
+    /// The grasp sampler rejected the point cloud.
     #[error(transparent)]
     Cloud(#[from] CloudError),
     /// The detector did not answer.

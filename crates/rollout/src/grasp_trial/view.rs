@@ -18,13 +18,13 @@ pub struct ViewSettings {
     pub noise_m: f64,
     /// Share of pixels lost at edges: next to another object or a depth step above `edge_m`.
     pub edge_dropout: f64,
-    /// See `edge_dropout`, m.
+    /// Minimum depth step that counts as an edge for `edge_dropout`, m.
     pub edge_m: f64,
-    /// Share of other pixels lost.
+    /// Share of all other pixels that are lost.
     pub dropout: f64,
-    /// Maximum points of the target, evenly subsampled.
+    /// Maximum number of points of the target; more are subsampled evenly.
     pub points: usize,
-    /// Maximum points of everything else.
+    /// Maximum number of points of everything else.
     pub scene_points: usize,
 }
 
@@ -53,9 +53,9 @@ impl Default for ViewSettings {
 pub struct Cloud {
     /// Points on the target, world frame.
     pub points: Vec<DVec3>,
-    /// Points on all other objects.
+    /// Points on all other objects, world frame.
     pub scene: Vec<DVec3>,
-    /// Camera positions; none for the whole surface.
+    /// Camera positions, world frame; empty for the whole surface.
     pub cameras: Vec<DVec3>,
     /// Pose of the camera that saw most of the target; of the first prompt camera for the whole surface.
     pub world_from_camera: Pose,

@@ -5,9 +5,9 @@ use genmanip_core::{Drives, JointKind, RobotJoint, RobotModel};
 use super::{GRIP, Parts, geom, inertial, mesh, with_pose};
 use crate::xml::Element;
 
-/// Pieces within this distance of the nearest one also count as pads, m.
+/// Pieces whose centres are at most this much farther from the TCP than the nearest one also count as pads, m.
 const PAD_TIE_M: f64 = 1e-3;
-/// Time constant of the finger coupling, physics steps: as stiff as the integrator allows.
+/// Time constant of the finger coupling, in physics steps: as stiff as the integrator allows.
 const COUPLING_STEPS: f64 = 2.5;
 
 pub(crate) fn robot_body(link: &str) -> String {
@@ -18,7 +18,7 @@ pub(crate) fn robot_joint(joint: &str) -> String {
     format!("robot/{joint}")
 }
 
-/// Name of a finger's joint.
+/// Name of a finger's joint; `None` for a fixed finger.
 pub(crate) fn finger_joint(robot: &RobotModel, finger: usize) -> Option<String> {
     let link = robot.links.get(*robot.gripper.fingers.get(finger)?)?;
     link.joint.as_ref().map(|joint| robot_joint(&joint.name))
@@ -87,7 +87,7 @@ fn joint_element(joint: &RobotJoint, is_finger: bool, drives: &Drives) -> Elemen
     if is_finger {
         element.number("armature", drives.finger_armature).number("damping", drives.finger_damping)
     } else {
-        // Gravity compensation counts towards the published torque limit.
+        // The engine counts gravity compensation as actuator force, so that it is part of the published torque limit.
         element
             .number("armature", drives.arm_armature)
             .number("damping", drives.arm_damping)

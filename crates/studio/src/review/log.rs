@@ -93,6 +93,15 @@ pub enum ReviewError {
     Log(#[from] LogError),
 }
 
+impl From<ReviewError> for WorkspaceError {
+    fn from(error: ReviewError) -> Self {
+        match error {
+            ReviewError::Log(error) => error.into(),
+            error => Self::input(error.to_string()),
+        }
+    }
+}
+
 /// Log of reviews and trials, with its content as last read.
 #[derive(Debug)]
 pub struct ReviewLog {

@@ -4,10 +4,9 @@ mod episode_job;
 mod kept_episodes;
 mod moments;
 mod offered_policies;
-mod playback;
+pub mod playback;
 
 pub use episode_job::{EpisodeJob, NewEpisode};
 pub use kept_episodes::{EpisodeRow, KeptEpisode, Place, kept_episodes, run_folder_name};
 pub use moments::{Moment, MomentKind, Moments};
 pub use offered_policies::{OfferedPolicies, OfferedPolicy};
-pub use playback::{Body, MAX_FRAMES, Track, track};

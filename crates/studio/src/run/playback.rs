@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{Episode, ObjectModel, Pose, RobotModel};
+use genmanip_core::{Episode, Frame, ObjectModel, Pose, RobotModel};
 
 use crate::scene::scene_message::SceneMessage;
 
@@ -57,19 +57,23 @@ fn bodies(scene: &SceneMessage, robot: &RobotModel, models: &[Arc<ObjectModel>])
     of_robot.chain(of_objects).collect()
 }
 
-/// Track of an episode with at most `RATE_HZ` states per second, the last one included. Links are in the order of
-/// `scene`, which must be that of the episode's scenario.
-pub fn track(episode: &Episode, scene: &SceneMessage, robot: &RobotModel, models: &[Arc<ObjectModel>]) -> Track {
-    let bodies = bodies(scene, robot, models);
-    let width = 2 + POSE * bodies.len();
+/// Recorded states of an episode for playback: at most `RATE_HZ` per second, the last one included.
+pub fn states(episode: &Episode) -> impl Iterator<Item = &Frame> {
     let count = episode.frames.len();
     let by_rate = (episode.result.control_rate_hz / RATE_HZ).round().max(1.0) as usize;
     let stride = by_rate.max(count.div_ceil(MAX_FRAMES));
-    let chosen =
-        (0..count).step_by(stride).chain((count > 0 && !(count - 1).is_multiple_of(stride)).then(|| count - 1));
+    let last = (count > 0 && !(count - 1).is_multiple_of(stride)).then(|| count - 1);
+    (0..count).step_by(stride).chain(last).filter_map(|index| episode.frames.get(index))
+}
+
+/// Poses of all links in the [`states`] of an episode; links in the order of `scene`, which is that of the episode's
+/// scenario.
+pub fn track(episode: &Episode, scene: &SceneMessage, robot: &RobotModel, models: &[Arc<ObjectModel>]) -> Track {
+    let bodies = bodies(scene, robot, models);
+    let width = 2 + POSE * bodies.len();
     let mut values = Vec::new();
     let mut frames = 0;
-    for frame in chosen.filter_map(|index| episode.frames.get(index)) {
+    for frame in states(episode) {
         frames += 1;
         values.extend([frame.time_s as f32, frame.gripper_width as f32]);
         let of_robot = robot.link_poses(&frame.joint_position, frame.gripper_width);

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Camera, Intrinsics, ObjectModel, Pose, RobotModel, Scenario, World};
+use genmanip_core::{Camera, Frame, Intrinsics, ObjectModel, Pose, RobotModel, Scenario, World};
 use genmanip_render::encode::jpeg_rgb;
 use genmanip_render::{
     Channels, FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance, sampling,
@@ -63,12 +63,39 @@ impl Painters {
         robot: &Arc<RobotModel>,
         camera: &str,
     ) -> Result<CameraImage, WorkspaceError> {
+        self.with_painter(key, scenario, models, robot, |painter| painter.draw(scenario, camera))
+    }
+
+    /// JPEG of a recorded state of an episode of a scenario; else as [`Painters::draw`].
+    ///
+    /// # Errors
+    /// When there is no such camera, or it cannot be drawn.
+    pub fn draw_state(
+        &self,
+        key: &str,
+        scenario: &Scenario,
+        models: &[Arc<ObjectModel>],
+        robot: &Arc<RobotModel>,
+        camera: &str,
+        frame: &Frame,
+    ) -> Result<Vec<u8>, WorkspaceError> {
+        self.with_painter(key, scenario, models, robot, |painter| painter.draw_state(scenario, camera, frame))
+    }
+
+    fn with_painter<T>(
+        &self,
+        key: &str,
+        scenario: &Scenario,
+        models: &[Arc<ObjectModel>],
+        robot: &Arc<RobotModel>,
+        draw: impl FnOnce(&mut Painter) -> Result<T, WorkspaceError>,
+    ) -> Result<T, WorkspaceError> {
         let painter = self.painter(key, scenario, models, robot)?;
         let mut painter = painter.lock().unwrap_or_else(PoisonError::into_inner);
         if !painter.fits(scenario, models) {
             *painter = Painter::new(scenario, models, robot)?;
         }
-        painter.draw(scenario, camera)
+        draw(&mut painter)
     }
 
     fn painter(
@@ -118,12 +145,7 @@ impl Painter {
     }
 
     fn draw(&mut self, scenario: &Scenario, name: &str) -> Result<CameraImage, WorkspaceError> {
-        let Some(camera) = scenario.world.camera(name) else {
-            let known: Vec<&str> = scenario.world.cameras.iter().map(|camera| camera.name.as_str()).collect();
-            return Err(WorkspaceError::unknown("camera", "cameras", name, &known));
-        };
-        let [width, height] = SIZE_PX;
-        let camera = Camera { intrinsics: camera.intrinsics.filling(width, height), ..camera.clone() };
+        let camera = small_camera(scenario, name)?;
         let pinhole = sensor::pinhole(&camera).map_err(not_drawn)?;
         let whole = self.state(scenario, None)?;
         let wanted = Channels { instance: true, ..Channels::RGB };
@@ -136,10 +158,31 @@ impl Painter {
                 visible_shares.insert(placed.id.clone(), (visible[index] as f64 / outline as f64).min(1.0));
             }
         }
-        let developed = sensor::developed(&self.renderer, &camera, wanted, image, scenario.seed).map_err(not_drawn)?;
-        let jpeg = jpeg_rgb(developed.width, developed.height, &developed.rgb, QUALITY)
-            .map_err(|error| WorkspaceError::broken(format!("cannot encode the image of camera {name}"), error))?;
+        let jpeg = self.developed(scenario, &camera, wanted, image)?;
         Ok(CameraImage { jpeg, visible_shares })
+    }
+
+    fn draw_state(&mut self, scenario: &Scenario, name: &str, frame: &Frame) -> Result<Vec<u8>, WorkspaceError> {
+        let camera = small_camera(scenario, name)?;
+        let pinhole = sensor::pinhole(&camera).map_err(not_drawn)?;
+        let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
+        let state = self.assets.frame_state(&frame.joint_position, frame.gripper_width, objects).map_err(not_drawn)?;
+        let image = self.render(&state, &pinhole, sensor::needed(&camera, Channels::RGB))?;
+        self.developed(scenario, &camera, Channels::RGB, image)
+    }
+
+    /// JPEG of a rendered image as the camera's lens and sensor would give it.
+    fn developed(
+        &self,
+        scenario: &Scenario,
+        camera: &Camera,
+        wanted: Channels,
+        image: FrameBuffers,
+    ) -> Result<Vec<u8>, WorkspaceError> {
+        let developed = sensor::developed(&self.renderer, camera, wanted, image, scenario.seed).map_err(not_drawn)?;
+        jpeg_rgb(developed.width, developed.height, &developed.rgb, QUALITY).map_err(|error| {
+            WorkspaceError::broken(format!("cannot encode the image of camera {}", camera.name), error)
+        })
     }
 
     /// Number of pixels of an object rendered without the other objects and the robot.
@@ -191,6 +234,16 @@ impl Painter {
         let [image] = images;
         Ok(image)
     }
+}
+
+/// A camera of a scenario with images of [`SIZE_PX`].
+fn small_camera(scenario: &Scenario, name: &str) -> Result<Camera, WorkspaceError> {
+    let Some(camera) = scenario.world.camera(name) else {
+        let known: Vec<&str> = scenario.world.cameras.iter().map(|camera| camera.name.as_str()).collect();
+        return Err(WorkspaceError::unknown("camera", "cameras", name, &known));
+    };
+    let [width, height] = SIZE_PX;
+    Ok(Camera { intrinsics: camera.intrinsics.filling(width, height), ..camera.clone() })
 }
 
 fn pixels(image: &FrameBuffers, objects: usize) -> Vec<usize> {

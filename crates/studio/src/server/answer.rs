@@ -97,7 +97,7 @@ pub fn not_found(message: &str) -> Response {
 }
 
 /// Message of an error with those of its causes.
-fn with_causes(error: &dyn std::error::Error) -> String {
+pub fn with_causes(error: &dyn std::error::Error) -> String {
     let mut message = error.to_string();
     let mut cause = error.source();
     while let Some(inner) = cause {

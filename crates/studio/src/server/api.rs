@@ -56,6 +56,7 @@ type Shared = State<Arc<Studio>>;
 async fn session(State(studio): Shared) -> Json<Value> {
     Json(json!({
         "version": env!("CARGO_PKG_VERSION"), "author": studio.author, "needs_token": studio.token.is_some(),
+        "asks": studio.questions.is_some(),
     }))
 }
 

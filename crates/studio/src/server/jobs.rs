@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use genmanip_core::Episode;
 use serde::Serialize;
 use serde_json::{Value, json};
 use tokio::sync::Semaphore;
@@ -27,6 +28,8 @@ pub struct Runs {
     pub offered: OfferedPolicies,
     /// Limits the number of episodes that are simulated at the same time.
     pub turns: Semaphore,
+    /// Episode that was played back last, with the keys of its scenario and of the episode; `None` before the first.
+    pub played: Mutex<Option<((String, String), Arc<Episode>)>>,
     /// Newest job of each scenario, by key.
     jobs: Mutex<BTreeMap<String, Arc<Job>>>,
 }
@@ -80,7 +83,7 @@ impl Runs {
     /// No jobs yet; run folders are created in `folder`.
     pub fn new(folder: PathBuf, offered: OfferedPolicies) -> Self {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        Self { folder, offered, turns: Semaphore::new(cores), jobs: Mutex::default() }
+        Self { folder, offered, turns: Semaphore::new(cores), played: Mutex::default(), jobs: Mutex::default() }
     }
 
     /// Message about the newest job of a scenario; `None` without one.

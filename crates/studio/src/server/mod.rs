@@ -7,6 +7,7 @@ mod catalogue;
 mod jobs;
 mod making;
 mod page;
+mod questions;
 mod requests;
 mod review_desk;
 mod reviews;
@@ -47,6 +48,8 @@ pub struct StudioSettings {
     pub token: Option<Token>,
     /// Policies that the page may run.
     pub policies: OfferedPolicies,
+    /// Folder of questions that people answer in place of a model.
+    pub questions: Option<PathBuf>,
 }
 
 /// Starts the server on its own threads; it stops when the result is dropped.
@@ -54,8 +57,8 @@ pub struct StudioSettings {
 /// # Errors
 /// When the address is unavailable.
 pub fn start(collection: Collection, settings: StudioSettings) -> Result<Server, ServeError> {
-    let StudioSettings { address, out, author, token, policies } = settings;
-    let studio = Arc::new(Studio::new(collection, out, author, token, policies));
+    let address = settings.address;
+    let studio = Arc::new(Studio::new(collection, settings));
     Server::of(address, |address| router(studio, address.ip().is_loopback()))
 }
 
@@ -65,6 +68,7 @@ fn router(studio: Arc<Studio>, listens_on_loopback: bool) -> Router {
         .merge(reviews::routes())
         .merge(making::routes())
         .merge(runs::routes())
+        .merge(questions::routes())
         .route("/api/socket", axum::routing::get(socket::connect))
         .fallback(page::file)
         .layer(middleware::from_fn(move |request: Request, next: Next| {

@@ -1,12 +1,12 @@
 //! HTTP API of episodes: running a policy on a scenario, one job at a time per scenario, and playback of stored
 //! episodes.
 
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, PoisonError};
 
 use axum::body::Body;
-use axum::extract::{Path, Request as HttpRequest, State};
-use axum::http::header::{CONTENT_SECURITY_POLICY, CONTENT_TYPE};
+use axum::extract::{Path, Query, Request as HttpRequest, State};
+use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
@@ -22,7 +22,7 @@ use super::jobs::{Job, Stage};
 use super::requests::{body, work};
 use super::room::{Revision, Room};
 use super::studio::Studio;
-use crate::run::{EpisodeJob, EpisodeRow, KeptEpisode, Moments, kept_episodes, track};
+use crate::run::{EpisodeJob, EpisodeRow, KeptEpisode, Moments, kept_episodes, playback};
 
 /// Content security policy of a transcript's page: only its own images and styles.
 const TRANSCRIPT_POLICY: &str = "default-src 'none'; img-src 'self' data:; style-src 'unsafe-inline'";
@@ -36,6 +36,7 @@ pub fn routes() -> Router<Arc<Studio>> {
         .route("/api/scenarios/{key}/episodes", get(list))
         .route("/api/scenarios/{key}/episodes/{episode}", get(episode))
         .route("/api/scenarios/{key}/episodes/{episode}/states", get(states))
+        .route("/api/scenarios/{key}/episodes/{episode}/images/{camera}", get(image))
         .route("/api/scenarios/{key}/episodes/{episode}/transcript/{file}", get(transcript))
 }
 
@@ -193,12 +194,12 @@ async fn episode(State(studio): Shared, Path((key, episode)): Path<(String, Stri
 async fn states(State(studio): Shared, Path((key, episode)): Path<(String, String)>) -> Response {
     work(&studio, move |studio| {
         let room = studio.room(&key)?;
-        let episode = read(&find(studio, &room, &episode)?)?;
+        let episode = played(studio, &key, &episode)?;
         let now = revision_of(&episode);
         let scene = studio.scene_at(&room, &now)?;
         let models = studio.models(&now.scenario)?;
         let robot = studio.scenes.robot(&now.scenario.world).map_err(|error| Refusal::of_work(&error))?;
-        let track = track(&episode, &scene, &robot, &models);
+        let track = playback::track(&episode, &scene, &robot, &models);
         let head = [
             (CONTENT_TYPE, "application/octet-stream".to_owned()),
             (axum::http::HeaderName::from_static("x-frames"), track.frames.to_string()),
@@ -207,6 +208,42 @@ async fn states(State(studio): Shared, Path((key, episode)): Path<(String, Strin
         Ok((head, Body::from(track.to_bytes())).into_response())
     })
     .await
+}
+
+/// State of an episode, by its index among those of `…/states`.
+#[derive(Deserialize)]
+struct AtState {
+    #[serde(default)]
+    state: usize,
+}
+
+async fn image(
+    State(studio): Shared,
+    Path((key, episode, camera)): Path<(String, String, String)>,
+    Query(at): Query<AtState>,
+) -> Response {
+    work(&studio, move |studio| {
+        let episode = played(studio, &key, &episode)?;
+        let Some(frame) = playback::states(&episode).nth(at.state) else {
+            return Err(Refusal::Unknown { message: format!("the episode has no state {}", at.state) });
+        };
+        // A painter of its own: that of the scenario continues its last image.
+        let jpeg = studio.state_image(&format!("{key} played"), &episode, &camera, frame)?;
+        Ok(([(CONTENT_TYPE, "image/jpeg"), (CACHE_CONTROL, "no-store")], Body::from(jpeg)).into_response())
+    })
+    .await
+}
+
+/// An episode, kept until another one is played back: many of its states are asked for.
+fn played(studio: &Studio, key: &str, name: &str) -> Result<Arc<Episode>, Refusal> {
+    let own = (key.to_owned(), name.to_owned());
+    let kept = || studio.runs.played.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some((_, episode)) = kept().as_ref().filter(|(known, _)| *known == own) {
+        return Ok(Arc::clone(episode));
+    }
+    let episode = Arc::new(read(&find(studio, &*studio.room(key)?, name)?)?);
+    *kept() = Some((own, Arc::clone(&episode)));
+    Ok(episode)
 }
 
 async fn transcript(State(studio): Shared, Path((key, episode, file)): Path<(String, String, String)>) -> Response {

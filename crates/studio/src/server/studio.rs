@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{ObjectModel, Scenario, World};
+use genmanip_core::{Episode, Frame, ObjectModel, Scenario, World};
+use genmanip_llm::FolderAnswers;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::scenarios::read_scenario;
 use serde_json::{Value, json};
 use tokio::sync::Semaphore;
 
+use super::StudioSettings;
 use super::access::Token;
 use super::answer::Refusal;
 use super::catalogue::CatalogueSearch;
@@ -20,7 +22,6 @@ use super::room::{Request, Revision, Room, StageVerdict, Steps};
 use crate::collections::{Collection, Listed, Summary};
 use crate::edit::{EditLog, EditedScenario};
 use crate::review::{ReviewDesk, read_desk};
-use crate::run::OfferedPolicies;
 use crate::scene::exported::models;
 use crate::scene::images::{CameraImage, Painters};
 use crate::scene::scene_message::{SceneAssets, SceneMessage};
@@ -42,6 +43,8 @@ pub struct Studio {
     pub reviews: Reviews,
     /// Episodes that are running or have ended.
     pub runs: Runs,
+    /// Questions that people answer in place of a model.
+    pub questions: Option<FolderAnswers>,
     out: PathBuf,
     collection: Mutex<Collection>,
     rooms: Mutex<BTreeMap<String, Arc<Room>>>,
@@ -63,14 +66,9 @@ pub struct Changed {
 }
 
 impl Studio {
-    /// A studio for a collection; copies of read-only scenarios are written below `out`.
-    pub fn new(
-        collection: Collection,
-        out: PathBuf,
-        author: String,
-        token: Option<Token>,
-        policies: OfferedPolicies,
-    ) -> Self {
+    /// A studio for a collection; copies of read-only scenarios are written below `out` of the settings.
+    pub fn new(collection: Collection, settings: StudioSettings) -> Self {
+        let StudioSettings { address: _, out, author, token, policies, questions } = settings;
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         Self {
             author,
@@ -80,6 +78,7 @@ impl Studio {
             permits: Semaphore::new(cores + 1), // one more than cores: an image never waits for long stages alone
             reviews: Reviews::default(),
             runs: Runs::new(out.join("runs"), policies),
+            questions: questions.map(FolderAnswers::new),
             out,
             collection: Mutex::new(collection),
             rooms: Mutex::default(),
@@ -254,6 +253,19 @@ impl Studio {
         let draw = || {
             let robot = self.scenes.robot(&scenario.world)?;
             self.painters.draw(key, scenario, &models, &robot, camera)
+        };
+        draw().map_err(|error: WorkspaceError| Refusal::of_work(&error))
+    }
+
+    /// JPEG of a camera in a recorded state of an episode.
+    ///
+    /// # Errors
+    /// As [`Studio::image`].
+    pub fn state_image(&self, key: &str, episode: &Episode, camera: &str, frame: &Frame) -> Result<Vec<u8>, Refusal> {
+        let models = self.models(&episode.scenario)?;
+        let draw = || {
+            let robot = self.scenes.robot(&episode.scenario.world)?;
+            self.painters.draw_state(key, &episode.scenario, &models, &robot, camera, frame)
         };
         draw().map_err(|error: WorkspaceError| Refusal::of_work(&error))
     }

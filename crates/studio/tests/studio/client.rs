@@ -101,7 +101,8 @@ pub fn serve(folder: &Path, paths: &[PathBuf], token: Option<Token>) -> Server {
     let collection = Collection::open(paths, &out, &NoProgress).unwrap();
     let address = ([127, 0, 0, 1], 0).into();
     let policies = OfferedPolicies::new(&["do_nothing:seconds=1".into()]).unwrap();
-    start(collection, StudioSettings { address, out, author: "owner".into(), token, policies }).unwrap()
+    let questions = Some(folder.join("questions"));
+    start(collection, StudioSettings { address, out, author: "owner".into(), token, policies, questions }).unwrap()
 }
 
 /// Copies a scenario of the shipped suite into a folder; returns its key and file.

@@ -8,6 +8,7 @@ mod document;
 mod glb;
 mod making;
 mod operations;
+mod questions;
 mod reviews;
 mod runs;
 mod server;

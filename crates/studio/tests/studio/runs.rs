@@ -66,6 +66,14 @@ fn the_expert_is_run_and_its_episode_is_played_back() {
             assert!((expected - f64::from(*metres)).abs() < 0.01, "{link} {pose:?}");
         }
     }
+    // Images of the dataset's cameras at any state; the hand's camera moves with it.
+    let image = |camera: &str, state: usize| studio.get(&format!("{path}/images/{camera}?state={state}"));
+    for camera in ["overview", "wrist"] {
+        let (begin, later) = (image(camera, 0), image(camera, 60));
+        assert_eq!((begin.status, later.status), (200, 200), "{camera}");
+        assert!(begin.body.starts_with(&[0xff, 0xd8]) && begin.body != later.body, "{camera}");
+    }
+    assert_eq!((image("overview", 1_000_000).status, image("none", 0).status), (404, 422));
     // `genmanip report` reads the folder like that of any evaluation.
     let page = genmanip_pipeline::report::report(&run_folder(&studio), None, &ReportSettings::default(), &NoProgress);
     assert!(page.unwrap().contains("expert"));

@@ -10,10 +10,10 @@ use super::flaw::{Findings, FlawKind};
 /// Keys of the second reference of `between`.
 const SECOND_KEYS: [&str; 2] = ["obj3", "obj3_uid"];
 
-/// Maximum list length; a table holds a dozen objects.
+/// Maximum number of entries of a list in an answer. Chosen by hand: a table holds a dozen objects.
 const MAX_ITEMS: usize = 256;
 
-/// An answer in the format's own words; `"none"`, `null` and empty texts become `None`.
+/// An answer in the words of the exchange format; `"none"`, `null` and empty texts become `None`.
 pub(super) struct RawAnswer {
     pub instruction: String,
     pub alternatives: Vec<Vec<RawCondition>>,
@@ -35,7 +35,7 @@ pub(super) struct RawCondition {
     pub subject: RawObject,
     pub state: Option<String>,
     pub reference: RawObject,
-    /// Second reference of `between`, if that option is on.
+    /// Second reference of `between`; `None` unless the request allows this position.
     pub second: Option<RawObject>,
     pub position: Option<String>,
     pub path: String,
@@ -46,7 +46,7 @@ pub(super) struct RawEdge {
     pub subject: RawObject,
     pub position: Option<String>,
     pub reference: RawObject,
-    /// Second reference of `between`, if that option is on.
+    /// Second reference of `between`; `None` unless the request allows this position.
     pub second: Option<RawObject>,
     pub path: String,
 }
@@ -78,7 +78,7 @@ pub(super) fn decode(value: &Value, between: bool, findings: &mut Findings) -> O
     Some(RawAnswer { instruction: instruction?, alternatives: alternatives?, description: description?, edges, nodes })
 }
 
-/// The scene graph, also if its parts are one level too high.
+/// The scene graph, also if its parts are one level too high; `None` after recording its flaw.
 fn scene_graph<'a>(answer: &'a Map<String, Value>, findings: &mut Findings) -> Option<Cow<'a, Map<String, Value>>> {
     match answer.get("scene_graph") {
         Some(Value::Object(graph)) => Some(Cow::Borrowed(graph)),
@@ -103,7 +103,8 @@ fn scene_graph<'a>(answer: &'a Map<String, Value>, findings: &mut Findings) -> O
     }
 }
 
-/// The goal in disjunctive normal form; a single condition or a flat list is one conjunction.
+/// The goal in disjunctive normal form, `None` after recording its flaw; a single condition or a flat list is one
+/// conjunction.
 fn alternatives(answer: &Map<String, Value>, between: bool, findings: &mut Findings) -> Option<Vec<Vec<RawCondition>>> {
     const PATH: &str = "$.goal_conditions";
     let conjunction = "read as one conjunction";
@@ -197,7 +198,7 @@ fn edge(map: &Map<String, Value>, path: String, between: bool, findings: &mut Fi
     }
 }
 
-/// The third object, if the option is on and the position is `between`.
+/// Second reference of a condition or edge; `None` unless the option is on and the position is `between`.
 fn second_reference(map: &Map<String, Value>, path: &str, between: bool, findings: &mut Findings) -> Option<RawObject> {
     let named = map.get("position").and_then(Value::as_str).and_then(Relation::named);
     let asks = named.is_some_and(Relation::has_two_references);
@@ -223,7 +224,7 @@ fn object(map: &Map<String, Value>, key: &str, path: &str, findings: &mut Findin
     }
 }
 
-/// Objects of a list, each with its JSON path.
+/// Objects of a list, each with its JSON path; `None` after recording that there is no list.
 fn objects<'a>(
     graph: &'a Map<String, Value>,
     key: &str,

@@ -6,7 +6,7 @@ use serde_json::Value;
 use super::MAX_ANSWER_BYTES;
 use super::flaw::{Findings, FlawKind};
 
-/// Maximum number of JSON values; an answer has a few hundred.
+/// Maximum number of JSON values parsed in a text; an answer has a few hundred.
 const MAX_VALUES: usize = 10_000;
 
 /// Keys of which an answer has at least one.
@@ -61,7 +61,7 @@ fn looks_like_answer(value: &Value) -> bool {
     has_key(value) || wrapped(value).is_some_and(has_key)
 }
 
-/// The single value of an object with one key.
+/// The value of an object with a single key; `None` for all other values.
 fn wrapped(value: &Value) -> Option<&Value> {
     value.as_object().filter(|map| map.len() == 1).and_then(|map| map.values().next())
 }
@@ -84,7 +84,7 @@ fn unwrap(value: Value, findings: &mut Findings) -> Value {
 
 fn note_failure(raw: &str, failures: &[Failure], other_objects: usize, findings: &mut Findings) {
     let again = "send one complete JSON object";
-    // The attempt that got farthest is the most informative one.
+    // The failure farthest into the text is the most informative one.
     match failures.iter().max_by_key(|failure| failure.at()) {
         Some(Failure::Truncated { at }) => findings.reject(
             FlawKind::TruncatedJson,
@@ -117,7 +117,7 @@ fn note_failure(raw: &str, failures: &[Failure], other_objects: usize, findings:
     }
 }
 
-/// Line and column, from 1.
+/// Line and column of a byte position, from 1, as text.
 fn position(raw: &str, at: usize) -> String {
     let before = raw.get(..at).unwrap_or(raw);
     let line = before.bytes().filter(|&byte| byte == b'\n').count() + 1;

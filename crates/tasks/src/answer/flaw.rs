@@ -59,7 +59,7 @@ pub enum FlawKind {
     MissingEdgeObject,
     /// An edge that names the table.
     EdgeOnTable,
-    /// An edge without a position.
+    /// An edge without a relation.
     MissingRelation,
     /// A relation of an object to itself.
     SelfRelation,
@@ -71,7 +71,7 @@ pub enum FlawKind {
     DuplicateNode,
     /// A node without an edge.
     IsolatedObject,
-    /// Fewer nodes than requested.
+    /// Fewer nodes than [`TaskRequest::min_objects`](super::TaskRequest::min_objects).
     TooFewObjects,
     /// A condition without relation and state, or without one of its objects.
     IncompleteCondition,
@@ -83,7 +83,7 @@ pub enum FlawKind {
     ContradictoryGoal,
     /// A conjunction of the goal holds in the initial graph.
     GoalAlreadySatisfied,
-    /// The same, seen from the other object (A left of B is B right of A).
+    /// The initial graph implies a conjunction of the goal by an inverse relation (A left of B is B right of A).
     CircularGoal,
     /// The goal moves an object that the gripper cannot carry.
     NotGraspable,
@@ -95,7 +95,7 @@ pub enum FlawKind {
     SentenceMismatch,
     /// An object is on or in two others at once.
     TwoSupports,
-    /// The description is the text that the prompt gives in its place.
+    /// The description of the scene is the placeholder of the prompt.
     Placeholder,
 }
 
@@ -113,12 +113,12 @@ pub struct Flaw {
     pub kind: FlawKind,
     /// JSON path, e.g. `$.goal_conditions[0][1].obj1_uid`; for a flaw of the text, line and column.
     pub path: String,
-    /// Expected and actual contents.
+    /// Expected and actual contents, as a sentence.
     pub message: String,
     /// Advice; empty if the message suffices.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub hint: String,
-    /// True if it was repaired unambiguously.
+    /// True if the flaw was repaired unambiguously.
     pub repaired: bool,
 }
 
@@ -127,7 +127,7 @@ pub struct Flaw {
 pub struct Repair {
     /// The repaired flaw.
     pub flaw: FlawKind,
-    /// JSON path.
+    /// JSON path of the change.
     pub path: String,
     /// Description of the change.
     pub what: String,

@@ -56,7 +56,7 @@ const TOKENS: [&str; 40] = [
 /// Maximum length of a fuzzed text, bytes; the constructed worst cases are longer.
 const MAX_FUZZED_BYTES: usize = 1 << 16;
 
-/// Maximum size of the fuzzer's corpus.
+/// Maximum number of texts in the fuzzer's corpus.
 const MAX_KEPT: usize = 2000;
 
 /// Worst cases with their names, most of them of [`MAX_ANSWER_BYTES`].
@@ -156,7 +156,7 @@ pub fn worst_cases() -> Vec<(&'static str, String)> {
 
 /// Mutation fuzzer that keeps texts with a new combination of flaws.
 pub struct Fuzzer {
-    /// Initial texts, then kept ones, each with the index of its initial text.
+    /// Initial texts, then the texts kept, each with the index of the initial text from which it derives.
     corpus: Vec<(usize, String)>,
     given: usize,
     outcomes: BTreeSet<String>,
@@ -176,7 +176,7 @@ impl Fuzzer {
     pub fn text(&mut self) -> (usize, String) {
         let rng = &mut self.seed.fork_index(self.made).rng();
         self.made += 1;
-        // Half of the texts derive directly from initial ones, because kept ones are mostly broken.
+        // Half of the texts derive directly from initial texts, because most of the texts kept are broken.
         let choices = if rng.random_bool(0.5) { self.given } else { self.corpus.len() };
         let (origin, text) = &self.corpus[rng.random_range(0..choices)];
         let mut bytes = text.clone().into_bytes();
@@ -198,13 +198,14 @@ impl Fuzzer {
         }
     }
 
-    /// Size of the corpus.
+    /// Number of texts in the corpus.
     pub fn kept(&self) -> usize {
         self.corpus.len()
     }
 }
 
-/// Inconsistency of a report, regardless of the text; `None` if it is consistent.
+/// Violated invariant that must hold for every text: verdict, task and flaws of a report agree, and a second check
+/// gives the same report. `None` if all hold.
 pub fn inconsistency(text: &str, request: &TaskRequest, report: &AnswerReport) -> Option<&'static str> {
     let rejecting = report.flaws.iter().any(|flaw| !flaw.repaired);
     match report.verdict {
@@ -228,7 +229,7 @@ fn mutate(bytes: &mut Vec<u8>, other: &[u8], rng: &mut impl Rng) {
         2 => drop(bytes.splice(at..at, TOKENS[rng.random_range(0..TOKENS.len())].bytes())),
         3 => drop(bytes.splice(at..end, TOKENS[rng.random_range(0..TOKENS.len())].bytes())),
         4 => {
-            // Repeats a part.
+            // Duplicates up to 256 bytes 1 to 32 times.
             let part = bytes[at..end].repeat(1 << rng.random_range(0..6));
             drop(bytes.splice(at..at, part));
         }

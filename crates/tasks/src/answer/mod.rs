@@ -56,10 +56,10 @@ pub struct AnswerReport {
     pub flaws: Vec<Flaw>,
     /// Changes made, one per repaired flaw.
     pub repairs: Vec<Repair>,
-    /// Number of further flaws, not listed because the list was full.
+    /// Number of further flaws, omitted because the list was full.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub flaws_left_out: usize,
-    /// The task, unless the answer was rejected.
+    /// The task; `None` if the answer was rejected.
     pub task: Option<Task>,
 }
 
@@ -69,9 +69,9 @@ pub struct AnswerReport {
 pub enum Verdict {
     /// Accepted unchanged; a code fence or prose around the object is not a flaw.
     Valid,
-    /// Accepted after unambiguous repairs.
+    /// Accepted after unambiguous repairs, which [`AnswerReport::repairs`] lists.
     Repaired,
-    /// Rejected.
+    /// Rejected because of a flaw that cannot be repaired.
     Rejected,
 }
 
@@ -106,7 +106,8 @@ pub fn check_answer(raw: &str, request: &TaskRequest) -> AnswerReport {
     }
 }
 
-/// A flaw of the text hides later ones; from the resolved answer on, all rules are checked.
+/// Reads the task; `None` after an essential flaw. A flaw of the text hides later ones, but once an answer is resolved,
+/// all rules are checked.
 fn read_task(raw: &str, request: &TaskRequest, findings: &mut Findings) -> Option<Task> {
     let value = extract::find_answer(raw, findings)?;
     let answer = decode::decode(&value, request.between, findings)?;

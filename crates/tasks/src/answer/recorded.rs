@@ -22,10 +22,11 @@ pub struct RecordedAnswer {
     pub num_objects: usize,
     /// The response, verbatim.
     pub response: String,
-    /// For tests: `valid`, or the name of the only kind of flaw, see [`FlawKind::name`](super::FlawKind::name).
+    /// For tests: `valid`, or the name of the only kind of flaw, see [`FlawKind::name`](super::FlawKind::name); `None`
+    /// outside tests.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub expect: Option<String>,
-    /// Remark for readers.
+    /// Remark for readers; not used by programs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
 }
@@ -42,15 +43,15 @@ pub enum RecordedAnswerError {
     /// An offered uid is not in the catalogue.
     #[error("offered uid `{uid}` is not among the {known} objects of the catalogue")]
     UnknownOffer {
-        /// The uid.
+        /// The uid that is not in the catalogue.
         uid: String,
-        /// Size of the catalogue.
+        /// Number of objects in the catalogue.
         known: usize,
     },
 }
 
 impl RecordedAnswerError {
-    /// Likely cause of a JSON syntax error.
+    /// Likely cause of a JSON syntax error; `None` for other errors.
     pub fn hint(&self) -> Option<&'static str> {
         if let Self::NotJson(DocumentError::NotJson { hint, .. }) = self { Some(hint) } else { None }
     }
@@ -68,7 +69,7 @@ impl RecordedAnswer {
         Ok(serde_json::from_str(text)?)
     }
 
-    /// The request of the answer, with cards from a catalogue.
+    /// Request to which the answer responds, with cards from a catalogue.
     ///
     /// # Errors
     /// [`RecordedAnswerError::UnknownOffer`] if an offered uid has no card.

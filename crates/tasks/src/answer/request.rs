@@ -5,7 +5,7 @@ use genmanip_core::{NamedSurface, ObjectCard, TaskKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Maximum length of an answer, bytes; longer ones are rejected unread.
+/// Maximum length of an answer, bytes; longer ones are rejected without parsing.
 pub const MAX_ANSWER_BYTES: usize = 1 << 20;
 
 /// Request that an answer responds to.
@@ -23,8 +23,8 @@ pub struct TaskRequest {
     pub surfaces: Vec<NamedSurface>,
     /// Minimum number of objects in the scene.
     pub min_objects: usize,
-    /// Allow the position `between`, with the second reference in `obj3` and `obj3_uid`; not part of the published
-    /// exchange format.
+    /// True to allow the position `between`, with the second reference in `obj3` and `obj3_uid`; not part of the
+    /// published exchange format.
     #[serde(default)]
     pub between: bool,
     /// Origin of the answer, stored in the task.
@@ -39,7 +39,7 @@ impl TaskRequest {
         ids
     }
 
-    /// Names of [`TaskRequest::ids`].
+    /// Names of the objects and surfaces, in the order of [`TaskRequest::ids`].
     pub(super) fn names(&self) -> Vec<&str> {
         let objects = self.offered.iter().map(|card| card.name.as_str());
         objects.chain(self.surfaces.iter().map(|surface| surface.name.as_str())).collect()

@@ -27,7 +27,7 @@ pub(super) struct Draft {
     pub written_nodes: usize,
     /// True if an edge was omitted because of an unknown object.
     pub lost_edges: bool,
-    /// Objects of edges to the table, which were dropped but did give the object a place.
+    /// Objects with a dropped edge that put them on the table: they count as placed.
     pub on_table: Vec<usize>,
 }
 
@@ -35,12 +35,12 @@ pub(super) struct Draft {
 pub(super) struct Condition {
     pub subject: usize,
     pub test: Test,
-    /// State given beside a relation; allowed if it is the initial one.
+    /// State given beside a relation, `None` if there is none; allowed only if it is the initial state.
     pub beside: Option<String>,
     pub path: String,
 }
 
-/// Test of a condition.
+/// Relation or state that a condition requires.
 #[derive(Clone, PartialEq)]
 pub(super) enum Test {
     /// Relation, reference and, for `between`, the second reference.
@@ -53,7 +53,7 @@ pub(super) struct Edge {
     pub subject: usize,
     pub relation: Relation,
     pub reference: usize,
-    /// Second reference of `between`.
+    /// Second reference of `between`; `None` for all other relations.
     pub second: Option<usize>,
     pub path: String,
 }
@@ -77,7 +77,7 @@ impl Draft {
         ids.map(|(index, id)| if alone(index) { uid_of(&id).to_owned() } else { id }).collect()
     }
 
-    /// Surfaces named by goal and graph, in the order of the request.
+    /// Surfaces to which goal and graph refer, in the order of the request.
     fn surfaces(&self, request: &TaskRequest) -> Vec<NamedSurface> {
         let goal = self.alternatives.iter().flatten().filter_map(|condition| match condition.test {
             Test::Relation(_, reference, _) => Some(reference),
@@ -182,19 +182,19 @@ pub(super) fn resolve(answer: RawAnswer, request: &TaskRequest, findings: &mut F
     draft
 }
 
-/// Meaning of an object reference.
+/// Meaning of an object reference in an answer.
 enum Named {
     Object(usize),
     Table,
     Absent,
-    /// Invalid; the flaw is already recorded.
+    /// Invalid reference whose flaw is already recorded.
     Unreadable,
 }
 
-/// Invalid; the flaw is already recorded.
+/// Error value for an invalid part whose flaw is already recorded.
 struct Noted;
 
-/// Meaning of an edge.
+/// Meaning of an edge in an answer.
 enum EdgeReading {
     Edge(Edge),
     OnTable(Vec<usize>),
@@ -320,8 +320,8 @@ impl Resolver<'_> {
         }
     }
 
-    /// Surfaces do not move, and objects can only be on or near them; `top` of one means `on`, since they have no
-    /// inside.
+    /// Rejects relations that a surface cannot have: it does not move, and objects can only be on or near it; `top` of
+    /// one is changed to `on`, since a surface has no inside.
     fn check_surfaces(
         &mut self,
         subject: usize,
@@ -436,7 +436,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// Names may be shortened or reworded, but must not be exactly that of another object.
+    /// Rejects a name that is exactly that of another object than the uid's; shortened and reworded names are accepted.
     fn check_name(&mut self, raw: &RawObject, index: usize) -> Named {
         let Some(name) = raw.name.as_deref().filter(|name| !same_name(self.names[index], name)) else {
             return Named::Object(index);
@@ -452,7 +452,7 @@ impl Resolver<'_> {
         Named::Unreadable
     }
 
-    /// Resolves a uid in another case, without leading zeros, or with O for 0; only if unambiguous.
+    /// Offered object whose uid differs only in case, leading zeros or O for 0; `None` if there is none or several.
     fn respelt_uid(&self, uid: &str) -> Option<usize> {
         let canonical = |text: &str| {
             let text: String = text.trim().to_ascii_lowercase();

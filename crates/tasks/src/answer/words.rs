@@ -6,7 +6,7 @@ pub(super) fn relation_words() -> String {
     format!("one of {:?}", Relation::OF_PAIRS.map(Relation::name))
 }
 
-/// Relation to one reference by its name or a longer spelling.
+/// Relation to one reference by its name or a longer spelling; `None` for other words.
 pub(super) fn relation(plain: &str) -> Option<Relation> {
     let is_meant = |relation: &Relation| relation.name() == plain || relation.facts().spellings.contains(&plain);
     Relation::OF_PAIRS.into_iter().find(is_meant)

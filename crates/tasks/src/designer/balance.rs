@@ -1,4 +1,4 @@
-//! Keeps relations near their quotas: the relation furthest below its quota, relative to it, is chosen next.
+//! Keeps relations near their quotas: the next relation is the one with the most missing occurrences.
 
 use genmanip_core::{Relation, Task};
 use rand::{Rng, RngExt};
@@ -9,7 +9,7 @@ use super::settings::DesignSettings;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Balance {
     counts: [usize; Relation::ALL.len()],
-    /// If set, relations are chosen at random without regard to the quotas.
+    /// True if relations are chosen at random without regard to the quotas.
     ignored: bool,
 }
 
@@ -27,7 +27,7 @@ impl Balance {
         }
     }
 
-    /// Same counts, with a random choice from now on.
+    /// The same counts, but relations are chosen at random from now on.
     pub fn ignored(self) -> Self {
         Self { ignored: true, ..self }
     }
@@ -40,7 +40,8 @@ impl Balance {
         self.counts.iter().sum()
     }
 
-    /// The relation furthest below its quota, relative to it; random noise keeps single designs from being alike.
+    /// Relation with the most missing occurrences ([`Self::lack`]) plus random noise, which makes designs vary; `None`
+    /// if `among` is empty.
     pub fn choose(&self, among: &[Relation], settings: &DesignSettings, rng: &mut impl Rng) -> Option<Relation> {
         let mut best: Option<(f64, Relation)> = None;
         for &relation in among {
@@ -53,7 +54,7 @@ impl Balance {
         best.map(|(_, relation)| relation)
     }
 
-    /// Number of further occurrences of the relation that its quota calls for by now.
+    /// Number of further occurrences of the relation that its quota requires so far; negative above the quota.
     pub fn lack(&self, relation: Relation, settings: &DesignSettings) -> f64 {
         settings.relation_quotas.of(relation) * self.total() as f64 - self.of(relation) as f64
     }

@@ -25,7 +25,7 @@ enum Purpose {
     Filler(*const &'static str, usize),
 }
 
-/// The cards, and the lists computed so far.
+/// The cards of a catalogue, and the lists computed so far by purpose.
 pub(super) struct Choices<'a> {
     cards: &'a [ObjectCard],
     lists: RefCell<BTreeMap<Purpose, Rc<[usize]>>>,
@@ -57,12 +57,12 @@ impl<'a> Choices<'a> {
         })
     }
 
-    /// Cards that can hold `item`.
+    /// Cards that can hold `item` in this support relation.
     pub fn hosts(&self, item: &ObjectCard, relation: Relation) -> impl Iterator<Item = &'a ObjectCard> + use<'a> {
         self.list(Purpose::Host(item, relation), &|host| things().may_carry(host, item, relation))
     }
 
-    /// Cards that `host` can hold.
+    /// Cards that `host` can hold in this support relation.
     pub fn items(&self, host: &ObjectCard, relation: Relation) -> impl Iterator<Item = &'a ObjectCard> + use<'a> {
         self.list(Purpose::Item(host, relation), &|item| things().may_carry(host, item, relation))
     }
@@ -74,7 +74,7 @@ impl<'a> Choices<'a> {
         })
     }
 
-    /// The list for a purpose, in the order of the cards.
+    /// The list for a purpose, in the order of the cards; computed on first use.
     fn list(
         &self,
         purpose: Purpose,

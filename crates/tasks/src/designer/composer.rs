@@ -12,7 +12,7 @@ use super::settings::DesignSettings;
 use super::sketch::{Condition, Link, Sketch};
 use super::things::{is_movable, things};
 
-/// Attempts to find room for one object before the design is rejected.
+/// Maximum number of attempts to find room for one object before the design is rejected.
 const PLACE_DRAWS: usize = 12;
 
 /// Longest side of an object that goes between two others, metres. A longer one would push the two references too far
@@ -39,6 +39,8 @@ impl Place {
 }
 
 /// A scene under construction, with the settings, random numbers and quotas that decide what is added next.
+///
+/// Methods that choose or add objects return `None` if no card suits or there is no room; the design is then rejected.
 pub(super) struct Composer<'a> {
     pub choices: &'a Choices<'a>,
     pub settings: &'a DesignSettings,
@@ -54,12 +56,12 @@ const KITCHEN: &[&str] = &["tableware", "kitchen", "packaged goods", "food"];
 const DESK: &[&str] = &["office and toys", "office", "toys", "tools", "containers", "household", "bathroom"];
 
 impl<'a> Composer<'a> {
-    /// A random card that suits, is not in the scene yet, and has an entry in `things.json`.
+    /// A random card that suits, is not in the scene yet, and has an entry in `things.json`; `None` if there is none.
     pub fn pick(&mut self, suits: impl Fn(&ObjectCard) -> bool) -> Option<&'a ObjectCard> {
         self.pick_of(self.choices.any(), suits)
     }
 
-    /// A random card of `among` that suits and is not in the scene yet.
+    /// A random card of `among` that suits and is not in the scene yet; `None` if there is none.
     pub fn pick_of(
         &mut self,
         among: impl Iterator<Item = &'a ObjectCard>,
@@ -102,7 +104,8 @@ impl<'a> Composer<'a> {
         self.pick_of(self.choices.fillers(theme), |_| true)
     }
 
-    /// Adds an object next to a random object of the scene.
+    /// Adds an object next to a random object of the scene, and returns its index like the other methods that add one.
+    /// without room.
     pub fn add(&mut self, card: &'a ObjectCard) -> Option<usize> {
         self.add_with(card, None)
     }
@@ -240,7 +243,7 @@ impl<'a> Composer<'a> {
         }
     }
 
-    /// Adds an object and another one of its kind, so placed that the position tells them apart.
+    /// Adds an object and another one of its kind at positions that distinguish them.
     fn add_placed(&mut self, card: &'a ObjectCard) -> Option<usize> {
         match self.rng.random_range(0..10) {
             0..3 => self.add_between(card),

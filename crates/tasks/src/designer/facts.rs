@@ -52,7 +52,7 @@ impl Facts {
         self.lefter[a][b]
     }
 
-    /// The truth of `subject relation reference` in every layout of the scene.
+    /// Truth of `subject relation reference`, as far as it is the same in every layout of the scene.
     pub fn known(&self, scene: &Sketch, subject: usize, relation: Relation, reference: usize) -> Known {
         let carried = |a: usize, b: usize| scene.carrier(a) == Some(b);
         if relation.is_support() {
@@ -81,7 +81,7 @@ impl Facts {
     }
 }
 
-/// Transitive closure.
+/// Replaces an order by its transitive closure.
 fn close(order: &mut [Vec<bool>]) {
     for via in 0..order.len() {
         let beyond = order[via].clone();

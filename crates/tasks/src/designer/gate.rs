@@ -114,7 +114,7 @@ pub fn as_answer(task: &Task) -> Value {
     })
 }
 
-/// The task with other ids of its objects.
+/// The task with the ids of its objects replaced.
 fn renumbered(task: &Task, ids: &BTreeMap<&str, &str>) -> Task {
     let mut renumbered = task.clone();
     let new = |id: &mut String| {

@@ -15,18 +15,18 @@ static HANDLING: LazyLock<Vec<Handling>> =
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Need {
-    /// The need in whole sentences.
+    /// Whole sentences that state the need, one of which is chosen.
     pub says: Vec<String>,
-    /// The part of the request that it decides.
+    /// Part of the request that the need decides.
     pub decides: Decides,
-    /// Sorts of objects that meet it, in the syntax of [`is_of`].
+    /// Sorts of objects that meet the need, in the syntax of [`is_of`].
     pub serves: Vec<String>,
-    /// Sorts that meet it partly. A scene must not contain any, as the answer would be ambiguous.
+    /// Sorts that meet the need partly. A scene must not contain any, as the answer would be ambiguous.
     pub rivals: Vec<String>,
     /// Classes or sorts of objects that may be moved, for needs that decide the destination.
     #[serde(default)]
     pub movers: Vec<String>,
-    /// Relations in which the object may be brought to its destination.
+    /// Relations between the moved object and its destination that the request allows.
     pub relations: Vec<Relation>,
 }
 
@@ -51,7 +51,7 @@ impl Need {
         self.is_met_by(card) || self.rivals.iter().any(|sort| is_of(sort, card))
     }
 
-    /// True if the object may be the one that is moved.
+    /// True if the object may be the moved one.
     pub fn may_move(&self, card: &ObjectCard) -> bool {
         let class = things().kind(card).map(|kind| &kind.class);
         self.movers.iter().any(|mover| Some(mover) == class || is_of(mover, card))
@@ -70,13 +70,13 @@ pub(super) fn is_of(sort: &str, card: &ObjectCard) -> bool {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Handling {
-    /// Category of the object.
+    /// Category of the objects that can be changed this way.
     pub category: String,
-    /// Initial states.
+    /// Initial states from which this change is possible.
     pub from: Vec<String>,
-    /// Final state.
+    /// State after the change.
     pub to: String,
-    /// The request in lower case without a full stop; `{y}` stands for the object.
+    /// Requests in lower case without a full stop; `{y}` stands for the object.
     pub say: Vec<String>,
     /// Reasons for the request, as main clauses.
     pub why: Vec<String>,

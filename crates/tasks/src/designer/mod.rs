@@ -56,7 +56,7 @@ pub enum DesignError {
     /// All designs were rejected.
     #[error("no {kind} task in {draws} designs: {}", counted(.rejections))]
     Exhausted {
-        /// Requested kind.
+        /// Requested kind of task.
         kind: &'static str,
         /// Number of designs tried.
         draws: usize,
@@ -68,7 +68,7 @@ pub enum DesignError {
     NoKinds,
 }
 
-/// Tasks, and the rejections on the way.
+/// Tasks, and the designs rejected before they were found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Batch {
     /// The tasks in order; the kinds alternate.

@@ -12,6 +12,7 @@ use super::sketch::Sketch;
 use super::things::{Group, things};
 
 /// Ratio of the volumes of two bounding boxes above which their objects are called the larger and the smaller one.
+/// Chosen by hand.
 const LARGER_VOLUME_RATIO: f64 = 1.7;
 
 /// Style of a referring expression.
@@ -87,8 +88,8 @@ impl<'s, 'a> Namer<'s, 'a> {
         options
     }
 
-    /// Other objects to which the noun also applies. Copies of the object do not count: which copy is meant may stay
-    /// open.
+    /// Other objects to which the noun also applies. Interchangeable copies of the object do not count: the expression
+    /// need not tell them apart.
     fn alike(&self, object: usize) -> Vec<usize> {
         let is_other = |other: &usize| self.scene.cards[*other].uid != self.scene.cards[object].uid;
         self.meant_by_noun(object).into_iter().filter(is_other).collect()

@@ -21,26 +21,26 @@ const HOLLOW_DIRECTED: [&str; 2] = ["into", "in"];
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Phrases {
-    /// One object to one place.
+    /// Requests to bring one object to one place.
     pub r#move: Vec<String>,
-    /// Same, for an object that is described by a whole clause.
+    /// Requests to bring one object, described by a whole clause, to one place.
     pub move_described: Vec<String>,
-    /// One object to one of two places.
+    /// Requests to bring one object to one of two places.
     pub alternatives: Vec<String>,
-    /// Same, for an object that is described by a whole clause.
+    /// Requests to bring one object, described by a whole clause, to one of two places.
     pub alternatives_described: Vec<String>,
     /// Noun phrases for a moved object that a common-sense need decides: `what I need`.
     pub needed: Vec<String>,
     /// Noun phrases for a destination that a need decides, if the object goes into it: `the right place`.
     pub needed_hollow: Vec<String>,
-    /// The same for all other relations.
+    /// Noun phrases for a destination that a need decides, in all other relations.
     pub needed_place: Vec<String>,
-    /// Several steps.
+    /// Templates of tasks with several steps.
     pub steps: Steps,
     which: Which,
 }
 
-/// Beginnings of relative clauses: for flat objects that lie and for upright ones that stand.
+/// Beginnings of relative clauses: for flat objects, which lie, and for upright ones, which stand.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Which {
@@ -103,13 +103,13 @@ impl Phrases {
     }
 }
 
-/// True if a subject that may be on or in the reference is said to be in it.
+/// True if a subject that may be on or in the reference is described as in it.
 fn is_said_in(relation: Relation, reference: &ObjectCard) -> bool {
     let is_hollow = things().host(reference).is_some_and(|host| host.relations.contains(&Relation::In));
     relation.kind() == RelationKind::Support(Support::OnOrIn) && is_hollow
 }
 
-/// A place with a random preposition.
+/// A place with a random one of the prepositions.
 fn place(prepositions: &[&str], first: &str, second: &str, rng: &mut impl Rng) -> String {
     let preposition = prepositions.choose(rng).copied().unwrap_or_default();
     let second = if second.is_empty() { String::new() } else { format!(" and {second}") };
@@ -131,7 +131,7 @@ pub(super) fn fill(template: &str, values: &[(&str, &str)]) -> String {
     text
 }
 
-/// The text with a capital first letter.
+/// The text with its first letter in upper case.
 pub(super) fn capitalised(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())

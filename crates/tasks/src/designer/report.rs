@@ -14,7 +14,7 @@ use crate::references;
 /// Statistics of a batch of designs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DesignReport {
-    /// Seed of the batch.
+    /// Seed from which the batch was designed.
     pub seed: Seed,
     /// Number of tasks composed.
     pub tasks: usize,
@@ -22,34 +22,34 @@ pub struct DesignReport {
     pub valid: usize,
     /// Number of distinct instructions.
     pub distinct_instructions: usize,
-    /// Share of distinct instructions.
+    /// Share of distinct instructions among all tasks, 0-1.
     pub distinct_share: f64,
-    /// Tasks of each kind, and the number its quota calls for.
+    /// Number of tasks of each kind, and the number according to its quota.
     pub kinds: BTreeMap<String, Occurrence>,
-    /// Edges and goal conditions with each relation, and the number its quota calls for.
+    /// Number of edges and goal conditions with each relation, and the number according to its quota.
     pub relations: BTreeMap<String, Occurrence>,
-    /// Largest deviation from a quota, relative to the quota.
+    /// Largest deviation of a number from its quota, relative to the quota.
     pub worst_quota_deviation: f64,
     /// Number of goal objects to which the instructions refer.
     pub references: usize,
-    /// Number of those that the independent reader resolves uniquely and in the right role.
+    /// Number of these references that the independent reader resolves uniquely and in the right role.
     pub references_unique: usize,
-    /// Words in the longest instruction.
+    /// Number of words in the longest instruction.
     pub words_max: usize,
     /// Processor time of the design, seconds.
     pub cpu_s: f64,
     /// Number of rejected designs by reason.
     pub rejections: BTreeMap<String, usize>,
-    /// Defects found in finished tasks.
+    /// Defects found in finished tasks, one text each.
     pub flaws: Vec<String>,
 }
 
-/// Number of occurrences.
+/// Actual number of tasks or relations, and the number according to the quota.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Occurrence {
-    /// Actual number.
+    /// Number in the batch.
     pub count: usize,
-    /// Number that the quota calls for.
+    /// Number according to the quota.
     pub quota: f64,
 }
 

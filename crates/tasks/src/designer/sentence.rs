@@ -20,7 +20,7 @@ use crate::references::sentence::{Action, Command, Noun, Part, Sentence, Where, 
 /// Source of tasks that were composed from a sentence.
 pub const SENTENCE: &str = "sentence";
 
-/// Most candidates that a question lists.
+/// Maximum number of candidates that a question lists.
 const MAX_CANDIDATES: usize = 6;
 
 /// Reason why a sentence is no task, as a question to its author.
@@ -29,25 +29,25 @@ pub enum SentenceError {
     /// The sentence is outside the grammar of requests.
     #[error("the sentence is not understood: `{sentence}`")]
     Unreadable {
-        /// The sentence.
+        /// The whole sentence, verbatim.
         sentence: String,
     },
-    /// A phrase names no object of the catalogue.
+    /// A phrase fits no object of the catalogue.
     #[error("no object of the catalogue is `{phrase}`{}", listed(.candidates))]
     NoObject {
-        /// The phrase.
+        /// The phrase without a matching object.
         phrase: String,
-        /// Names of objects that share a word with it.
+        /// Names of objects that share a word with the phrase.
         candidates: Vec<String>,
     },
-    /// No object of a phrase can have the part that the sentence gives it.
+    /// The phrase fits objects, but none of them can have its part in the request.
     #[error("`{phrase}` {why}{}", listed(.candidates))]
     Unsuitable {
-        /// The phrase.
+        /// The phrase without a suitable object.
         phrase: String,
-        /// The obstacle.
+        /// Reason why the objects are unsuitable.
         why: &'static str,
-        /// Names of objects that the phrase may mean.
+        /// Names of objects that fit the phrase.
         candidates: Vec<String>,
     },
     /// No scene was found in which the sentence states one goal.
@@ -64,10 +64,11 @@ fn listed(candidates: &[String]) -> String {
     if candidates.is_empty() { String::new() } else { format!("; candidates: {}", candidates.join(", ")) }
 }
 
-/// Composes the task that a sentence states, from these objects; `seed` decides which of several suitable objects are
-/// taken, what else is on the table and where.
+/// Composes the task that a sentence states, from these objects; `seed` decides among several suitable objects, and
+/// what else is on the table and where.
 ///
-/// The sentence stays as it is. It is read back in the finished scene, so that it is never ambiguous there.
+/// The sentence becomes the instruction unchanged. It is read back in the finished scene, so that it is never ambiguous
+/// there.
 ///
 /// # Errors
 /// [`SentenceError`] if the sentence or a phrase is not understood, or no scene suits it.
@@ -121,11 +122,11 @@ pub fn task_from_sentence(
 /// A noun phrase of a sentence.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SentencePhrase<'c> {
-    /// Its words.
+    /// Words of the phrase.
     pub phrase: String,
-    /// Objects that it may mean, those named by the noun itself first; several where it is ambiguous.
+    /// Objects that the phrase may mean, those named by the noun itself first; several where it is ambiguous.
     pub meant: Vec<&'c ObjectCard>,
-    /// Objects that share a word with it, if it means none.
+    /// Objects that share a word with the phrase; empty if it means any object.
     pub alike: Vec<&'c ObjectCard>,
 }
 
@@ -147,7 +148,7 @@ pub fn phrases_of_sentence<'c>(
     Ok(parsed.nouns.into_iter().map(phrase).collect())
 }
 
-/// Every phrase names an object, and one that can have its part.
+/// Checks that every phrase fits an object that can have its part in the request.
 fn check_nouns(sentence: &Sentence) -> Result<(), SentenceError> {
     for noun in &sentence.nouns {
         if noun.meant.is_empty() {
@@ -185,7 +186,7 @@ fn check_nouns(sentence: &Sentence) -> Result<(), SentenceError> {
     Ok(())
 }
 
-/// Names and uids of objects, one of each category first.
+/// Names with uids of at most [`MAX_CANDIDATES`] objects, one of each category first.
 fn named<'a>(cards: impl Iterator<Item = &'a ObjectCard>) -> Vec<String> {
     let mut categories = BTreeSet::new();
     let (first, more): (Vec<&ObjectCard>, Vec<&ObjectCard>) = cards.partition(|card| categories.insert(&card.category));
@@ -206,7 +207,7 @@ fn kind_of(sentence: &Sentence) -> TaskKind {
     }
 }
 
-/// Support relation in which `item` can be brought to a place at `host`, if any.
+/// Support relation in which `item` can be brought to a place at `host`; `None` if there is none.
 fn support(place: &Where, host: &ObjectCard, item: &ObjectCard) -> Option<Relation> {
     let fits = |relation: Relation| match relation.kind() {
         RelationKind::Support(_) if host.uid == item.uid || !things().has_room(host, item) => false,
@@ -225,17 +226,17 @@ struct Scene<'s, 'a> {
     objects: Vec<Option<usize>>,
 }
 
-/// Result of one design.
+/// Result of one design; the error is the reason for rejecting it.
 type Made<T> = Result<T, &'static str>;
 
 const NO_ROOM: &str = "the table has no room";
 
 impl<'s, 'a> Scene<'s, 'a> {
-    /// Adds the objects of the sentence and others; returns the goal.
+    /// Adds the objects of the sentence and fillers; returns the goal.
     fn compose(sentence: &'s Sentence<'a>, composer: &mut Composer<'a>) -> Made<Vec<Vec<Condition>>> {
         let mut scene = Self::choose(sentence, composer)?;
         let commands = || sentence.alternatives.iter().flatten();
-        // References first: the room of the goal is kept free before anything else is placed.
+        // Objects of the goal are placed first, with free room for the goal, before anything else takes it.
         let mut conditions: Vec<(&Command, Condition)> = Vec::new();
         let mut moves = Vec::new();
         for command in commands() {
@@ -290,7 +291,7 @@ impl<'s, 'a> Scene<'s, 'a> {
         Ok(sentence.alternatives.iter().map(goal).collect())
     }
 
-    /// An object for every noun, all different.
+    /// Chooses an object for every noun, all different.
     fn choose(sentence: &'s Sentence<'a>, composer: &mut Composer<'a>) -> Made<Self> {
         let mut cards: Vec<&ObjectCard> = Vec::new();
         for (index, noun) in sentence.nouns.iter().enumerate() {
@@ -310,7 +311,7 @@ impl<'s, 'a> Scene<'s, 'a> {
         Ok(Self { sentence, objects: vec![None; cards.len()], cards })
     }
 
-    /// Index of a noun's object, which is added to the table unless it is there.
+    /// Index of a noun's object in the sketch; the object is added to the table unless it is there already.
     fn place(&mut self, noun: usize, composer: &mut Composer<'a>) -> Made<usize> {
         if let Some(index) = self.objects[noun] {
             return Ok(index);
@@ -335,7 +336,7 @@ impl<'s, 'a> Scene<'s, 'a> {
         Ok(index)
     }
 
-    /// The goal position of a noun's object, with free room.
+    /// Goal position of a noun's object, with free room.
     fn destination(&mut self, subject: usize, place: &Where, composer: &mut Composer<'a>) -> Made<Place> {
         let item = self.cards[subject];
         let [first, ..] = place.references[..] else { return Err("the place has no object") };
@@ -390,7 +391,7 @@ fn may_end_there<'a>(command: &Command, card_of: impl Fn(usize) -> Option<&'a Ob
     !place.relations.iter().any(|relation| relation.is_support()) || support(place, host, item).is_some()
 }
 
-/// True if the object can have the part of a noun in a command.
+/// True if the object can have the part in a command that the noun has.
 fn can_have_part(command: &Command, noun: usize, card: &ObjectCard) -> bool {
     match command {
         Command::Put { subject, .. } if *subject == noun => is_movable(card),

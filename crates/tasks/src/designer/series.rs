@@ -7,8 +7,8 @@ use genmanip_core::{ObjectCard, Seed, Task, TaskKind};
 use super::balance::Balance;
 use super::{DesignError, DesignSettings, draw};
 
-/// Consecutive failures after which a kind is not tried again. Each failure has cost [`DesignSettings::max_draws`]
-/// designs; more than one attempt guards against bad luck. The value is a choice, not a measurement.
+/// Number of consecutive failures after which a kind is not tried again. Each failure has cost
+/// [`DesignSettings::max_draws`] designs; more than one attempt guards against bad luck. Chosen by hand.
 const MAX_CONSECUTIVE_FAILURES: usize = 3;
 
 /// An endless series of tasks with distinct instructions.
@@ -21,13 +21,13 @@ pub struct Series<'a> {
     cards: &'a [ObjectCard],
     seed: Seed,
     settings: &'a DesignSettings,
-    /// If set, a task whose kind fails, this time or for good, is composed of the next kind that succeeds.
+    /// True if a task whose kind fails, this time or for good, is composed of the next kind that succeeds.
     fill: bool,
     next: usize,
     balance: Balance,
     /// Instructions used so far.
     said: HashSet<String>,
-    /// Consecutive failures of each kind, and the last error.
+    /// Number of consecutive failures of each kind, and the last error.
     failed: BTreeMap<TaskKind, (usize, DesignError)>,
     rejections: BTreeMap<String, usize>,
 }
@@ -35,9 +35,9 @@ pub struct Series<'a> {
 /// A task of the series that could not be composed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Missing {
-    /// The id that the task would have had.
+    /// Id that the task would have had.
     pub id: String,
-    /// Its kind.
+    /// Kind of the task.
     pub kind: TaskKind,
     /// Reason for the failure.
     pub why: DesignError,
@@ -73,7 +73,7 @@ impl<'a> Series<'a> {
         })
     }
 
-    /// Number of rejected designs so far, by reason.
+    /// Number of rejected designs so far by reason.
     pub fn rejections(&self) -> &BTreeMap<String, usize> {
         &self.rejections
     }

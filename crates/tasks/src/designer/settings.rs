@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 pub struct DesignSettings {
     /// Smallest and largest number of objects in a scene.
     pub objects: [usize; 2],
-    /// Designs tried per task before the task fails.
+    /// Maximum number of designs tried per task before it fails.
     pub max_draws: usize,
     /// Share of each relation among all edges and goal conditions of a batch.
     pub relation_quotas: RelationQuotas,
@@ -26,7 +26,7 @@ pub struct DesignSettings {
     /// Smallest and largest number of steps of a long-horizon task, within 2 to 4.
     #[serde(default = "two_to_four")]
     pub steps: [usize; 2],
-    /// Relation of all goals, for the kinds that allow it; by default the quotas decide.
+    /// Relation of all goals, for the kinds that allow it; `None` if the quotas decide.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub goal_relation: Option<Relation>,
     /// Size along x and y of the area in which a scene is sketched, metres.
@@ -62,7 +62,7 @@ impl Default for DesignSettings {
 pub struct RelationQuotas(BTreeMap<Relation, f64>);
 
 impl RelationQuotas {
-    /// Share of a relation.
+    /// Share of a relation among all edges and goal conditions, 0-1.
     pub fn of(&self, relation: Relation) -> f64 {
         self.0.get(&relation).copied().unwrap_or(relation.facts().quota)
     }

@@ -1,8 +1,9 @@
 //! A rough two-dimensional sketch of a scene, from which the edges of the graph are read.
 //!
-//! Every object gets a position at some distance from its neighbours: x away from the robot, y to its left, metres; the
-//! first object is at the origin. The sketch is itself a layout that satisfies the graph. An object that may be turned
-//! is represented by a square of its longer side; turned, it exceeds each side by up to 21 % of that.
+//! Every object gets a position at some distance from its neighbours: x away from the robot, y to the robot's left,
+//! metres; the first object is at the origin. The sketch is itself a layout that satisfies the graph. An object that
+//! may be rotated is represented by a square of its longer side; rotated, it extends beyond each side of the square by
+//! up to 21 % of that side.
 
 use genmanip_core::asset::instance_ids;
 use genmanip_core::{Atom, GraphEdge, GraphNode, HorizontalAxis, ObjectCard, Relation, RelationKind, SceneGraph, Side};
@@ -27,7 +28,7 @@ pub(super) enum Condition {
     State(usize, String),
 }
 
-/// A relation with objects by index.
+/// A relation between objects by index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Link {
     pub subject: usize,
@@ -139,7 +140,7 @@ impl<'a> Sketch<'a> {
         (rise(first) + rise(last)).abs() < MAX_BEND_DEG.to_radians()
     }
 
-    /// Puts an object in or on another.
+    /// Puts an object in or on another; `None` if there is no room.
     pub fn put(&mut self, card: &'a ObjectCard, relation: Relation, host: usize) -> Option<usize> {
         let fits = things().may_carry(self.cards[host], card, relation)
             && things().shows(self.cards[host], card)
@@ -274,8 +275,8 @@ impl<'a> Sketch<'a> {
     }
 }
 
-/// Half extents along x and y: half the longer side in both, since an object may be turned. Articulated objects face
-/// the robot and keep their own.
+/// Half extents along x and y (m): half the longer side in both, since an object may be rotated. Articulated objects
+/// face the robot and keep their own extents.
 fn half(card: &ObjectCard) -> DVec2 {
     let size = card.size_m.truncate();
     if card.is_articulated { size * 0.5 } else { DVec2::splat(size.max_element() * 0.5) }

@@ -32,7 +32,7 @@ const MIN_CAVITY_FOR_GRIPPER_M: [f64; 2] = [0.18, 0.225];
 
 static THINGS: LazyLock<Things> = LazyLock::new(|| super::data(include_str!("../../data/designer/things.json")));
 
-/// The whole table.
+/// All knowledge of `things.json`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Things {
@@ -44,32 +44,32 @@ pub(super) struct Things {
 /// A kind of object, identified by the category of its cards.
 #[derive(Debug, Deserialize)]
 pub(super) struct Kind {
-    /// Its name.
+    /// Noun of the category.
     #[serde(flatten)]
     pub words: Words,
     /// Class by use, which decides where it can be put.
     pub class: String,
     /// Other categories to which the noun may also apply.
     pub alike: Vec<String>,
-    /// Sorts with a noun of their own, by a word of their names: a lime among the lemons.
+    /// Sorts with a noun of their own, by a word of the objects' names: a lime among the lemons.
     #[serde(default)]
     pub sorts: BTreeMap<String, Words>,
 }
 
-/// A noun.
+/// Forms of a noun.
 #[derive(Debug, Deserialize, PartialEq, Eq)]
 pub(super) struct Words {
-    /// Singular.
+    /// Singular form.
     pub noun: String,
-    /// Plural.
+    /// Plural form.
     pub plural: String,
 }
 
-/// A word for several categories.
+/// A noun that covers several categories.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Group {
-    /// Categories that it certainly means.
+    /// Categories that the noun certainly covers.
     pub members: Vec<String>,
     /// Categories that some people would include and others not.
     pub doubtful: Vec<String>,
@@ -81,10 +81,10 @@ pub(super) struct Group {
 pub(super) struct Host {
     /// Possible support relations: `in` for a cavity, `on` for a flat top, `top` for either.
     pub relations: Vec<Relation>,
-    /// True if the gripper can reach objects there.
+    /// True if the gripper can reach objects in or on the host.
     #[serde(default)]
     pub easy_to_take_from: bool,
-    /// Classes or categories that belong there.
+    /// Classes or categories of objects that belong in or on the host.
     pub welcomes: Vec<String>,
 }
 
@@ -97,7 +97,7 @@ impl Things {
         self.kinds.get(&card.category)
     }
 
-    /// Noun for an object.
+    /// Noun for an object; `None` without an entry for its category.
     pub fn words(&self, card: &ObjectCard) -> Option<&Words> {
         let kind = self.kind(card)?;
         Some(kind.sorts.iter().find(|(word, _)| is_named(card, word)).map_or(&kind.words, |(_, words)| words))
@@ -112,7 +112,7 @@ impl Things {
         of_kind || self.kind(card).is_some_and(could_mean)
     }
 
-    /// Words for several categories that certainly include this one.
+    /// Nouns of several categories that certainly cover the category of the card.
     pub fn groups_of<'a>(&'a self, card: &'a ObjectCard) -> impl Iterator<Item = (&'a str, &'a Group)> {
         self.groups.iter().filter(|(_, group)| group.members.contains(&card.category)).map(|(w, g)| (w.as_str(), g))
     }
@@ -191,7 +191,7 @@ impl Things {
         })
     }
 
-    /// True if one more object fits beside those already there, by area.
+    /// True if one more object fits beside those already in or on the host, by area.
     pub fn has_space_for(&self, host: &ObjectCard, there: &[&ObjectCard], item: &ObjectCard) -> bool {
         let area = |card: &ObjectCard| (card.size_m.x + 0.03) * (card.size_m.y + 0.03);
         let free = match host.annotations.room {

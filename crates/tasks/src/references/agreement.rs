@@ -1,7 +1,7 @@
 //! Disagreement between the sentence of a task and its goal.
 //!
-//! A sentence of the grammar is read in the scene and compared with the goal. Of any other sentence only the words count:
-//! objects of the goal have to be named, provided that all words are known.
+//! A sentence within the grammar is read in the scene and compared with the goal. For any other sentence only the words
+//! count: they have to name the objects of the goal, provided that all words are known.
 
 use std::collections::BTreeSet;
 
@@ -13,7 +13,7 @@ use super::words;
 use super::{Mismatch, ReadAtom, open, read, resembles};
 use crate::designer::RULES;
 
-/// Words that name no object: verbs, places, parts and courtesies beside the tables of the grammar.
+/// Words that name no object and are not in the tables of the grammar: verbs, places, parts and courtesies.
 const OTHER_WORDS: [&str; 40] = [
     "it", "them", "is", "are", "be", "that", "which", "there", "here", "table", "surface", "desk", "side", "top",
     "left", "right", "front", "back", "of", "robot's", "directly", "exactly", "so", "ends", "stands", "lies", "end",
@@ -21,7 +21,7 @@ const OTHER_WORDS: [&str; 40] = [
     "current",
 ];
 
-/// The reason why the sentence of a task cannot mean its goal; `None` if it means it or may do so.
+/// Reason why the sentence of a task cannot mean its goal; `None` if it does or may mean it.
 ///
 /// A sentence may say less than the goal (`next to` for `left`).
 pub fn disagreement(task: &Task) -> Option<String> {
@@ -50,12 +50,13 @@ pub fn is_beyond_the_reader(task: &Task, mismatch: &Mismatch) -> bool {
     task.source != RULES && !is_ambiguous && disagreement(task).is_none()
 }
 
-/// True if a sentence with the relation `said` may describe a goal with the relation `meant`.
+/// True if a sentence with the relation `said` is an acceptable request for a goal with the relation `meant`.
 fn are_compatible(said: Relation, meant: Relation) -> bool {
     said == meant || meant.implies(said) || said.implies(meant)
 }
 
-/// True if a sentence with *between* may mean this side of one of its two objects: answers may not use *between*.
+/// True if the sentence says *between* and the goal is one side of one of the two references: answers may not use
+/// *between*.
 fn is_one_side(read: &ReadAtom, meant: &Atom) -> bool {
     match (read, meant) {
         (
@@ -71,8 +72,8 @@ fn is_one_side(read: &ReadAtom, meant: &Atom) -> bool {
     }
 }
 
-/// Id and name of an object of the goal that no word of the sentence can mean; `None` if there is none, or if a word is
-/// unknown and might mean it.
+/// Id and name of an object of the goal that no word of the sentence can mean; `None` if there is none, or if an
+/// unknown word might mean it.
 fn unnamed(task: &Task) -> Option<String> {
     let text = task.instruction.to_lowercase();
     let words: Vec<&str> =
@@ -93,7 +94,7 @@ fn unnamed(task: &Task) -> Option<String> {
     Some(format!("{missing} ({})", task.name_of(missing)))
 }
 
-/// True if a word is one of the object's name or category.
+/// True if a word occurs in the object's name or category.
 fn is_named_by(card: &ObjectCard, word: &str) -> bool {
     let named = format!("{} {}", card.name, card.category).to_lowercase();
     named.split(|c: char| !c.is_alphanumeric() && c != '-').any(|own| own == word || format!("{own}s") == word)
@@ -127,7 +128,8 @@ mod tests {
         }
     }
 
-    /// True if the sentence cannot be read in the scene, and names what the goal is about or has unknown words.
+    /// True if the sentence cannot be read in the scene, but its words name the objects of the goal or are partly
+    /// unknown.
     fn unresolved(task: &Task) -> bool {
         read(&task.instruction, &task.objects, &task.scene_graph).is_err() && unnamed(task).is_none()
     }

@@ -9,7 +9,7 @@ pub(crate) enum Part {
     Other,
 }
 
-/// Change of state.
+/// Action that changes the state of an articulated object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Action {
     Open,
@@ -21,7 +21,7 @@ pub(crate) enum Action {
     Press,
 }
 
-/// Removes the part from a noun phrase such as `microwave door` or `cabinet's top drawer`.
+/// Removes the part from a noun phrase such as `microwave door` or `cabinet's top drawer`; `None` if it names none.
 pub(super) fn own_part(words: &mut Vec<String>) -> Option<Part> {
     let part = match words.last()?.as_str() {
         "door" | "lid" | "flap" | "screen" if words.len() > 1 => Part::Other,
@@ -41,7 +41,7 @@ pub(super) fn own_part(words: &mut Vec<String>) -> Option<Part> {
     words.truncate(words.len() - 1);
     match words.last_mut() {
         Some(owner) => owner.truncate(owner.trim_end_matches("'s").len()),
-        // The only objects with two drawers.
+        // Only cabinets have two drawers, so `top drawer` alone means a drawer cabinet.
         None => words.extend(["drawer", "cabinet"].map(String::from)),
     }
     Some(part)

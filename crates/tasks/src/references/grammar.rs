@@ -13,27 +13,27 @@ use super::words::{
     RELATIVES, SHOULD, SOURCE, SOURCES, SPELLINGS, STATE, TAKE, WISHES,
 };
 
-/// One request.
+/// One request, or alternatives.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Command {
     /// Bring objects to a place, or to one of several.
     Put { subjects: Vec<Group>, places: Vec<Place> },
     /// Change the state of an object.
     Change { object: Group, part: Option<Part>, action: Action },
-    /// Exactly one of these.
+    /// Exactly one of these commands.
     Either(Vec<Command>),
 }
 
 /// A noun phrase.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Group {
-    /// Its words without the article.
+    /// Words of the phrase without the article.
     pub words: Vec<String>,
-    /// Location of the object, from a relative clause.
+    /// Location of the object from a relative clause; `None` without one.
     pub at: Option<Box<Place>>,
 }
 
-/// A preposition with one noun phrase or two.
+/// A place: a preposition with one noun phrase or, for `between`, two.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Place {
     /// Relations that the preposition can mean.
@@ -41,7 +41,7 @@ pub(super) struct Place {
     pub objects: Vec<Group>,
 }
 
-/// A parsed instruction.
+/// Result of parsing an instruction.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Parsed {
     /// Requests in the order of the sentence.
@@ -55,7 +55,7 @@ pub(super) fn read(instruction: &str) -> Option<Parsed> {
     readings(instruction).next()
 }
 
-/// The ways to parse an instruction: as a plain request, then as colloquial English, which is parsed only when asked for.
+/// The parsed instruction, read as a plain request, then as colloquial English, which is parsed only on demand.
 pub(super) fn readings(instruction: &str) -> impl Iterator<Item = Parsed> {
     let text = instruction.to_lowercase();
     read_plain(&text).into_iter().chain(std::iter::once_with(move || read_freely(&colloquial::plain(&text))).flatten())
@@ -123,15 +123,15 @@ fn read_freely(text: &str) -> Option<Parsed> {
 struct Reader {
     words: Vec<String>,
     next: usize,
-    /// Noun of the last noun phrase, for which `one` stands in the next.
+    /// Noun of the last noun phrase, to which `one` in the next phrase refers; `None` before the first.
     noun: Option<String>,
-    /// Object of the last request, for which `it` stands.
+    /// Object of the last request, to which `it` refers; `None` before the first.
     object: Option<Group>,
-    /// Object of the last place, for which `it` stands in another place.
+    /// Object of the last place, to which `it` in another place refers; `None` before the first.
     place: Option<Group>,
     /// True for colloquial English.
     is_free: bool,
-    /// True if the sentence leaves out its articles.
+    /// True if the sentence omits its articles.
     is_terse: bool,
 }
 
@@ -153,7 +153,7 @@ impl Reader {
         self.words.get(index).map_or("", String::as_str)
     }
 
-    /// Number of words of `phrase` if it comes next.
+    /// Number of words of `phrase` if the next words are those of the phrase; `None` otherwise.
     fn at(&self, phrase: &str) -> Option<usize> {
         self.at_index(self.next, phrase)
     }
@@ -208,7 +208,7 @@ impl Reader {
         index == 0 || [",", ";", "so", "and", "then"].contains(&self.word(index - 1))
     }
 
-    /// All requests from an index to the end of the sentence.
+    /// All requests from an index to the end of the sentence; `None` if a part is outside the grammar.
     fn requests(&mut self, start: usize) -> Option<Vec<Command>> {
         self.next = start;
         let mut commands = Vec::new();
@@ -293,7 +293,7 @@ impl Reader {
         self.begins_command().then(|| self.one_command()).flatten()
     }
 
-    /// Runs a parser, and goes back to where it began if it fails.
+    /// Runs a parser, and returns to the position before it if it fails.
     fn attempt(&mut self, parse: impl FnOnce(&mut Self) -> Option<Command>) -> Option<Command> {
         let start = self.next;
         let command = parse(self);
@@ -339,7 +339,7 @@ impl Reader {
         self.change()
     }
 
-    /// Parses `take … and put it somewhere`; a location after the object is where it is now.
+    /// Parses `take … and put it somewhere`; a location after the object is its present location.
     fn fetch(&mut self) -> Option<Command> {
         self.take_any(&TAKE)?;
         self.take("me");
@@ -372,7 +372,7 @@ impl Reader {
             return Some(Command::Either(vec![put(subjects), put(vec![other])]));
         }
         let places = self.places()?;
-        // `put the apple in the bowl on the plate`: the first place is where it is now.
+        // `put the apple in the bowl on the plate`: the first place is the present location of the apple.
         if let ([subject], [from]) = (subjects.as_mut_slice(), places.as_slice())
             && subject.at.is_none()
             && from.relations.iter().any(|relation| relation.is_support())
@@ -403,7 +403,7 @@ impl Reader {
         if relations == [Relation::Between] && self.take("and") {
             objects.push(self.group()?);
         }
-        // `on the board next to the bread`: the second place is where the board is.
+        // `on the board next to the bread`: the second place is the location of the board.
         let support = |relations: &[Relation]| relations.iter().any(|relation| relation.is_support());
         if let [object] = objects.as_mut_slice()
             && object.at.is_none()
@@ -416,7 +416,7 @@ impl Reader {
         Some(Place { relations, objects })
     }
 
-    /// The preposition at an index, unless it ends the clause.
+    /// Relations of the preposition at an index, and the index after it; `None` if there is none or it ends the clause.
     fn preposition(&self, index: usize) -> Option<(&'static [Relation], usize)> {
         let (relations, length) = PLACES
             .iter()
@@ -477,7 +477,7 @@ impl Reader {
         if words.first().is_some_and(|word| words.len() == 1 && PRONOUNS.contains(&word.as_str())) {
             return self.object.clone();
         }
-        // An article inside a noun phrase belongs to one of its prepositions.
+        // An article inside a noun phrase belongs to a preposition within the phrase.
         let joins = |word: &String| ["of", "with", "without", "to", "from", "and", "in", "on"].contains(&word.as_str());
         if self.is_free && words.windows(2).any(|pair| ARTICLES.contains(&pair[1].as_str()) && !joins(&pair[0])) {
             return None;

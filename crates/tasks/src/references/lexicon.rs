@@ -11,7 +11,7 @@ static LEXICON: LazyLock<Lexicon> = LazyLock::new(|| {
     serde_json::from_str(include_str!("../../data/references/lexicon.json")).expect("valid; a test reads it")
 });
 
-/// An object is `small` if its volume is below this share of the largest of its kind.
+/// Share of the largest volume among objects of its kind below which an object is `small`. Chosen by hand.
 const SMALL: f64 = 0.6;
 
 /// Words that compare the size of an object with that of another one.
@@ -21,7 +21,7 @@ pub(super) const COMPARATIVES: [&str; 6] = ["larger", "bigger", "largest", "bigg
 const EMPTY: [&str; 15] =
     ["the", "a", "an", "of", "its", "and", "with", "my", "some", "at", "each", "both", "one", "in", "on"];
 
-/// Words that begin a description of the appearance after the noun.
+/// Words that introduce a description of the appearance after the noun.
 const TRAITS: [&str; 7] = ["with", "without", "lettered", "marked", "full", "in", "on"];
 
 #[derive(Debug, Deserialize)]
@@ -31,7 +31,7 @@ pub(super) struct Lexicon {
     heads: BTreeMap<String, Vec<String>>,
     /// Nouns that may mean any object.
     everything: Vec<String>,
-    /// Irregular plurals.
+    /// Irregular plurals, each with its singular.
     plurals: BTreeMap<String, String>,
     colors: BTreeSet<String>,
     small: Vec<String>,
@@ -40,16 +40,16 @@ pub(super) struct Lexicon {
     synonyms: BTreeMap<String, Vec<String>>,
     /// Noun phrases whose meaning depends on the context, such as a need stated before.
     vague: Vec<String>,
-    /// Sorts of objects and the beginnings of phrases for needs that they meet.
+    /// Sorts of objects, each with the beginnings of phrases that state a need which the sort meets.
     helps: BTreeMap<String, Vec<String>>,
 }
 
 /// An object of the scene with its card.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SceneObject<'c> {
-    /// Its id in the graph.
+    /// Id of the object in the graph.
     pub id: &'c str,
-    /// Its card.
+    /// Card of the object.
     pub card: &'c ObjectCard,
 }
 
@@ -86,7 +86,7 @@ impl Lexicon {
         };
         let (mut meant, tail) = match self.by_head(&head, things) {
             Some(meant) => (meant, tail),
-            // What a pack holds: `pack of crisps`.
+            // The noun after `of` says what a pack contains: `pack of crisps`.
             None => (self.by_head(&self.singular(tail.last()?), things)?, &tail[..0]),
         };
         let extra = tail.iter().chain(trait_words).filter(|word| !EMPTY.contains(word) && **word != "without");
@@ -220,7 +220,7 @@ impl Lexicon {
         stated(word) || known.iter().any(|word| stated(word))
     }
 
-    /// `dark-red` is one word if an object of the scene has that colour, and otherwise two.
+    /// Splits a hyphenated word: `dark-red` is one word if an object of the scene has that colour, otherwise two.
     fn parts<'w>(&self, word: &'w str, things: &[SceneObject]) -> Vec<&'w str> {
         let is_color =
             self.colors.contains(word) && things.iter().any(|thing| thing.card.colors.iter().any(|c| c == word));
@@ -239,7 +239,7 @@ impl Lexicon {
         words[..said].last().copied().into_iter().collect()
     }
 
-    /// The singular of a plural; any other word unchanged.
+    /// Singular of a plural; any other word unchanged.
     pub fn singular(&self, word: &str) -> String {
         if let Some(one) = self.plurals.get(word) {
             return one.clone();
@@ -249,7 +249,8 @@ impl Lexicon {
     }
 }
 
-/// True if the object is of a sort: a category, `category:word` with a word of its name, or `category:!word` without.
+/// True if the object is of a sort: a category, `category:word` with a word of its name, or `category:!word` without
+/// that word.
 fn is_of(sort: &str, card: &ObjectCard) -> bool {
     let Some((category, word)) = sort.split_once(':') else { return sort == card.category };
     let name = card.name.to_lowercase();
@@ -257,7 +258,7 @@ fn is_of(sort: &str, card: &ObjectCard) -> bool {
     category == card.category && word.strip_prefix('!').map_or_else(|| named(word), |other| !named(other))
 }
 
-/// Objects with this main colour, or else with this as one of their colours.
+/// Objects with this main colour; if there are none, objects with it as one of their colours.
 fn with_color<'c>(color: &str, meant: Vec<SceneObject<'c>>) -> Vec<SceneObject<'c>> {
     let main: Vec<SceneObject> =
         meant.iter().copied().filter(|thing| thing.card.colors.first().is_some_and(|first| first == color)).collect();

@@ -15,17 +15,18 @@ pub(super) struct Interpreter<'c> {
     things: Vec<SceneObject<'c>>,
     graph: &'c SceneGraph,
     space: Space<'c>,
-    /// Clauses of the instruction without a command.
+    /// Clauses of the instruction that contain no command, such as a stated need.
     context: &'c str,
     phrases: Vec<(String, Vec<String>)>,
-    /// Groups of copies, each of which a phrase leaves open.
+    /// Groups of interchangeable copies among which the instruction does not choose.
     choices: Vec<Vec<String>>,
 }
 
 /// Noun phrases, each with the ids of the objects it means.
 pub type Phrases = Vec<(String, Vec<String>)>;
 
-/// Possible referents of a phrase: the first `certain` ones in every layout, the others in some layouts.
+/// Possible referents of a phrase: the first `certain` ones match it in every layout of the scene, the others in some
+/// layouts.
 struct Candidates<'c> {
     things: Vec<SceneObject<'c>>,
     certain: usize,
@@ -37,7 +38,7 @@ impl<'c> Interpreter<'c> {
         Self { things, graph, space: Space::new(graph), context, phrases: Vec::new(), choices: Vec::new() }
     }
 
-    /// Noun phrases resolved so far, and the groups of copies that they leave open.
+    /// Noun phrases resolved so far, and the groups of copies among which they do not choose.
     pub fn into_phrases(self) -> (Phrases, Vec<Vec<String>>) {
         (self.phrases, self.choices)
     }
@@ -52,7 +53,7 @@ impl<'c> Interpreter<'c> {
         Ok(goal)
     }
 
-    /// Alternative sets of conditions that fulfil one command.
+    /// Alternative conjunctions of conditions that each fulfil one command.
     fn options(&mut self, command: &Command) -> Result<Vec<Vec<ReadAtom>>, Mismatch> {
         match command {
             Command::Either(commands) => {
@@ -117,7 +118,7 @@ impl<'c> Interpreter<'c> {
         }
     }
 
-    /// The object that a phrase means, or the first of several copies that it leaves open.
+    /// The object that a phrase means, or the first one of several interchangeable copies.
     fn any(&mut self, group: &Group) -> Result<SceneObject<'c>, Mismatch> {
         let Candidates { things, certain } = self.candidates(group)?;
         self.note(group, &things);
@@ -191,7 +192,7 @@ impl<'c> Interpreter<'c> {
         lexicon().denote(words, self.context, &self.things).ok_or_else(|| Mismatch::Unreadable { phrase: text(group) })
     }
 
-    /// Resolves `larger of the two`, `middle one of the three` and the like.
+    /// Resolves phrases of choice such as `larger of the two` or `middle one of the three`.
     fn chosen(&self, word: &str, among: Vec<SceneObject<'c>>) -> Vec<SceneObject<'c>> {
         let volume = |thing: &SceneObject| thing.card.size_m.element_product();
         let extreme = |sign: f64| {
@@ -246,7 +247,7 @@ impl<'c> Interpreter<'c> {
     }
 }
 
-/// Every alternative of the one list together with every alternative of the other.
+/// Conjunctions of every alternative of one list with every alternative of the other.
 pub(super) fn conjunctions<T: Clone>(before: &[Vec<T>], options: &[Vec<T>]) -> Vec<Vec<T>> {
     before.iter().flat_map(|before| options.iter().map(move |more| [&before[..], more].concat())).collect()
 }

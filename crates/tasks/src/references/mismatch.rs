@@ -1,4 +1,4 @@
-//! Conditions as read, and reasons why an instruction does not state the goal of its task.
+//! Conditions as stated by an instruction, and reasons why an instruction does not state the goal of its task.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use genmanip_core::Relation;
 /// A condition as stated by a sentence.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ReadAtom {
-    /// An object is in a relation to others.
+    /// An object stands in a relation to others.
     Place {
         /// Id of the object.
         subject: String,
@@ -49,29 +49,29 @@ pub enum Mismatch {
     /// The sentence is outside the grammar or the lexicon.
     #[error("not understood: `{phrase}`")]
     Unreadable {
-        /// The part that was not parsed.
+        /// Part of the sentence that was not parsed.
         phrase: String,
     },
     /// A phrase fits no object of the scene.
     #[error("nothing is `{phrase}`")]
     Nothing {
-        /// The phrase.
+        /// The phrase without a referent.
         phrase: String,
     },
     /// A phrase fits several objects.
     #[error("`{phrase}` may be any of {ids:?}")]
     Ambiguous {
-        /// The phrase.
+        /// The ambiguous phrase.
         phrase: String,
-        /// Ids that fit.
+        /// Ids of the objects that fit.
         ids: Vec<String>,
     },
     /// The sentence states another goal than the task's.
     #[error("asks for {read}, meant is {meant}")]
     OtherGoal {
-        /// The goal that the sentence states.
+        /// The goal that the sentence states, in words.
         read: String,
-        /// The task's goal.
+        /// The task's goal, in words.
         meant: String,
     },
 }

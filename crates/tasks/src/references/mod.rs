@@ -39,12 +39,12 @@ use mismatch::in_words;
 pub use mismatch::{Mismatch, ReadAtom};
 pub use necessity::{Clue, clues_at_places, is_needless};
 
-/// Meaning of an instruction.
+/// Meaning of an instruction in a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
     /// Noun phrases and the ids of their referents, in the order of the sentence.
     pub phrases: Vec<(String, Vec<String>)>,
-    /// For each phrase that fits several identical copies, their ids; the goal names the first.
+    /// Ids of the identical copies that a phrase fits, one entry per such phrase; the goal names the first of each.
     pub choices: Vec<Vec<String>>,
     /// Goal in disjunctive normal form: alternatives of conditions that must all hold.
     pub goal: Vec<Vec<ReadAtom>>,
@@ -52,7 +52,7 @@ pub struct Reading {
 
 /// Reads an instruction in a scene. `cards` are those of the graph's nodes, in the same order.
 ///
-/// A phrase that fits several identical copies is not ambiguous: it leaves open which of them is meant.
+/// A phrase that fits several identical copies is not ambiguous: it does not specify one of them.
 ///
 /// # Errors
 /// [`Mismatch`] if the instruction is outside the grammar, or a phrase has no referent or several.
@@ -89,7 +89,7 @@ pub fn interchangeable(task: &Task) -> Vec<Vec<String>> {
     read(&task.instruction, &task.objects, &task.scene_graph).map_or_else(|_| Vec::new(), |reading| open(&reading))
 }
 
-/// The groups of copies of a reading that no other phrase of the sentence distinguishes.
+/// The groups of copies of a reading among which no other phrase of the sentence distinguishes.
 fn open(reading: &Reading) -> Vec<Vec<String>> {
     let mut groups: Vec<Vec<String>> = Vec::new();
     for choice in &reading.choices {
@@ -114,7 +114,8 @@ pub fn intended(task: &Task) -> Vec<String> {
     ids.into_iter().collect()
 }
 
-/// Number of [`intended`] objects to which the instruction refers uniquely; not all of them if it states another goal.
+/// Number of [`intended`] objects to which the instruction refers uniquely; at least one less than all if it states
+/// another goal.
 pub fn resolved(task: &Task) -> usize {
     let intended = intended(task);
     match read(&task.instruction, &task.objects, &task.scene_graph) {
@@ -122,7 +123,7 @@ pub fn resolved(task: &Task) -> usize {
         Ok(_) if check(task).is_ok() => intended.len(),
         Ok(reading) => {
             let meant: BTreeSet<&String> = reading.phrases.iter().flat_map(|(_, ids)| ids).collect();
-            // All phrases resolve, but to another goal: at least one object does not count.
+            // All phrases resolve, but the goal differs: at least one object must not count.
             let found = intended.iter().filter(|id| meant.contains(id)).count();
             found.min(intended.len().saturating_sub(1))
         }

@@ -12,9 +12,9 @@ use super::words::EXTREMES;
 /// A sentence with its noun phrases resolved in a catalogue.
 #[derive(Debug)]
 pub(crate) struct Sentence<'c> {
-    /// Noun phrases, each for an object of its own.
+    /// Noun phrases, one per object to which the sentence refers.
     pub nouns: Vec<Noun<'c>>,
-    /// Alternatives of what is asked for, each a list of commands.
+    /// Alternative lists of commands, one of which is to be carried out.
     pub alternatives: Vec<Vec<Command>>,
 }
 
@@ -22,15 +22,15 @@ pub(crate) struct Sentence<'c> {
 #[derive(Debug)]
 pub(crate) struct Noun<'c> {
     pub phrase: String,
-    /// Objects that it may mean.
+    /// Objects that the phrase may mean.
     pub meant: Vec<&'c ObjectCard>,
-    /// Those of them whose name contains the noun itself.
+    /// Objects of `meant` whose name contains the noun itself.
     pub best: Vec<&'c ObjectCard>,
-    /// Objects that share its noun or a word with it, if it means none.
+    /// Objects that share the noun or a word with the phrase; empty if it means any object.
     pub alike: Vec<&'c ObjectCard>,
-    /// Location of the object in the initial scene.
+    /// Location of the object in the initial scene, from a relative clause; `None` without one.
     pub at: Option<Where>,
-    /// True if it compares the size of the object with that of another one.
+    /// True if the phrase compares the size of the object with that of another one.
     pub compares: bool,
 }
 
@@ -70,7 +70,7 @@ pub(crate) fn read_sentence<'c>(sentence: &str, cards: &'c [ObjectCard]) -> Opti
     if is_clear(&first) { Some(first) } else { Some(readings.find(is_clear).unwrap_or(first)) }
 }
 
-/// Resolves a parsed sentence in a catalogue.
+/// Resolves a parsed sentence in a catalogue; `None` if it compares locations.
 fn resolve<'c>(parsed: &Parsed, cards: &'c [ObjectCard]) -> Option<Sentence<'c>> {
     let things = cards.iter().map(|card| SceneObject { id: &card.uid, card }).collect();
     let mut resolver = Resolver { things, context: &parsed.context, groups: Vec::new(), nouns: Vec::new() };
@@ -83,9 +83,9 @@ fn resolve<'c>(parsed: &Parsed, cards: &'c [ObjectCard]) -> Option<Sentence<'c>>
 
 struct Resolver<'c, 'p> {
     things: Vec<SceneObject<'c>>,
-    /// Clauses of the sentence without a command.
+    /// Clauses of the sentence that contain no command.
     context: &'p str,
-    /// Noun phrases so far, with the index of their noun.
+    /// Noun phrases resolved so far, each with the index of its noun.
     groups: Vec<(Group, usize)>,
     nouns: Vec<Noun<'c>>,
 }
@@ -163,7 +163,8 @@ impl<'c> Resolver<'c, '_> {
         Some(self.nouns.len() - 1)
     }
 
-    /// Objects of the noun without its adjectives, or else objects that share a word with the phrase.
+    /// Objects that the noun without its adjectives may mean; if there are none, objects that share a word with the
+    /// phrase.
     fn alike(&self, words: &[&str]) -> Vec<&'c ObjectCard> {
         let bare = lexicon().bare(words);
         let of_noun = lexicon().denote(&bare, self.context, &self.things).unwrap_or_default();

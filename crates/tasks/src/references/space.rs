@@ -2,18 +2,18 @@
 
 use genmanip_core::{HorizontalAxis, Relation, SceneGraph, Side};
 
-/// Certainty of a relation, given the graph.
+/// Certainty of a relation in the layouts of a graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Certainty {
-    /// True in every layout.
+    /// True in every layout of the graph.
     Certain,
-    /// True in some layouts, as far as the graph tells.
+    /// True in some layouts, as far as the graph determines.
     Possible,
-    /// True in no layout.
+    /// True in no layout of the graph.
     Impossible,
 }
 
-/// Derives relations from one graph.
+/// Derives the certainty of relations from one graph.
 pub(super) struct Space<'g> {
     graph: &'g SceneGraph,
 }
@@ -52,7 +52,7 @@ impl<'g> Space<'g> {
         self.is_beyond(one, axis, other) || self.is_beyond(other, axis, one)
     }
 
-    /// The object on or in which `uid` is, and how.
+    /// The object on or in which `uid` is, with the relation; `None` if it stands on the table.
     pub fn support(&self, uid: &str) -> Option<(&'g str, Relation)> {
         let edge = self.graph.edges.iter().find(|edge| edge.subject == uid && edge.relation.is_support())?;
         Some((&edge.reference, edge.relation))

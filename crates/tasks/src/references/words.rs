@@ -53,13 +53,13 @@ pub(super) const PLACES: [(&str, &[Relation]); 43] = [
     ("to", &[In, On, Top]),
 ];
 
-/// Prepositions that may also belong to a description or a verb: a location follows only with a determiner.
+/// Prepositions that may also belong to a description or a verb: they introduce a location only before a determiner.
 pub(super) const LOOSE: [&str; 4] = ["in", "on", "by", "to"];
 
 /// Words that introduce the present location of an object that is to be moved.
 pub(super) const SOURCES: [&str; 5] = ["from", "out of", "off of", "off", "away from"];
 
-/// Location of an object that is taken from somewhere.
+/// Initial relations to the reference that match a word of [`SOURCES`].
 pub(super) const SOURCE: &[Relation] = &[In, On, Top];
 
 /// Words that compare locations: `farthest from the robot` names no place.
@@ -122,7 +122,7 @@ pub(super) const ADVERBS: [&str; 19] = [
     "gently",
     "directly",
 ];
-/// Beginnings of wishes and of obligations, before and after the object.
+/// Phrases that introduce a wish or an obligation, before or after the object.
 pub(super) const WISHES: [&str; 13] = [
     "i want that",
     "i want",
@@ -163,7 +163,7 @@ pub(super) const STATE: [&str; 16] = [
     "open", "close", "shut", "pull", "push", "lift", "raise", "lower", "flip", "fold", "swing", "turn", "switch",
     "press", "set", "hit",
 ];
-/// Other spellings of words of the lexicon.
+/// Spelling variants and the lexicon's word for each.
 pub(super) const SPELLINGS: [(&str, &str); 7] = [
     ("gray", "grey"),
     ("donut", "doughnut"),

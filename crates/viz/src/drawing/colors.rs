@@ -4,20 +4,20 @@
 pub const INK: &str = "#1f2937";
 /// Secondary text.
 pub const MUTED: &str = "#64748b";
-/// Edges of the initial graph.
+/// Lines of the initial graph's edges.
 pub const INITIAL: &str = "#475569";
-/// Goals.
+/// Lines and text of goals.
 pub const GOAL: &str = "#b45309";
-/// Errors and conflicts.
+/// Lines and text of errors and conflicts.
 pub const CONFLICT: &str = "#b91c1c";
-/// Thin outlines.
+/// Thin lines around and between groups.
 pub const HAIRLINE: &str = "#cbd5e1";
 /// Background of a group.
 pub const WASH: &str = "#f8fafc";
 /// Background of a goal.
 pub const GOAL_WASH: &str = "#fffbeb";
 
-/// The sRGB colour of a colour word of the catalogue; grey for an unknown word.
+/// sRGB colour of a colour word of the catalogue; grey for an unknown word.
 ///
 /// ```
 /// assert_eq!(genmanip_viz::drawing::color_of_word("red"), [200, 55, 48]);
@@ -46,7 +46,7 @@ pub fn color_of_word(word: &str) -> [u8; 3] {
     }
 }
 
-/// `#rrggbb`.
+/// Hexadecimal notation `#rrggbb` of an sRGB colour.
 pub fn hex(color: [u8; 3]) -> String {
     format!("#{:02x}{:02x}{:02x}", color[0], color[1], color[2])
 }

@@ -1,4 +1,4 @@
-//! Diagram of a task and its layout: scene graph beside the top view, and the reasons if there is no layout.
+//! Diagram of a task and its layout: the scene graph beside the top view, and the reasons if no layout was found.
 
 use genmanip_core::{Atom, Task};
 
@@ -12,21 +12,21 @@ const TITLE_SIZE: f64 = 17.0;
 const TEXT_SIZE: f64 = 13.0;
 const LINE: f64 = 20.0;
 
-/// Reasons why a task has no layout.
+/// Reasons why a task has no layout, for display.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Refusal {
-    /// Summary in one line.
+    /// Summary of the reasons in one line.
     pub headline: String,
-    /// Counted reasons, most frequent first.
+    /// Reasons with the number of attempts that failed for each, most frequent first.
     pub reasons: Vec<(String, usize)>,
-    /// Conflicting edges, most frequent first; drawn in red.
+    /// Conflicting relations, most frequent first; drawn in red.
     pub conflicts: Vec<Atom>,
-    /// The conflicting edges in words with their counts.
+    /// Conflicting relations in words, with the number of attempts in which each conflicted.
     pub conflict_labels: Vec<(String, usize)>,
 }
 
-/// Draws the scene graph with its goals beside the layout; for a rejected task, the furthest attempt with the reasons
-/// below.
+/// Draws the scene graph with its goals beside the layout. For a rejected task, the layout is the attempt that placed
+/// most, and the reasons are listed below.
 pub fn explain_svg(task: &Task, picture: &TopView, refusal: Option<&Refusal>) -> Svg {
     let conflicts = refusal.map_or(&[][..], |refusal| &refusal.conflicts);
     let (graph, [graph_width, graph_height]) = graph_drawing(task, conflicts);
@@ -44,7 +44,7 @@ pub fn explain_svg(task: &Task, picture: &TopView, refusal: Option<&Refusal>) ->
     y += MARGIN;
     let mut below = graph_height;
     if let Some(refusal) = refusal {
-        // Below the graph, where the top view leaves space.
+        // The reasons are placed below the graph, where there is space beside the top view.
         below = draw_reasons(&mut canvas, refusal, [MARGIN, y + graph_height + LINE], graph_width - MARGIN) - y;
     }
     canvas.group([0.0, y], graph);
@@ -52,7 +52,7 @@ pub fn explain_svg(task: &Task, picture: &TopView, refusal: Option<&Refusal>) ->
     canvas.finish(width, y + plan_height.max(below) + MARGIN, &format!("Layout of: {}", task.instruction))
 }
 
-/// Height at which the block ends.
+/// Draws the reasons as a text block, and returns the page height at which it ends (px).
 fn draw_reasons(canvas: &mut Canvas, refusal: &Refusal, at: [f64; 2], width: f64) -> f64 {
     let mut y = at[1];
     for line in wrap(&refusal.headline, TEXT_SIZE + 1.0, width, 4) {

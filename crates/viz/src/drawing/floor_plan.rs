@@ -1,4 +1,4 @@
-//! Top view of a layout: table, robot, footprints, relations.
+//! Top view of a layout: table, robot, footprints of objects, and relations.
 
 use genmanip_core::{GraphEdge, Workspace};
 
@@ -10,77 +10,77 @@ use super::svg::{Anchor, Area, BOLD, Canvas, Point, Svg, text_width, wrap};
 /// Contents of the top view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TopView {
-    /// Usable area of the table.
+    /// Area of the table in which objects may be placed.
     pub workspace: Workspace,
     /// Objects, and support surfaces other than the table, in any order.
     pub footprints: Vec<Footprint>,
-    /// Relations to draw as arrows from subject to reference.
+    /// Relations, drawn as arrows from subject to reference.
     pub edges: Vec<DrawnEdge>,
-    /// Radii around the robot's base to draw as arcs, m.
+    /// Radii of the reach around the robot's base, m, drawn as arcs.
     pub reach_m: Vec<f64>,
-    /// Regions where each relation allows the centre of an object that found no place.
+    /// Regions in which each relation allows the centre of an object that could not be placed.
     pub windows: Vec<PlaceWindow>,
 }
 
-/// A labelled rectangle on the table.
+/// Labelled rectangle in the world's xy plane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlaceWindow {
-    /// Smallest and largest x, m.
+    /// Smallest and largest x, world frame, m.
     pub x: [f64; 2],
-    /// Smallest and largest y, m.
+    /// Smallest and largest y, world frame, m.
     pub y: [f64; 2],
-    /// Label: the relation behind it.
+    /// Label that names the relation which allows the region.
     pub label: String,
 }
 
-/// An object seen from above.
+/// Outline of an object seen from above.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Footprint {
-    /// Uid, to which the edges refer.
+    /// Object id, to which the edges refer.
     pub id: String,
-    /// Name to write.
+    /// Name that is written at the object.
     pub name: String,
-    /// sRGB colour.
+    /// sRGB colour of the filled outline.
     pub color: [u8; 3],
     /// Outlines in the world's xy plane, m, e.g. one convex polygon per collision piece.
     pub polygons: Vec<Vec<[f64; 2]>>,
 }
 
-/// A relation to draw.
+/// Relation drawn as an arrow.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DrawnEdge {
-    /// The relation.
+    /// Relation between objects, by their ids.
     pub edge: GraphEdge,
-    /// Role, which decides the style.
+    /// Role of the relation, which determines colour and line style.
     pub role: EdgeRole,
 }
 
 /// Role of a drawn relation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EdgeRole {
-    /// Holds initially.
+    /// The relation holds initially.
     Initial,
-    /// Is a goal.
+    /// The relation is a goal.
     Goal,
-    /// Cannot be satisfied.
+    /// The relation could not be satisfied.
     Conflict,
 }
 
-/// Pixels per metre.
+/// Scale of the drawing, pixels per metre.
 const SCALE: f64 = 490.0;
 const NAME_SIZE: f64 = 12.5;
 const BASE_RADIUS_M: f64 = 0.09;
 const FOOT: f64 = 34.0;
 
-/// Draws a layout from above, the robot at the bottom: up is front (+x), left is the robot's left (+y).
+/// Draws a layout from above with the robot at the bottom: up is front (+x), left is the robot's left (+y).
 ///
-/// Non-finite points, and edges to objects without a footprint, are dropped.
+/// Points that are not finite, and relations of objects without a footprint, are omitted.
 pub fn layout_svg(picture: &TopView) -> Svg {
     let (canvas, [width, height]) = plan_drawing(picture);
     canvas.finish(width, height, "Layout seen from above")
 }
 
-/// [`layout_svg`] with its size.
+/// Drawing of [`layout_svg`], and its width and height (px).
 pub fn plan_drawing(picture: &TopView) -> (Canvas, [f64; 2]) {
     let view = View::of(picture);
     let mut canvas = Canvas::default();
@@ -109,14 +109,14 @@ fn draw_windows(canvas: &mut Canvas, view: &View, picture: &TopView) {
         if window.x.iter().chain(&window.y).any(|value| !value.is_finite()) {
             continue;
         }
-        // Objects off the table are clamped to its edge to stay visible.
+        // Regions beyond the table are clamped to its edge, so that they stay visible.
         let (wx, wy) = (clip(window.x, [x[0] - 0.05, x[1] + 0.04]), clip(window.y, [y[0] - 0.05, y[1] + 0.05]));
         let ([left, top], [right, bottom]) = (view.page([wx[1], wy[1]]), view.page([wx[0], wy[0]]));
         let area = Area { x: left, y: top, width: (right - left).max(2.0), height: (bottom - top).max(2.0) };
         canvas.rect(&area, 3.0, &style);
         let width = text_width(&window.label, LABEL_SIZE) * BOLD + 8.0;
         let mut middle = [area.center()[0], area.y + 10.0];
-        // Labels of windows that start at the same height are stacked.
+        // Labels of regions that begin at about the same height are stacked.
         if (middle[1] - foot).abs() < 18.0 {
             middle[1] = foot + 18.0;
         }
@@ -131,7 +131,7 @@ impl TopView {
     }
 }
 
-/// Maps the world's xy plane to the page.
+/// Mapping from the world's xy plane (m) to the page (px).
 struct View {
     front_m: f64,
     left_m: f64,
@@ -159,7 +159,7 @@ impl View {
         [(self.left_m - world[1]) * SCALE, (self.front_m - world[0]) * SCALE]
     }
 
-    /// Arcs of the reach over the table.
+    /// Arcs of the robot's reach over the table, in page coordinates.
     fn arcs(&self, picture: &TopView) -> Vec<Vec<Point>> {
         let [right, left] = picture.workspace.y;
         let arc = |radius: f64| {
@@ -224,12 +224,12 @@ fn draw_table(canvas: &mut Canvas, view: &View, picture: &TopView) {
     canvas.text(at, 11.0, Anchor::Start, &format!(r#"fill="{MUTED}""#), "left +y");
 }
 
-/// Everything on the table, in page coordinates.
+/// Objects, names and arrows of a top view, in page coordinates (px).
 pub struct PlanScene {
     objects: Vec<(Vec<Vec<Point>>, [u8; 3])>,
-    /// Names with their positions.
+    /// Lines of each name, with the area they cover.
     pub names: Vec<(Vec<String>, Area)>,
-    /// Arrows between footprints.
+    /// Arrows between footprints, each with its label and role.
     pub arrows: Vec<(RoutedEdge, String, EdgeRole)>,
 }
 
@@ -319,7 +319,7 @@ impl PlanScene {
         }
     }
 
-    /// Contents of a diagram, for tests.
+    /// Texts and shapes of a diagram, for tests.
     #[cfg(test)]
     pub fn of(picture: &TopView) -> Self {
         Self::new(picture, &View::of(picture))
@@ -331,7 +331,8 @@ fn outlines(footprint: &Footprint, view: &View) -> Vec<Vec<Point>> {
     footprint.polygons.iter().filter(finite).map(|outline| outline.iter().map(|at| view.page(*at)).collect()).collect()
 }
 
-/// Position of a name: inside its object if it fits, else beside it; away from other names, objects and arrows.
+/// Position of a name: inside its object if the name fits, else beside it, without overlapping other names, objects and
+/// arrows if possible.
 fn place_name(
     lines: &[String],
     own: &Area,

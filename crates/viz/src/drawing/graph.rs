@@ -12,21 +12,21 @@ const LINE: f64 = 17.0;
 const MARGIN: f64 = 16.0;
 const HEADING: f64 = 30.0;
 const ROBOT: f64 = 40.0;
-/// Vertical distance between an object and its support, for an arrow with its label.
+/// Vertical gap between an object and its support, px: room for an arrow with its label.
 const STACK_GAP: f64 = 44.0;
-/// Maximum width before the goals move below the initial graph.
+/// Maximum width, px, with the goals beside the initial graph; if wider, they are placed below it.
 const MAX_WIDTH: f64 = 715.0;
 
 /// Draws the initial scene graph and, in a second colour, every alternative of the goal.
 ///
-/// An arrow leads from the subject to the reference: *A —left→ B* says that A is to the robot's left of B.
-/// Up is front (away from the robot); an object on a support stands above it in a common frame.
+/// An arrow leads from the subject to the reference: *A —left→ B* says that A is to the robot's left of B. The page's
+/// upward direction is away from the robot; an object on a support stands above it in a common frame.
 pub fn graph_svg(task: &Task) -> Svg {
     let (canvas, [width, height]) = graph_drawing(task, &[]);
     canvas.finish(width, height, &format!("Scene graph and goal of: {}", task.instruction))
 }
 
-/// [`graph_svg`] with its size and conflicting edges in red.
+/// Drawing of [`graph_svg`], with conflicting edges in red, and its width and height (px).
 pub fn graph_drawing(task: &Task, conflicts: &[Atom]) -> (Canvas, [f64; 2]) {
     let start = Panel::start(task, conflicts);
     let goals: Vec<Panel> = (0..task.goal.alternatives.len()).map(|index| Panel::goal(task, index)).collect();
@@ -55,19 +55,19 @@ pub fn graph_drawing(task: &Task, conflicts: &[Atom]) -> (Canvas, [f64; 2]) {
     (canvas, [width, height])
 }
 
-/// One graph with its heading.
+/// Drawing of one graph with its heading.
 pub struct Panel {
     heading: String,
     is_goal: bool,
     nodes: Vec<Node>,
     wires: Vec<UnroutedEdge>,
-    /// Flags of wires drawn in red; false beyond the end.
+    /// True for edges drawn in red, by index into `wires`; false beyond the end.
     conflicts: Vec<bool>,
-    /// Boxes of the nodes, relative to the graph.
+    /// Bounding boxes of the nodes, px, in the panel's coordinates.
     pub boxes: Vec<Area>,
-    /// Frames around stacks.
+    /// Frames around stacks of objects, px.
     frames: Vec<Area>,
-    /// Edges.
+    /// Routed edges, in the order of `wires`.
     pub routed: Vec<RoutedEdge>,
     bounds: Area,
 }
@@ -81,7 +81,7 @@ struct Node {
 }
 
 impl Panel {
-    /// The initial scene; objects that the goal moves or changes are outlined in the goal's colour.
+    /// Graph of the initial scene; objects that the goal moves or changes are outlined in the goal's colour.
     pub fn start(task: &Task, conflicts: &[Atom]) -> Self {
         let atoms: Vec<&Atom> = task.goal.alternatives.iter().flatten().collect();
         let nodes = task.scene_graph.nodes.iter().map(|node| {
@@ -109,7 +109,7 @@ impl Panel {
         panel
     }
 
-    /// One alternative of the goal.
+    /// Graph of one alternative of the goal, by index.
     pub fn goal(task: &Task, alternative: usize) -> Self {
         let atoms = task.goal.alternatives.get(alternative).map_or(&[][..], Vec::as_slice);
         let heading = match (task.goal.alternatives.len(), alternative) {
@@ -167,7 +167,7 @@ impl Panel {
                 wires.push(UnroutedEdge { from: link.from, to, label: link.relation.name().into() });
             }
         }
-        // Widen gaps until every label has a free position.
+        // Gaps are widened until every label has a free position.
         let mut best = (usize::MAX, Vec::new(), Vec::new(), Vec::new());
         for attempt in 0..6 {
             let (boxes, frames) = stacks.arrange(&cells, 1.0 + 0.22 * f64::from(attempt));
@@ -283,11 +283,11 @@ struct Link {
     relation: Relation,
 }
 
-/// The nodes as stacks: a support or container is below its contents.
+/// Nodes grouped into stacks: a support or container is drawn below its contents.
 struct Stacks {
     sizes: Vec<[f64; 2]>,
     children: Vec<Vec<usize>>,
-    /// Nodes on the table.
+    /// Bottom node of each stack: one without support among the nodes.
     roots: Vec<usize>,
     /// Index into `roots` of each node's stack.
     pile: Vec<usize>,
@@ -341,7 +341,7 @@ impl Stacks {
         (from != to).then_some(CellConstraint { from, to, wish })
     }
 
-    /// Width and height of a stack.
+    /// Width and height, px, of a node with everything above it.
     fn pile_size(&self, node: usize) -> [f64; 2] {
         let above = self.children[node].iter().map(|child| self.pile_size(*child));
         let [width, height] = above.fold([-12.0, 0.0], |[width, height], [w, h]| [width + w + 12.0, h.max(height)]);
@@ -349,7 +349,7 @@ impl Stacks {
         [self.sizes[node][0].max(width), self.sizes[node][1] + lift + height]
     }
 
-    /// Places a stack with its bottom centre at a point.
+    /// Places a node and everything above it, with the bottom centre at a point.
     fn put(&self, node: usize, bottom: [f64; 2], boxes: &mut [Area]) {
         let [width, height] = self.sizes[node];
         boxes[node] = Area { x: bottom[0] - width / 2.0, y: bottom[1] - height, width, height };
@@ -362,10 +362,10 @@ impl Stacks {
         }
     }
 
-    /// Boxes of all nodes and frames of the stacks, with scaled gaps.
+    /// Boxes of all nodes and frames around the stacks; `spread` scales the gaps between stacks.
     fn arrange(&self, cells: &[[i32; 2]], spread: f64) -> (Vec<Area>, Vec<Area>) {
         let count = |axis: usize| cells.iter().map(|cell| cell[axis] + 1).max().unwrap_or(0) as usize;
-        // Objects on the table in one row share a centre line; stacks rise above it.
+        // Bottom nodes in one row share a horizontal centre line; the rest of their stacks rises above it.
         let mut columns = vec![0.0_f64; count(0)];
         let mut rows = vec![[0.0_f64; 2]; count(1)];
         let framed = |root: usize| if self.children[root].is_empty() { 0.0 } else { 10.0 };
@@ -401,13 +401,13 @@ pub fn bounds(areas: impl IntoIterator<Item = Area>) -> Area {
     areas.into_iter().reduce(around).unwrap_or(Area { x: 0.0, y: 0.0, width: 0.0, height: 0.0 })
 }
 
-/// A, B, … for the alternatives of a goal; AA after Z.
+/// Letter of an alternative by index: A to Z, then AA, AB, ….
 pub fn letter(index: usize) -> String {
     let last = char::from(b'A' + (index % 26) as u8);
     if index < 26 { last.into() } else { letter(index / 26 - 1) + &last.to_string() }
 }
 
-/// The robot at the lower edge: up the page is away from it.
+/// Draws the robot at the lower edge, since the page's upward direction is away from the robot.
 fn draw_robot(canvas: &mut Canvas, foot: [f64; 2]) {
     let style = format!(r#"fill="{MUTED}""#);
     let plate = Area::around([foot[0], foot[1] - 8.0], 62.0, 18.0);

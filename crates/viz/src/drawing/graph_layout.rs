@@ -1,12 +1,12 @@
-//! Node positions of a graph: grid cells that agree with the spatial meaning of the relations.
+//! Node positions of a scene graph: grid cells that agree with the spatial meaning of the relations.
 
 use genmanip_core::Seed;
 use rand::RngExt;
 
-/// A cell of the grid: columns to the right, rows up (away from the robot).
+/// Cell of the grid, (column, row): columns increase to the right, rows increase up the page (away from the robot).
 pub type Cell = [i32; 2];
 
-/// Constraint of an edge on the cells of its two ends.
+/// Constraint of an edge on the cells of its two ends, given by node indices.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellConstraint {
     pub from: usize,
@@ -14,22 +14,23 @@ pub struct CellConstraint {
     pub wish: PreferredCell,
 }
 
-/// Preferred cell of `from`.
+/// Preferred cell of node `from`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PreferredCell {
-    /// One step from `to` in this direction.
+    /// Cell one step from node `to` in this direction.
     Step(Cell),
-    /// Next to `to`.
+    /// Cell next to node `to`.
     Close,
-    /// Halfway between `to` and another node.
+    /// Cell halfway between node `to` and this other node.
     Middle(usize),
 }
 
-/// Restarts of the search; each ends in a local optimum after a few dozen rounds.
+/// Number of local searches, and the maximum number of changes in each; most end in a local optimum earlier.
 const RESTARTS: u64 = 6;
 const MAX_ROUNDS: usize = 60;
 
-/// Cells for `count` nodes: the best of several local searches over moves and swaps; deterministic.
+/// Cells of `count` nodes: the best result of several local searches by moves and swaps. The same input gives the same
+/// cells.
 pub fn cells(count: usize, ties: &[CellConstraint]) -> Vec<Cell> {
     let side = (count as i32).min(6);
     let mut best = (f64::INFINITY, Vec::new());
@@ -47,7 +48,8 @@ pub fn cells(count: usize, ties: &[CellConstraint]) -> Vec<Cell> {
     normalised(best.1)
 }
 
-/// Initial arrangement: follows the edges from node 0 and satisfies each preference literally.
+/// Initial arrangement, found by following the edges from node 0 and satisfying each preference literally; cells may
+/// overlap.
 fn grown(count: usize, ties: &[CellConstraint]) -> Vec<Cell> {
     let mut cells: Vec<Option<Cell>> = vec![None; count];
     for start in 0..count {
@@ -74,7 +76,7 @@ fn scattered(count: usize, side: i32, restart: u64) -> Vec<Cell> {
     (0..count).map(|_| [rng.random_range(0..side.max(1)), rng.random_range(0..side.max(1))]).collect()
 }
 
-/// The best single move or swap that reduces the cost.
+/// Best single move or swap, as cost and cells; `None` if none reduces the cost.
 fn best_change(cells: &[Cell], ties: &[CellConstraint], side: i32, cost: f64) -> Option<(f64, Vec<Cell>)> {
     let mut best: Option<(f64, Vec<Cell>)> = None;
     let mut consider = |candidate: Vec<Cell>| {
@@ -102,7 +104,8 @@ fn best_change(cells: &[Cell], ties: &[CellConstraint], side: i32, cost: f64) ->
     best
 }
 
-/// Cost of an arrangement: violated preferences, nodes on top of each other or of an edge, crossings, spread.
+/// Cost of an arrangement: violated preferences, nodes in the same cell or on an edge of others, crossing edges,
+/// extent.
 fn total_cost(cells: &[Cell], ties: &[CellConstraint]) -> f64 {
     let mut cost = 0.0;
     for (index, cell) in cells.iter().enumerate() {
@@ -144,7 +147,7 @@ fn wish_cost(cells: &[Cell], tie: &CellConstraint) -> f64 {
     }
 }
 
-/// Number of nodes that the straight line between two nodes runs through.
+/// Number of other nodes on the straight line between two nodes.
 fn blocked(cells: &[Cell], from: usize, to: usize) -> f64 {
     let (a, b) = (cells[from], cells[to]);
     let (dx, dy) = (f64::from(b[0] - a[0]), f64::from(b[1] - a[1]));
@@ -166,7 +169,7 @@ fn crosses(cells: &[Cell], a: &CellConstraint, b: &CellConstraint) -> bool {
     side(p, q, r) * side(p, q, s) < 0 && side(r, s, p) * side(r, s, q) < 0
 }
 
-/// The same arrangement without empty rows and columns, from zero.
+/// Same arrangement without empty rows and columns, with indices from 0.
 fn normalised(cells: Vec<Cell>) -> Vec<Cell> {
     let used = |axis: usize| {
         let mut used: Vec<i32> = cells.iter().map(|cell| cell[axis]).collect();

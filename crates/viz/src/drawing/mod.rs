@@ -1,6 +1,6 @@
 //! Drawings of tasks and layouts as SVG: dark on white, no external resources, the same bytes for the same input.
 //!
-//! In both drawings up the page is *front* (away from the robot, +x) and left is the robot's left (+y).
+//! In all drawings the page's upward direction is *front* (away from the robot, +x), and left is the robot's left (+y).
 
 mod colors;
 mod explain;

@@ -1,46 +1,47 @@
-//! Edge routing: curves that avoid other shapes, and labels without overlaps.
+//! Edge routing: curves that avoid shapes which they do not connect, and labels without overlaps.
 
 use super::svg::{Area, BOLD, Point, text_width};
 
-/// Size of the labels, px.
+/// Font size of the labels, px.
 pub const LABEL_SIZE: f64 = 12.0;
 
-/// A shape that lines and labels avoid.
+/// Shape that lines and labels avoid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
-    /// Bounding box.
+    /// Bounding box, px.
     pub area: Area,
-    /// Outlines; the whole box if empty.
+    /// Polygons that outline the shape; empty for the whole bounding box.
     pub outlines: Vec<Vec<Point>>,
-    /// True if no label may cover it; a footprint may be covered where there is no other space.
+    /// True if no label may cover the shape; false for one that a label may cover where there is no other space, such
+    /// as a footprint.
     pub solid: bool,
-    /// The shape it labels, whose own lines may run under it.
+    /// Index of the shape of which this one is the label; edges of that shape may run under the label.
     pub owner: Option<usize>,
 }
 
-/// An edge to be routed.
+/// Edge to be routed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnroutedEdge {
-    /// Index of its source shape.
+    /// Index of the source shape.
     pub from: usize,
-    /// Index of its target shape.
+    /// Index of the target shape.
     pub to: usize,
-    /// Text of the label.
+    /// Text written at the edge.
     pub label: String,
 }
 
-/// A routed edge.
+/// Edge with its curve and the place of its label.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RoutedEdge {
-    /// From the border of one shape to the border of the other.
+    /// Points of the curve, px, from the border of the source to the border of the target.
     pub points: Vec<Point>,
-    /// Area of the label.
+    /// Bounding box of the label, px.
     pub label: Area,
 }
 
 const BENDS: [f64; 11] = [0.0, 26.0, -26.0, 52.0, -52.0, 84.0, -84.0, 124.0, -124.0, 170.0, -170.0];
 const FRACTIONS: [f64; 9] = [0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74, 0.18, 0.82];
-/// Offsets of label candidates: side of the line, extra distance from it, px.
+/// Offsets of label candidates: side of the line (0 on it, 1 or -1 beside it) and extra distance from it, px.
 const ASIDE: [(f64, f64); 9] = [
     (0.0, 0.0),
     (1.0, 0.0),
@@ -55,12 +56,12 @@ const ASIDE: [(f64, f64); 9] = [
 const SAMPLES: usize = 64;
 
 impl Shape {
-    /// A rectangle that must not be covered.
+    /// Shape of a rectangle that must not be covered.
     pub fn solid(area: Area) -> Self {
         Self { area, outlines: Vec::new(), solid: true, owner: None }
     }
 
-    /// True if a point is inside the shape after scaling it about its centre and growing it.
+    /// True if a point is inside the shape scaled about its centre, whose bounding box is then grown by `grown` px.
     fn contains(&self, point: Point, scale: f64, grown: f64) -> bool {
         let center = self.area.center();
         let at = [center[0] + (point[0] - center[0]) / scale, center[1] + (point[1] - center[1]) / scale];
@@ -93,9 +94,10 @@ fn inside(outline: &[Point], point: Point) -> bool {
     inside
 }
 
-/// Routes the wires one after the other, each optimally given the previous ones.
+/// Routes the edges one after the other, each with the best curve given the previous ones.
 ///
-/// `clip` is the scale of the shapes at which a line starts and ends: 1 at the border, less inside.
+/// `clip` scales the source and the target shape about their centres; the line starts and ends at the borders of the
+/// scaled shapes: 1 for the border itself, less for a point inside.
 /// Also returns the number of labels or lines that could not avoid a solid shape.
 pub fn route(shapes: &[Shape], wires: &[UnroutedEdge], clip: [f64; 2]) -> (Vec<RoutedEdge>, usize) {
     let mut routed: Vec<RoutedEdge> = Vec::with_capacity(wires.len());
@@ -103,7 +105,7 @@ pub fn route(shapes: &[Shape], wires: &[UnroutedEdge], clip: [f64; 2]) -> (Vec<R
     for (index, wire) in wires.iter().enumerate() {
         let mut best: Option<(f64, usize, RoutedEdge)> = None;
         for bend in BENDS {
-            // The bend is measured in a direction independent of the order of the ends.
+            // The side of a bend does not depend on which end is the source.
             let bend = if wire.from < wire.to { bend } else { -bend };
             let points = bent_line(&shapes[wire.from], &shapes[wire.to], bend, clip);
             let ends = [Some(wire.from), Some(wire.to)];
@@ -148,7 +150,7 @@ fn nearest(points: &[Point], to: Point) -> f64 {
     points.iter().map(|point| (point[0] - to[0]).hypot(point[1] - to[1])).fold(f64::INFINITY, f64::min)
 }
 
-/// A quadratic curve between the centres, clipped at both shapes.
+/// Quadratic curve between the centres of two shapes, clipped at both shapes; `bend` is the offset of its middle, px.
 fn bent_line(from: &Shape, to: &Shape, bend: f64, clip: [f64; 2]) -> Vec<Point> {
     let (a, b) = (from.area.center(), to.area.center());
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
@@ -166,13 +168,13 @@ fn bent_line(from: &Shape, to: &Shape, bend: f64, clip: [f64; 2]) -> Vec<Point> 
 
 struct LabelPlace {
     area: Area,
-    /// Number of solid shapes and labels it covers.
+    /// Number of solid shapes and labels that the label overlaps; compared before `cost`.
     overlaps: usize,
-    /// Cost of the position otherwise.
+    /// Cost by position and covered lines, without unit.
     cost: f64,
 }
 
-/// The best label position along a line.
+/// Best position of a label along a line.
 fn place_label(shapes: &[Shape], routed: &[RoutedEdge], points: &[Point], label: &str) -> LabelPlace {
     let (width, height) = label_size(label);
     let length: f64 = points.windows(2).map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1])).sum();
@@ -184,7 +186,7 @@ fn place_label(shapes: &[Shape], routed: &[RoutedEdge], points: &[Point], label:
         let (dx, dy) = (after[0] - before[0], after[1] - before[1]);
         let norm = dx.hypot(dy).max(1e-6);
         let (ux, uy) = (dx / norm, dy / norm);
-        // Length of the line hidden by the label if it sits on it.
+        // Length of the line that the label hides if it is centred on the line.
         let hidden = (width / ux.abs().max(1e-6)).min(height / uy.abs().max(1e-6));
         for (side, farther) in ASIDE {
             let off = (width / 2.0 * uy.abs() + height / 2.0 * ux.abs() + 4.0 + farther) * side;
@@ -210,7 +212,7 @@ fn place_label(shapes: &[Shape], routed: &[RoutedEdge], points: &[Point], label:
     best
 }
 
-/// Width and height of a label with its margin.
+/// Width and height of a label including its margin, px.
 pub fn label_size(label: &str) -> (f64, f64) {
     (text_width(label, LABEL_SIZE) * BOLD + 6.0, LABEL_SIZE + 5.0)
 }

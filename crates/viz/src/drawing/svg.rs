@@ -5,17 +5,17 @@ use std::fmt::Write;
 use super::colors::INK;
 use crate::markup::escape;
 
-/// A finished diagram. Only this crate makes one, with all text escaped, so it can be embedded in HTML unchanged.
+/// Finished diagram. Only this crate creates one, with all text escaped, so that it can be embedded in HTML unchanged.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Svg(String);
 
 impl Svg {
-    /// The text of the file.
+    /// Text of the SVG file.
     pub fn as_str(&self) -> &str {
         &self.0
     }
 
-    /// The text of the file.
+    /// Text of the SVG file.
     pub fn into_string(self) -> String {
         self.0
     }
@@ -27,10 +27,10 @@ impl std::fmt::Display for Svg {
     }
 }
 
-/// A point on the page, px, y down.
+/// Point on the page, px: x to the right, y down.
 pub type Point = [f64; 2];
 
-/// A rectangle on the page, px, y down.
+/// Rectangle on the page, px: x to the right, y down from the upper left corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Area {
     pub x: f64,
@@ -72,7 +72,7 @@ impl Area {
     }
 }
 
-/// Upper bound of a text's width, px, from the widest of the common system fonts.
+/// Upper bound of a text's width, px, for the widest of the common system fonts; `size` is the font size, px.
 pub fn text_width(text: &str, size: f64) -> f64 {
     let em = |character: char| match character {
         'i' | 'j' | 'l' | 'I' | '.' | ',' | ':' | ';' | '\'' | '|' | ' ' => 0.34,
@@ -86,10 +86,10 @@ pub fn text_width(text: &str, size: f64) -> f64 {
     text.chars().map(em).sum::<f64>() * size
 }
 
-/// Width factor of semi-bold text.
+/// Width of semi-bold text relative to regular text.
 pub const BOLD: f64 = 1.1;
 
-/// Breaks a text into at most `lines` lines of about `width` px each; the rest is replaced by an ellipsis.
+/// Breaks a text into at most `lines` lines of about `width` px each; an ellipsis replaces what does not fit.
 pub fn wrap(text: &str, size: f64, width: f64, lines: usize) -> Vec<String> {
     let mut wrapped: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
@@ -115,21 +115,21 @@ pub fn wrap(text: &str, size: f64, width: f64, lines: usize) -> Vec<String> {
     wrapped
 }
 
-/// Anchor of a text.
+/// Horizontal alignment of a text at its position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     Start,
     Middle,
 }
 
-/// A diagram under construction.
+/// Diagram under construction.
 #[derive(Default)]
 pub struct Canvas {
     body: String,
 }
 
 impl Canvas {
-    /// A rectangle with rounded corners; `style` holds further attributes.
+    /// Adds a rectangle with rounded corners; `style` holds further SVG attributes.
     pub fn rect(&mut self, area: &Area, radius: f64, style: &str) {
         let _ = writeln!(
             self.body,
@@ -142,20 +142,20 @@ impl Canvas {
         );
     }
 
-    /// A circle.
+    /// Adds a circle; `style` holds further SVG attributes.
     pub fn circle(&mut self, center: Point, radius: f64, style: &str) {
         let (x, y) = (px(center[0]), px(center[1]));
         let _ = writeln!(self.body, r#"<circle cx="{x}" cy="{y}" r="{}" {style}/>"#, px(radius));
     }
 
-    /// A line through points, closed or open.
+    /// Adds a line through points, closed or open; `style` holds further SVG attributes.
     pub fn polyline(&mut self, points: &[Point], closed: bool, style: &str) {
         let tag = if closed { "polygon" } else { "polyline" };
         let points: Vec<String> = points.iter().map(|point| format!("{},{}", px(point[0]), px(point[1]))).collect();
         let _ = writeln!(self.body, r#"<{tag} points="{}" {style}/>"#, points.join(" "));
     }
 
-    /// A line with an arrow head at its last point.
+    /// Adds a line through points with an arrow head at the last one.
     pub fn arrow(&mut self, points: &[Point], color: &str, width: f64, dashed: bool) {
         let [.., before, tip] = points else { return };
         let (dx, dy) = (tip[0] - before[0], tip[1] - before[1]);
@@ -175,14 +175,14 @@ impl Canvas {
         self.polyline(&head, true, &format!(r#"fill="{color}""#));
     }
 
-    /// Embeds another diagram with its upper left corner at a point (px).
+    /// Adds another diagram with its upper left corner at a point (px).
     pub fn group(&mut self, at: Point, other: Self) {
         let _ = writeln!(self.body, r#"<g transform="translate({} {})">"#, px(at[0]), px(at[1]));
         self.body += &other.body;
         self.body += "</g>\n";
     }
 
-    /// A text on its baseline; `style` holds further attributes.
+    /// Adds a text whose baseline is at a point; `style` holds further SVG attributes.
     pub fn text(&mut self, at: Point, size: f64, anchor: Anchor, style: &str, text: &str) {
         let anchor = match anchor {
             Anchor::Start => "",
@@ -193,7 +193,7 @@ impl Canvas {
             writeln!(self.body, r#"<text x="{x}" y="{y}" font-size="{size}"{anchor} {style}>{}</text>"#, escape(text));
     }
 
-    /// A short centred text on a background plate that hides lines behind it.
+    /// Adds a short text, centred on a background plate that hides lines behind it; `ground` is the plate's colour.
     pub fn plate(&mut self, area: &Area, size: f64, [color, ground]: [&str; 2], text: &str) {
         self.rect(area, 4.0, &format!(r#"fill="{ground}" fill-opacity="0.92""#));
         let center = area.center();
@@ -201,7 +201,7 @@ impl Canvas {
         self.text([center[0], center[1] + size * 0.35], size, Anchor::Middle, &style, text);
     }
 
-    /// The whole file on white; `title` is read by screen readers.
+    /// Text of the file with a white background; screen readers read `title`.
     pub fn finish(self, width: f64, height: f64, title: &str) -> Svg {
         let title = escape(title);
         Svg(format!(
@@ -215,7 +215,8 @@ impl Canvas {
             ),
             w = px(width.ceil()),
             h = px(height.ceil()),
-            // On a narrow page it shrinks slightly, then its frame scrolls, so that the text stays readable.
+            // On a narrow page the diagram shrinks to 78 % at most, beyond which its frame scrolls, so that text stays
+            // readable.
             least = px((width * 0.78).floor()),
             ink = INK,
             title = title,
@@ -224,7 +225,7 @@ impl Canvas {
     }
 }
 
-/// A number with at most one decimal.
+/// Number rounded to at most one decimal.
 fn px(value: f64) -> String {
     let rounded = (value * 10.0).round() / 10.0;
     if rounded == rounded.trunc() { format!("{}", rounded as i64) } else { format!("{rounded:.1}") }

@@ -1,4 +1,4 @@
-//! The files of one camera: a video or an image, and an image per channel.
+//! Output files of one camera: a video or image, and an image per further channel.
 
 use std::path::{Path, PathBuf};
 
@@ -10,9 +10,9 @@ use genmanip_render::encode;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
-/// Writes the images of one camera as they come.
+/// Writer of one camera's images; each is written as soon as it is rendered.
 pub(super) struct Writer {
-    /// Without an ending.
+    /// Path of the output files without extension.
     stem: PathBuf,
     channels: ImageChannels,
     film: Option<VideoEncoder>,
@@ -20,7 +20,8 @@ pub(super) struct Writer {
 }
 
 impl Writer {
-    /// Refuses a film with odd sides before anything is drawn; `fps` is that of a film, none of a picture.
+    /// Writer into `folder`; `fps` is the frame rate of a video, `None` for a single image. Fails for a video of odd
+    /// width or height, before anything is rendered.
     pub(super) fn new(
         folder: &Path,
         camera: &Camera,
@@ -38,7 +39,7 @@ impl Writer {
         Ok(Self { stem: folder.join(&camera.name), channels, film, is_film: fps.is_some() })
     }
 
-    /// Writes the channels that were asked for.
+    /// Writes the requested channels of image number `index`.
     pub(super) fn push(&mut self, index: usize, image: &RgbdImage) -> Result<(), WorkspaceError> {
         let unencoded = |error: encode::EncodeError| WorkspaceError::broken("cannot encode a picture", error);
         let (width, height) = (image.width(), image.height());
@@ -64,7 +65,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Writes the colours of one image as PNG, beside the video if there is one.
+    /// Writes the colour channel of one image as PNG, beside the video if there is one.
     pub(super) fn write_still(&self, image: &RgbdImage) -> Result<(), WorkspaceError> {
         let png = encode::png_rgb(image.width(), image.height(), &image.rgb);
         let png = png.map_err(|error| WorkspaceError::broken("cannot encode a picture", error))?;
@@ -78,7 +79,7 @@ impl Writer {
         documents::write_file(&file, png)
     }
 
-    /// Closes the video.
+    /// Writes the video file, if there is a video.
     pub(super) fn finish(self) -> Result<(), WorkspaceError> {
         let Some(film) = self.film else { return Ok(()) };
         let mp4 = mux_mp4([&film.finish()]).map_err(|error| WorkspaceError::broken("cannot encode the film", error))?;

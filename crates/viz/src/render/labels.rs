@@ -1,4 +1,4 @@
-//! Labels of the objects in images: boxes in `labels.jsonl`, point clouds in PLY files.
+//! Labels of the objects in images: bounding boxes in `labels.jsonl`, point clouds in PLY files.
 
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -16,14 +16,15 @@ use crate::scene_images::not_drawn;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
-/// The file of boxes, a line per image and camera.
+/// Name of the file with bounding boxes: one JSON line per image and camera.
 const FILE: &str = "labels.jsonl";
 
-/// Writes what the images of a scenario or an episode show, as they are drawn: no image is kept.
+/// Writer of the labels of a scenario's or an episode's images; it writes them as images are rendered, and keeps no
+/// image.
 pub(super) struct Labels<'a> {
     stage: &'a Stage,
     folder: PathBuf,
-    /// The lines, if boxes are asked for.
+    /// File of bounding boxes; `None` if they are not requested.
     lines: Option<BufWriter<Writing>>,
     boxes: Boxes<'a>,
     has_clouds: bool,
@@ -44,7 +45,7 @@ impl<'a> Labels<'a> {
         Ok(Self { stage, folder: folder.to_owned(), lines, boxes: Boxes::new(stage), has_clouds, is_film })
     }
 
-    /// Writes the labels of the cameras' images of a moment.
+    /// Writes the labels of all cameras' images at a moment.
     pub(super) fn push(
         &mut self,
         painter: &mut StageRenderer,
@@ -112,7 +113,7 @@ impl<'a> Labels<'a> {
     }
 }
 
-/// An id as the name of a file.
+/// File name for an object id.
 fn file_name(id: &str) -> String {
     let fit = |c: char| if fits_file_name(c) { c } else { '_' };
     let name: String = id.chars().map(fit).take(MAX_NAME_LENGTH - 4).collect();

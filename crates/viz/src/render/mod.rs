@@ -2,13 +2,13 @@
 //!
 //! ```text
 //! OUT/ID/CAMERA.mp4              colour of an episode; CAMERA.png of a scenario
-//! OUT/ID/CAMERA_depth/000000.png 16-bit millimetres, 0 where nothing is seen; CAMERA_depth.png of a scenario
+//! OUT/ID/CAMERA_depth/000000.png 16-bit millimetres, 0 for the background; CAMERA_depth.png of a scenario
 //! OUT/ID/CAMERA_ids/…            16-bit ids, named in render.json
-//! OUT/ID/CAMERA_normals/…        camera frame, 127.5 · (n + 1) in red, green, blue; black where nothing is seen
+//! OUT/ID/CAMERA_normals/…        camera frame, 127.5 · (n + 1) in red, green, blue; black for the background
 //! OUT/ID/labels.jsonl            boxes: a line per image and camera, see docs/formats/labels.md
 //! OUT/ID/CAMERA_clouds/000000/OBJECT.ply   points of each object; CAMERA_clouds/OBJECT.ply of a scenario
 //! OUT/ID/turntable.mp4           once around a scenario; turntable.png its first image
-//! OUT/ID/render.json             cameras with their poses, the look and its seed, what the ids mean
+//! OUT/ID/render.json             cameras with their poses, appearance and its seed, names of the ids
 //! ```
 
 mod files;
@@ -45,20 +45,20 @@ use crate::scene_images::not_drawn;
 use genmanip_workspace::Progress;
 use genmanip_workspace::WorkspaceError;
 
-/// Output of one episode or scenario.
+/// Summary of the images rendered of one episode or scenario.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Rendered {
-    /// The episode or scenario.
+    /// Id of the episode or scenario.
     pub id: String,
-    /// Its folder.
+    /// Folder that contains the images.
     pub folder: PathBuf,
-    /// Images of each camera and channel.
+    /// Number of images per camera and channel.
     pub frames: usize,
-    /// Seed of its look, if it has one of its own.
+    /// Seed of the randomised appearance; `None` for the default one.
     pub variation_seed: Option<Seed>,
 }
 
-/// `render.json`.
+/// Contents of `render.json`.
 #[derive(Serialize)]
 struct Card {
     id: String,
@@ -69,19 +69,22 @@ struct Card {
     variation: RenderVariation,
     /// Light paths per pixel; null for the rasteriser.
     paths: Option<u32>,
-    /// Overlays on the colour images.
+    /// Names of the overlays on the colour images.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     overlays: Vec<&'static str>,
-    /// As they stood; one on the hand in the hand's frame. Those of a turn one after the other.
+    /// Cameras with their poses: in the world, or in the hand's frame for a wrist camera. Of a turntable, one camera
+    /// per image.
     cameras: Vec<Camera>,
-    /// Name of each id in the id images.
+    /// Name of the table, the robot or an object for each id in the id images.
     ids: BTreeMap<u16, String>,
 }
 
-/// Draws a scenario file, an episode's folder, a store or a run into a folder of its own each, on several threads.
+/// Renders a scenario file, an episode's folder, a store or a run on several threads; each scenario or episode gets a
+/// folder of its own.
 ///
 /// # Errors
-/// When there is nothing to draw, a camera is unknown, the rate does not fit, or a file cannot be written.
+/// When there is nothing to render, a camera is unknown, the frame rate does not divide that of an episode, or a file
+/// cannot be written.
 pub fn render(
     path: &Path,
     out: &Path,
@@ -113,7 +116,7 @@ pub fn render(
     Ok(rendered)
 }
 
-/// Draws a scenario or an episode; `threads` are for traced pictures, others need one.
+/// Renders a scenario or an episode; `threads` are used by the path tracer, the rasteriser needs one.
 fn draw(
     stage: &Stage,
     episode: Option<&Episode>,
@@ -166,7 +169,7 @@ fn draw(
     Ok(Rendered { id: id.clone(), folder, frames: count, variation_seed })
 }
 
-/// Scenario or episode rendered through its own cameras.
+/// Scenario or episode to be rendered through the cameras of its world.
 struct Source<'a> {
     stage: &'a Stage,
     episode: Option<&'a Episode>,
@@ -175,7 +178,7 @@ struct Source<'a> {
 }
 
 impl Source<'_> {
-    /// Draws all moments into a folder; how many there are.
+    /// Renders all moments into a folder; returns the number of images per camera and channel.
     fn draw(
         &self,
         folder: &Path,
@@ -221,7 +224,7 @@ impl Source<'_> {
     }
 }
 
-/// Refuses what makes no sense for any source.
+/// Rejects combinations of options that are meaningless for every scenario and episode.
 fn check_combination(options: &RenderOptions) -> Result<(), WorkspaceError> {
     let RenderOptions { channels, overlays, captions, turntable, .. } = options;
     let other = channels.depth || channels.ids || channels.normals || options.boxes || options.clouds;
@@ -245,7 +248,7 @@ fn needed(options: &RenderOptions) -> ImageChannels {
     ImageChannels { depth: asked.depth || clouds, ids: asked.ids || boxes || clouds, ..asked }
 }
 
-/// The cameras that are asked for, at the size that is asked for.
+/// Requested cameras at the requested size, with the requested sensors and lens.
 fn cameras(stage: &Stage, options: &RenderOptions) -> Result<Vec<Camera>, WorkspaceError> {
     let known = &stage.scenario.world.cameras;
     let names: Vec<&str> = known.iter().map(|camera| camera.name.as_str()).collect();
@@ -269,7 +272,7 @@ fn cameras(stage: &Stage, options: &RenderOptions) -> Result<Vec<Camera>, Worksp
     }
 }
 
-/// The frames of an episode that are drawn with their numbers, as `collect` chooses them.
+/// Frames of an episode to be rendered, with their indices: every n-th one, as `collect` selects them.
 fn chosen(episode: &Episode, fps: u32) -> Result<Vec<(usize, &Frame)>, WorkspaceError> {
     let rate = episode.result.control_rate_hz;
     let stride = rate / f64::from(fps);
@@ -280,7 +283,7 @@ fn chosen(episode: &Episode, fps: u32) -> Result<Vec<(usize, &Frame)>, Workspace
     Ok(episode.frames.iter().enumerate().step_by(stride.round() as usize).collect())
 }
 
-/// Table of the rendered outputs.
+/// Text table of the rendered episodes and scenarios.
 pub fn table(rendered: &[Rendered]) -> String {
     let mut lines = vec![["drawn", "frames", "variation", "folder"].map(String::from).to_vec()];
     for Rendered { id, folder, frames, variation_seed } in rendered {

@@ -1,30 +1,30 @@
-//! Poses of robot and objects in an image.
+//! Moments of an episode or scenario: poses of robot and objects in one image.
 
 use genmanip_core::geometry::OrientedBox;
 use genmanip_core::{Aabb, Frame, Pose};
 use genmanip_rollout::Stage;
 
-/// Pose and joint positions of an object.
+/// Pose in the world and joint positions (rad or m) of an object.
 pub(super) type Posed = (Pose, Vec<f64>);
 
-/// A moment of an episode, or a scenario before anything moves.
+/// Moment of an episode, or the initial state of a scenario.
 pub(super) struct Moment<'a> {
-    /// Number of the image.
+    /// Index of the rendered image, from 0.
     pub(super) picture: usize,
-    /// Control step of the episode.
+    /// Index of the episode's control step.
     pub(super) control_step: usize,
-    /// Recorded frame.
+    /// Recorded frame; `None` before the start of an episode.
     pub(super) frame: Option<&'a Frame>,
     /// Joint positions of the arm, rad.
     pub(super) arm: Vec<f64>,
-    /// Opening of the gripper, m.
+    /// Opening width of the gripper, m.
     pub(super) width: f64,
-    /// Objects of the scenario.
+    /// State of each object of the scenario, in its order.
     pub(super) objects: Vec<Posed>,
 }
 
 impl<'a> Moment<'a> {
-    /// The start of a scenario.
+    /// Initial state of a scenario.
     pub(super) fn start(stage: &Stage, picture: usize) -> Self {
         let objects = stage.scenario.objects.iter().map(|placed| (placed.pose, placed.joint_positions.clone()));
         Self {
@@ -37,7 +37,7 @@ impl<'a> Moment<'a> {
         }
     }
 
-    /// A control step of an episode.
+    /// Recorded state at a control step of an episode.
     pub(super) fn recorded(frame: &'a Frame, picture: usize, control_step: usize) -> Self {
         let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.clone()));
         Self {
@@ -50,16 +50,16 @@ impl<'a> Moment<'a> {
         }
     }
 
-    /// The objects as painters take them.
+    /// Pose and joint positions of each object, in the form that the renderer takes.
     pub(super) fn placed(&self) -> impl Iterator<Item = (Pose, &[f64])> {
         self.objects.iter().map(|(pose, joints)| (*pose, joints.as_slice()))
     }
 }
 
-/// Boxes around the objects of a stage, in their own axes.
+/// Oriented bounding boxes of a stage's objects, aligned with each object's axes.
 pub(super) struct Boxes<'a> {
     stage: &'a Stage,
-    /// Bounds in the object's frame; those of objects with joints depend on the moment.
+    /// Bounds in the frame of each rigid object; `None` for objects with joints, whose bounds depend on the moment.
     rigid: Vec<Option<Aabb>>,
 }
 
@@ -72,7 +72,7 @@ impl<'a> Boxes<'a> {
         Self { stage, rigid: rigid.collect() }
     }
 
-    /// The box of each object at a moment, in the world.
+    /// Bounding box of each object at a moment, in the world frame.
     pub(super) fn at(&self, moment: &Moment) -> Vec<OrientedBox> {
         let placed = moment.objects.iter().zip(&self.rigid).enumerate();
         let of = |(object, ((pose, joints), rigid)): (usize, (&Posed, &Option<Aabb>))| {
@@ -83,7 +83,7 @@ impl<'a> Boxes<'a> {
     }
 }
 
-/// Bounds of what is drawn of an object, in its frame; of what it touches with where nothing is drawn.
+/// Bounds of an object's visuals in its frame; bounds of its collision geometry if it has no visuals.
 fn bounds(stage: &Stage, object: usize, joints: &[f64]) -> Aabb {
     let model = &stage.models[object];
     let drawn = model.visual_bounds(joints);

@@ -10,15 +10,15 @@ use super::overlay::Overlay;
 /// Options of `genmanip render`.
 #[derive(Clone, Debug)]
 pub struct RenderOptions {
-    /// Name of the robot that scenarios must have been laid out for; any robot without.
+    /// Name of the robot that scenarios must have been laid out for; `None` for any robot.
     pub robot: Option<String>,
-    /// Names of cameras; all of them when it is empty.
+    /// Names of the cameras; empty for all.
     pub cameras: Vec<String>,
-    /// Pixels per row and rows; each camera's own without.
+    /// Width and height of images, pixels; `None` for each camera's own size.
     pub size_px: Option<[u32; 2]>,
-    /// Image channels; point clouds are not written.
+    /// Image channels to be written; point clouds are not among them, see `clouds`.
     pub channels: ImageChannels,
-    /// True to write bounding boxes, a line per image.
+    /// True to write bounding boxes, one line per image.
     pub boxes: bool,
     /// True to write the point cloud of each object.
     pub clouds: bool,
@@ -26,47 +26,47 @@ pub struct RenderOptions {
     pub overlays: Vec<Overlay>,
     /// True to caption the colour images.
     pub captions: bool,
-    /// Images of a turn around a scenario, in place of those of its cameras.
+    /// Number of images of a turntable around a scenario, instead of images of its cameras; `None` for no turntable.
     pub turntable: Option<u32>,
-    /// Images per second of an episode, whose rate it divides, and of a turn.
+    /// Frame rate of the images, Hz; of an episode, a divisor of its control rate.
     pub fps: u32,
-    /// The look; the usual one without.
+    /// Randomised appearance; `None` for the default one.
     pub look: Option<AppearanceOptions>,
-    /// Sensors of all cameras; each camera's own without.
+    /// Sensors of all cameras; `None` for each camera's own.
     pub sensor: Option<CameraSensor>,
-    /// Shutter time of all cameras, s; each camera's own if `None`.
+    /// Exposure time of all cameras, s; `None` for each camera's own.
     pub shutter_s: Option<f64>,
-    /// Lens of all cameras; each camera's own without.
+    /// Lens of all cameras; `None` for each camera's own.
     pub distortion: Option<Distortion>,
-    /// Light paths per pixel of a traced image; rasterised without.
+    /// Light paths per pixel of path-traced images; `None` for the rasteriser.
     pub paths: Option<u32>,
-    /// Threads.
+    /// Number of threads.
     pub workers: usize,
 }
 
 impl RenderOptions {
-    /// The sensors of a camera whose own ones are given.
+    /// Sensors of a camera under these options; `own` are the camera's own.
     pub(super) fn sensor_of(&self, own: Option<CameraSensor>) -> Option<CameraSensor> {
         let sensor = self.sensor.or(own);
         self.shutter_s.map_or(sensor, |shutter_s| CameraSensor::with_shutter(sensor, shutter_s))
     }
 }
 
-/// A look that is drawn by chance.
+/// Randomised appearance of images.
 #[derive(Clone, Debug)]
 pub struct AppearanceOptions {
-    /// Seed of the randomisation.
+    /// Seed from which the appearance is randomised.
     pub seed: AppearanceSeed,
-    /// Randomised parts of the appearance.
+    /// Aspects of the appearance that are randomised.
     pub vary: Vec<AppearanceFactor>,
 }
 
-/// The seed of looks.
+/// Seed of randomised appearances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AppearanceSeed {
     /// Seed derived from the episode's, as in `collect --variation per-episode`.
     Episode,
-    /// A number; each episode gets a look of its own from it.
+    /// Given seed, from which each episode derives its own.
     Number(Seed),
 }
 
@@ -79,7 +79,7 @@ impl AppearanceSeed {
     }
 }
 
-/// Settings of the path tracer, if it is used.
+/// Settings of the path tracer; `None` for the rasteriser.
 pub(super) fn reference(seed: Seed, options: &RenderOptions, threads: usize) -> Option<ReferenceSettings> {
     options.paths.map(|paths| ReferenceSettings { paths, seed: seed.fork("light paths"), threads })
 }

@@ -1,4 +1,4 @@
-//! Once around a scenario.
+//! Turntable: images from all around a scenario.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -16,20 +16,22 @@ use super::overlay::Overlays;
 use crate::scene_images::not_drawn;
 use genmanip_workspace::WorkspaceError;
 
-/// Name of the camera, and of the video.
+/// Name of the turntable's camera, and of its video file.
 pub(super) const NAME: &str = "turntable";
-/// Usual size, pixels.
+/// Default size of the images, pixels.
 const SIZE_PX: [u32; 2] = [1280, 720];
-/// Distance (m) from the camera to the target point; with the field of view, objects and arm are never cropped.
+/// Distance (m) from the camera to the target point; with this field of view, objects and arm are never cropped.
 const DISTANCE_M: f64 = 2.0;
-/// Elevation of the camera, rad; chosen: 30 degrees, over the far edge of a box and under the gripper.
+/// Elevation angle of the camera, rad. Chosen by hand: 30 degrees look over the far edge of a box and under the
+/// gripper.
 const ELEVATION: f64 = 0.52;
-/// Vertical angle of view, rad: that of a lens of 35 mm on full frame, about 38 degrees.
+/// Vertical field of view, rad: that of a 35 mm lens on full frame, about 38 degrees.
 const VERTICAL_FOV: f64 = 0.66;
 /// Height of the target point above the table, m: between the objects and the gripper at home.
 const MIDDLE_M: f64 = 0.22;
 
-/// The cameras of a turn, the first one facing the robot, counter-clockwise as seen from above.
+/// Cameras at `count` equal steps around the workspace, the first one facing the robot, counter-clockwise seen from
+/// above.
 pub(super) fn cameras(stage: &Stage, count: u32, options: &RenderOptions) -> Vec<Camera> {
     let workspace = &stage.scenario.world.workspace;
     let middle = |[low, high]: [f64; 2]| 0.5 * (low + high);
@@ -45,7 +47,7 @@ pub(super) fn cameras(stage: &Stage, count: u32, options: &RenderOptions) -> Vec
     (0..count).map(camera).collect()
 }
 
-/// Draws a turn into `turntable.mp4`, and its first picture into `turntable.png`; the cameras that saw it.
+/// Renders a turn into `turntable.mp4`, and its first image into `turntable.png`; returns the camera of each image.
 pub(super) fn draw(
     stage: &Stage,
     count: u32,

@@ -78,11 +78,11 @@ fn inverse_depth_noise(inverse: &[f32], width: usize) -> f32 {
     1.4826 * *median / 6.0_f32.sqrt()
 }
 
-/// Smoothing radius (px).
+/// Radius of the smoothing filter (px).
 const SMOOTHING_PX: usize = 4;
 /// Noise reduction factor of smoothing near edges; larger on planes, see the test below.
 const SMOOTHING_GAIN: f32 = 6.0;
-/// Differences of more standard deviations belong to another surface.
+/// Maximum difference within one surface, in standard deviations.
 const SMOOTHING_SIGMAS: f32 = 3.5;
 /// Colour difference at which a neighbour has half weight.
 const SMOOTHING_COLOR: f32 = 0.06;
@@ -183,7 +183,8 @@ fn normals(
                 match (before, after) {
                     (Some(before), Some(after)) => {
                         let (one, other) = (change(before), change(after));
-                        // Use both sides if they agree, which halves the noise; otherwise the smoother one.
+                        // Central difference if both sides agree, which halves the noise of the slope; otherwise the
+                        // smoother side.
                         if (one - other).abs() <= 0.5 * one.min(other) + 3.0 * noise {
                             points[after] - points[before]
                         } else if one < other {

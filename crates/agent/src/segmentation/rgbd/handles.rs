@@ -1,33 +1,34 @@
-//! Arched handles that are masks of their own join the body that they rise out of.
+//! Merging of arched handles that were segmented on their own into the body that they rise from.
 
 use genmanip_core::RgbdImage;
 use glam::{DVec2, DVec3};
 
 use crate::segmentation::Mask;
 
-/// Maximum area of a handle relative to its body.
+/// Maximum area of a handle relative to its body. Chosen by hand.
 const MAX_AREA_SHARE: f64 = 0.5;
-/// Maximum distance of a handle beyond the body's box, seen from above (m).
+/// Maximum distance by which a handle extends beyond the body's bounding box, seen from above (m). Chosen by hand.
 const BEYOND_M: f64 = 0.02;
-/// Share of a handle's points that lie within it.
+/// Minimum share of a handle's points within that distance. Chosen by hand.
 const WITHIN_SHARE: f64 = 0.9;
-/// Minimum length of a handle, seen from above (m).
+/// Minimum length of a handle, seen from above (m). Chosen by hand.
 const MIN_LENGTH_M: f64 = 0.04;
-/// Minimum height of the arch: of its middle above the higher one of its ends (m); things that lie across a rim have
-/// none.
+/// Minimum height of the arch (m): of its middle above the higher one of its ends. Objects that lie across a rim have
+/// no arch.
 const MIN_ARCH_M: f64 = 0.01;
-/// Share of a handle's length that is an end.
+/// Share of a handle's length that counts as an end. Chosen by hand.
 const END_SHARE: f64 = 0.15;
-/// Maximum distance of each end from the body (m): a few pixels of two cameras' distance.
+/// Maximum distance of each end from the body (m): a few pixels, and the registration error of two cameras.
 const TOUCH_M: f64 = 0.02;
-/// Minimum height of a handle's lowest points above the body's lowest ones, as a share of the body's height.
+/// Minimum height of a handle's lowest points above the body's lowest ones, as a share of the body's height. Chosen by
+/// hand.
 const FLOATS_SHARE: f64 = 0.3;
 
-/// The masks, by descending area as before, with handles joined to their bodies.
+/// Masks by descending area, with handles merged into their bodies.
 pub(super) fn joined(mut masks: Vec<Mask>, image: &RgbdImage) -> Vec<Mask> {
     let mut points: Vec<Vec<DVec3>> =
         masks.iter().map(|mask| mask.indices().filter_map(|index| image.point(index)).collect()).collect();
-    // The smallest first: they are the handles.
+    // Handles are smaller than their bodies, so the smallest masks are tested first.
     for handle in (1..masks.len()).rev() {
         let Some(body) = (0..handle).find(|body| is_handle(&points[handle], &points[*body])) else { continue };
         let (mask, own) = (masks.remove(handle), points.remove(handle));
@@ -39,7 +40,7 @@ pub(super) fn joined(mut masks: Vec<Mask>, image: &RgbdImage) -> Vec<Mask> {
     order.into_iter().map(|(_, mask)| mask).collect()
 }
 
-/// True if the points are an arch over the body that ends at it on both sides.
+/// True if the points form an arch over the body that touches it at both ends.
 fn is_handle(handle: &[DVec3], body: &[DVec3]) -> bool {
     if handle.is_empty() || handle.len() as f64 > MAX_AREA_SHARE * body.len() as f64 {
         return false;
@@ -76,7 +77,7 @@ fn is_handle(handle: &[DVec3], body: &[DVec3]) -> bool {
     !middle.is_empty() && arch_m >= MIN_ARCH_M && ends.iter().all(touches)
 }
 
-/// Bounds of the points.
+/// Minimum and maximum corner of the points' bounding box.
 fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
     let all = points.iter().copied();
     all.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), point| (low.min(point), high.max(point)))

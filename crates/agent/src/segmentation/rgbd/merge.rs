@@ -43,7 +43,7 @@ struct Border {
     color: Vec3,
 }
 
-/// Number of features.
+/// Number of features of a pair of regions.
 pub const COUNT: usize = 24;
 
 /// Features of a pair of neighbouring regions, in the order of [`FEATURES`].
@@ -80,14 +80,14 @@ pub const FEATURES: [&str; COUNT] = [
     "border_size",
 ];
 
-/// Weights of the logistic regression for the merge probability; from `genmanip-lab segment --seed 101 --count 60
-/// --fit`.
+/// Weights of the logistic regression for the merge probability, fitted with `genmanip-lab segment --seed 101 --count
+/// 60 --fit`.
 const WEIGHTS: Features = [
     5.19, 0.52, -1.79, 4.33, -3.29, 1.58, -0.21, 0.76, -0.6, -1.39, -1.5, 0.0, -0.22, -9.99, 1.13, -3.99, -0.08, 4.28,
     -0.22, -2.1, -0.58, 4.18, 1.47, 0.37,
 ];
 
-/// Region adjacency graph.
+/// Region adjacency graph with statistics of regions and borders.
 #[derive(Clone, Debug)]
 pub struct Graph {
     regions: Vec<Region>,
@@ -154,7 +154,7 @@ impl Graph {
         Self { regions, borders }
     }
 
-    /// Merges pairs by descending probability while it is at least `min`; returns the group of each region.
+    /// Merges pairs by descending probability while it is at least `min`; returns the index of each region's group.
     pub fn merge(mut self, merge_probability: impl Fn(&Features) -> f64, min: f64) -> Vec<u32> {
         let count = self.regions.len();
         let mut group: Vec<u32> = (0..count as u32).collect();
@@ -325,7 +325,8 @@ const BEND_PX: usize = 3;
 const MAX_STEEP_NORMAL_Z: f32 = 0.35;
 
 impl Border {
-    /// `pixels` are adjacent to the border, `inside` lie farther from it, where normals are undisturbed.
+    /// Adds one pixel edge. `pixels` are adjacent to the border, `inside` lie farther from it, where normals are
+    /// undisturbed.
     fn add(
         &mut self,
         cloud: &OrganizedCloud,
@@ -379,7 +380,7 @@ impl Border {
         self.color += other.color;
     }
 
-    /// Swaps the two sides.
+    /// The same border with its two sides swapped.
     fn swapped(self) -> Self {
         Self { first_in_front: self.second_in_front, second_in_front: self.first_in_front, ..self }
     }

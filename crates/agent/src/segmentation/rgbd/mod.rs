@@ -20,18 +20,18 @@ use cloud::OrganizedCloud;
 use merge::Graph;
 use regions::{NONE, RegionSettings, regions};
 
-/// Segmentation settings.
+/// Settings of the segmentation by colour and depth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RgbdSettings {
     /// Minimum height of an object above its support (m).
     pub min_height_m: f32,
-    /// The same in standard deviations of the measured height.
+    /// Minimum height of an object above its support, in standard deviations of the measured height.
     pub min_height_sigmas: f32,
     /// Minimum merge probability of neighbouring regions of one object.
     pub min_probability: f64,
-    /// The same when segmenting one object into parts.
+    /// Minimum merge probability of neighbouring regions of one part, when one object is segmented into parts.
     pub min_probability_within_object: f64,
-    /// Minimum mask area (px).
+    /// Minimum area of a mask (px); smaller masks are dropped.
     pub min_area_px: usize,
 }
 
@@ -50,7 +50,7 @@ impl Default for RgbdSettings {
 /// Segments objects in colour and depth images.
 #[derive(Clone, Debug, Default)]
 pub struct RgbdSegmenter {
-    /// Settings.
+    /// Thresholds of the segmentation.
     pub settings: RgbdSettings,
 }
 
@@ -81,12 +81,12 @@ impl Segmenter for RgbdSegmenter {
     }
 }
 
-/// An oversegmented image.
+/// An image divided into small regions, before they are merged into objects.
 #[derive(Clone, Debug)]
 pub struct Oversegmentation {
     /// Region of each pixel, `u32::MAX` for none.
     pub labels: Vec<u32>,
-    /// Region adjacency graph.
+    /// Region adjacency graph, with the regions as nodes.
     pub graph: Graph,
 }
 

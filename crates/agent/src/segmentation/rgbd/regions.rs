@@ -7,12 +7,13 @@ use glam::Vec3;
 
 use super::cloud::OrganizedCloud;
 
-/// Oversegmentation settings.
+/// Scales of the dissimilarity of pixels, and sizes of regions.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct RegionSettings {
     /// Distance from the tangent plane with dissimilarity 1 (m).
     pub step_m: f32,
-    /// The same in standard deviations of the depth.
+    /// Distance from the tangent plane with dissimilarity 1, in standard deviations of the depth; the larger of both
+    /// distances counts.
     pub step_sigmas: f32,
     /// Concave angle with dissimilarity 1 (rad).
     pub concave_rad: f32,

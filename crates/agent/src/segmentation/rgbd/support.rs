@@ -16,7 +16,7 @@ const MIN_AREA_M2: f32 = 0.15;
 const CELL_M: f32 = 0.05;
 /// Cells along either axis, centred at the robot's base.
 const CELLS: usize = 80;
-/// Dilation of a plane's visible part [cells]: objects hide their support.
+/// Dilation of a plane's visible part [cells]: objects occlude their support.
 const DILATION_CELLS: usize = 5;
 
 /// A large horizontal plane: z = height + slope · xy.
@@ -86,7 +86,7 @@ fn pixel_area_m2(cloud: &OrganizedCloud, index: usize) -> f32 {
 /// Least-squares fit of a plane near a height.
 fn fit_plane(cloud: &OrganizedCloud, horizontal: &[usize], height: f32) -> Plane {
     let mut plane = Plane { height, slope: Vec2::ZERO, visible_cells: vec![true; CELLS * CELLS] };
-    // Inlier distance [m]: wide as the bins at first, then as narrow as the noise allows.
+    // Inlier distance [m]: first a bin's width on either side, then as narrow as the noise allows.
     for within in [0.01_f32, 0.006, 0.004] {
         let near = horizontal.iter().copied().filter(|&index| {
             let point = cloud.points[index];

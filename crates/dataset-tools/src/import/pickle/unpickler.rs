@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 
 use super::{Function, Kind, Node, ValueId};
 
-/// Maximum values of a pickle: more than an episode of an hour needs.
+/// Maximum number of values of a pickle: more than an episode of an hour needs.
 const MAX_VALUES: usize = 4_000_000;
-/// Maximum bytes copied by calls; chosen, above the largest image that protocol 2 stores as text.
+/// Maximum number of bytes copied by function calls; above the largest image that protocol 2 stores as text.
 const MAX_COPIED_BYTES: usize = 256 << 20;
-/// Maximum open marks, that is, nesting depth.
+/// Maximum number of open marks, i.e. nesting depth. Bounds memory for hostile files.
 const MAX_DEPTH: usize = 1000;
-/// Maximum dimensions of an array; NumPy's limit.
+/// Maximum number of dimensions of an array, as in NumPy.
 const MAX_DIMENSIONS: usize = 64;
-/// Maximum characters of pickle contents quoted in an error.
+/// Maximum number of characters of pickle contents quoted in an error.
 const SHOWN: usize = 80;
 
 /// State of the stack machine: input, position, arena of values, and stacks.
@@ -25,7 +25,7 @@ pub(super) struct Unpickler<'a> {
     /// Stack height at each open mark.
     marks: Vec<usize>,
     memo: BTreeMap<u64, ValueId>,
-    /// Bytes copied by calls so far.
+    /// Bytes copied by function calls so far.
     copied: usize,
 }
 
@@ -403,7 +403,7 @@ impl<'a> Unpickler<'a> {
         let built = match &self.values[top] {
             Node::Type { name, .. } => match (part(1), part(3)) {
                 (Some(Node::Text(order)), Some(Node::None)) => Node::Type { name: name.clone(), is_big: order == ">" },
-                // A record type.
+                // A structured dtype (named fields) is not supported: the array stays opaque.
                 _ => Node::Opaque,
             },
             Node::Opaque => Node::Opaque,

@@ -15,19 +15,19 @@ pub(super) enum Node {
     Tuple(Vec<ValueId>),
     Dict(Vec<(ValueId, ValueId)>),
     Function(Function),
-    /// `numpy.dtype`; `is_big` means big-endian.
+    /// A `numpy.dtype` without fields; `is_big` means big-endian.
     Type {
         name: String,
         is_big: bool,
     },
-    /// An array before its state is set.
+    /// A NumPy array before BUILD sets its shape, dtype and data.
     EmptyArray,
     Array {
         kind: Kind,
         shape: Vec<usize>,
         bytes: ValueId,
     },
-    /// An array of records or objects, whose contents are not read.
+    /// An array of a structured or object dtype, whose contents are not read.
     Opaque,
 }
 

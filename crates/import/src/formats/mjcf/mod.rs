@@ -1,6 +1,6 @@
-//! MJCF as written by robosuite, RoboCasa, LIBERO, MolmoSpaces, MetaWorld and gymnasium-robotics, read through MuJoCo's
-//! own compiler: `source` gathers the file with what it includes and refers to, the compiler resolves it, and
-//! `object` takes the result for one object. Actuators, sensors and equality constraints are not used.
+//! MJCF as written by robosuite, RoboCasa, LIBERO, MolmoSpaces, MetaWorld and gymnasium-robotics, read by MuJoCo's own
+//! compiler: `source` gathers the file with all files that it includes or refers to, the compiler resolves it, and
+//! `object` converts the compiled model to one object. Actuators, sensors and equality constraints are not used.
 
 mod object;
 mod source;
@@ -15,7 +15,7 @@ use source::Source;
 /// Reads an MJCF file as one object, ignoring floors.
 ///
 /// # Errors
-/// If a file is missing or no XML; what MuJoCo's compiler refuses, with its message, file and line.
+/// If a file is missing or not XML, or MuJoCo's compiler rejects it (with its message, file and line).
 pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError> {
     let mut notes = Vec::new();
     let source = Source::of(path, files, &mut notes)?;

@@ -15,16 +15,16 @@ use crate::units_and_frame::transformed_mass;
 
 /// Geom groups 0, 1 and 2 are visible.
 const MAX_VISIBLE_GROUP: i32 = 2;
-/// Range of an unlimited joint: rad, m.
+/// Range assigned to a joint without limits: ±rad of a hinge, ±m of a slide.
 const UNLIMITED: [f64; 2] = [std::f64::consts::PI, 0.2];
-/// Damping and dry friction of a joint without any, N·m·s/rad and N·m, or N·s/m and N.
+/// Damping and (`FRICTION_LOSS`) dry friction of a joint that states none: N·m·s/rad and N·m, or N·s/m and N.
 const DAMPING: f64 = 0.1;
 const FRICTION_LOSS: f64 = 0.05;
-/// MuJoCo's friction coefficient of a geom without one.
+/// Sliding friction coefficient that MuJoCo assumes for a geom without one.
 const UNSTATED_FRICTION: f64 = 1.0;
 
-/// Links of the object in a world; bodies without joints are merged into their parents. `textures` are those of files,
-/// by the height of their stand-ins.
+/// Links of the object in a world; bodies without joints are merged into their parents. `textures` are the textures of
+/// files; the compiled file refers to each by the height of its placeholder image.
 ///
 /// # Errors
 /// If several bodies move freely, or there are too many moving bodies.
@@ -59,7 +59,7 @@ pub fn links(
             reader.body(index, body, around)?;
         }
     }
-    // Next to bodies, the world's own geoms are floors and decoration.
+    // If there are bodies, the world's own geoms are only floor and decoration.
     if let (true, Some(world)) = (tops.is_empty(), flat.bodies.first()) {
         reader.geoms(world, 0, Pose::IDENTITY);
     }
@@ -81,13 +81,13 @@ struct Reader<'a> {
     textures: &'a BTreeMap<u32, Arc<Texture>>,
     notes: &'a mut Vec<String>,
     links: Vec<RawLink>,
-    /// Link of each body and its pose there; `None` outside the object.
+    /// Link that contains each body, and the body's pose in it; `None` for bodies outside the object.
     places: Vec<Option<(usize, Pose)>>,
     free: usize,
 }
 
 impl Reader<'_> {
-    /// Reads a body whose parent is in a link at a pose.
+    /// Reads a body; its parent lies in the given link at the given pose.
     fn body(
         &mut self,
         index: usize,
@@ -104,7 +104,8 @@ impl Reader<'_> {
                 FlatJointKind::Ball => fixed.push("ball"),
             }
         }
-        // Several slides on the root place the whole object in an environment; they are not joints of the object.
+        // Several slides on the root body only position the object in an environment; they are not joints of the
+        // object.
         if moving.iter().filter(|(kind, _)| *kind == JointKind::Prismatic).count() >= 2 && link == 0 {
             self.free += 1;
             moving.clear();
@@ -124,7 +125,7 @@ impl Reader<'_> {
                 return Err(ImportError::new(self.main, format!("more than {MAX_LINKS} moving bodies")));
             }
             let made = self.joint(joint, kind, link, link_from_body);
-            // The link's frame is the joint's, so the body is offset by the joint's position.
+            // The link's frame is at the joint, so the body is offset by the joint's position.
             link_from_body = Pose::from_position(-joint.anchor);
             let unique = self.links.iter().all(|link| link.name != name);
             let name = if unique { name.to_owned() } else { format!("{name}_{}", self.links.len()) };
@@ -144,7 +145,7 @@ impl Reader<'_> {
     fn joint(&self, joint: &FlatJoint, kind: JointKind, parent: usize, parent_from_body: Pose) -> Joint {
         let is_hinge = kind == JointKind::Revolute;
         let most = UNLIMITED[usize::from(!is_hinge)];
-        // Bodies have their poses at the reference; the frame of a joint is that of its zero.
+        // Body poses hold at the joint's reference position, but a link's frame is defined at position 0.
         let anchor_from_zero = match is_hinge {
             true => Pose { position: DVec3::ZERO, rotation: DQuat::from_axis_angle(joint.axis, -joint.reference) },
             false => Pose::from_position(joint.axis * -joint.reference),
@@ -246,7 +247,7 @@ impl Reader<'_> {
     }
 }
 
-/// A name, or another if it is empty.
+/// `name`, or `otherwise` if it is empty.
 fn or<'a>(name: &'a str, otherwise: &'a str) -> &'a str {
     if name.is_empty() { otherwise } else { name }
 }

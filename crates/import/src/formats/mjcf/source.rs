@@ -1,5 +1,5 @@
-//! Text and files for MuJoCo's compiler: includes expanded, files read through [`Files`] and renamed, so that the
-//! compiler opens none by itself; sections that describe no object are left out.
+//! Text and files for MuJoCo's compiler: includes are expanded, and files are read through [`Files`] and renamed, so
+//! that the compiler opens none by itself. Sections that do not describe an object are omitted.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -13,23 +13,25 @@ use crate::files::{Files, beside, shortened};
 use crate::formats::xml::{self, Element};
 use crate::formats::{extension, obj};
 
-/// Maximum nesting depth of includes and attached models, and maximum number of them.
+/// Maximum nesting depth of includes and attached models, and (`MAX_INCLUDED`) maximum number of them. Bounds time for
+/// hostile files.
 const MAX_DEPTH: usize = 16;
 const MAX_INCLUDED: usize = 200;
-/// Maximum number of elements of the worlds, replicas counted.
+/// Maximum number of elements of the world bodies, with replicas counted. Bounds time and memory for hostile files.
 const MAX_PARTS: f64 = 20_000.0;
-/// Maximum side of a texture that the compiler draws, pixels.
+/// Maximum side of a procedural texture, pixels. Bounds memory for hostile files.
 const MAX_DRAWN: f64 = 256.0;
-/// Maximum parameter of a mesh that the compiler makes, such as its subdivisions.
+/// Maximum parameter of a procedural mesh, such as its subdivisions. Bounds time and memory for hostile files.
 const MAX_PARAMETER: f64 = 64.0;
-/// Height of the stand-in of the first texture file, pixels: the compiler keeps sizes, so the height tells the file.
+/// Height of the placeholder of the first texture file, pixels. The compiler keeps image sizes, so the height
+/// identifies the file.
 const FIRST_HEIGHT: u32 = 1001;
-/// Sections that are passed to the compiler, and those whose absence is noted.
+/// Sections that are not passed to the compiler and whose omission is noted.
 const NOTED: [&str; 7] = ["actuator", "sensor", "equality", "tendon", "contact", "deformable", "extension"];
-/// Elements of bodies that are passed to the compiler, and those whose absence is noted.
+/// Elements of bodies that are passed to the compiler, and (`NOTED_PARTS`) those whose omission is noted.
 const PARTS: [&str; 8] = ["body", "geom", "joint", "freejoint", "inertial", "frame", "replicate", "attach"];
 const NOTED_PARTS: [&str; 2] = ["composite", "flexcomp"];
-/// Settings of the compiler that are passed on; folders and threads are not.
+/// Settings of the compiler that are kept; folders and threads are not.
 const COMPILER: [&str; 11] = [
     "angle",
     "autolimits",
@@ -44,17 +46,17 @@ const COMPILER: [&str; 11] = [
     "fitaabb",
 ];
 
-/// A file for the compiler.
+/// Input of the compiler.
 pub struct Source {
     /// Name of the model; may be empty.
     pub model: String,
-    /// The text, with one opening tag per line.
+    /// MJCF text with one opening tag per line.
     pub xml: String,
-    /// Meshes and attached models by the names in the text.
+    /// Contents of meshes and attached models, by the names used in the text.
     pub files: Vec<(String, Vec<u8>)>,
-    /// Textures from files by the height of their stand-ins.
+    /// Textures from files, by the height of their placeholders.
     pub textures: BTreeMap<u32, Arc<Texture>>,
-    /// File and line of each line of the text.
+    /// Original file and line of each line of the text.
     places: Vec<(String, u32)>,
 }
 
@@ -84,14 +86,14 @@ impl Source {
         })
     }
 
-    /// The compiler's refusal, with file and line of the original.
+    /// Import error for a rejection by the compiler, with file and line of the original.
     pub fn refused(&self, main: &str, error: &SimError) -> ImportError {
         let said = error.to_string();
         let file = self.place(&said).map_or(main, |(file, _)| file.as_str());
         ImportError::new(file, self.located(&said)).hint("MuJoCo itself refuses the file; its documentation says why")
     }
 
-    /// A message of the compiler on one line, with the line of the original.
+    /// A message of the compiler on one line, with the line of the original file.
     pub fn located(&self, said: &str) -> String {
         let mut text: String = said.split_whitespace().collect::<Vec<_>>().join(" ");
         if let (Some((_, line)), Some(at)) = (self.place(said), text.rfind("line ")) {
@@ -112,7 +114,7 @@ struct Gatherer<'a, 'b> {
     files: &'a mut Files<'b>,
     notes: &'a mut Vec<String>,
     given: Vec<(String, Vec<u8>)>,
-    /// Names in the text by path.
+    /// Names used in the text, by path.
     known: BTreeMap<String, String>,
     textures: BTreeMap<u32, Arc<Texture>>,
     included: usize,
@@ -126,7 +128,7 @@ struct Folders {
 }
 
 impl Gatherer<'_, '_> {
-    /// A model: the main file, or one that is attached.
+    /// Element of a model, the main file or an attached one.
     fn model(&mut self, path: &str, depth: usize) -> Result<Element, ImportError> {
         let root = self.with_includes(path, path, depth)?;
         if root.tag != "mujoco" {
@@ -168,7 +170,7 @@ impl Gatherer<'_, '_> {
         Ok(made)
     }
 
-    /// Parses a file and expands its includes; names are relative to the main file or, in older files, to the including
+    /// Parses a file and expands its includes. Names are relative to the main file or, in older files, to the including
     /// file.
     fn with_includes(&mut self, main: &str, path: &str, depth: usize) -> Result<Element, ImportError> {
         let mut root = xml::parse(path, self.files)?;
@@ -253,7 +255,7 @@ impl Gatherer<'_, '_> {
         Ok(())
     }
 
-    /// Replaces a texture from files by a stand-in; one that is missing is left grey and noted.
+    /// Replaces a texture from files by a placeholder; a missing one becomes grey, with a note.
     fn texture(&mut self, texture: &mut Element, main: &str, folders: &Folders) {
         let file = ["file", "fileright", "filefront", "fileup"].into_iter().find_map(|name| texture.attribute(name));
         let Some(file) = file.map(str::to_owned) else {
@@ -301,7 +303,8 @@ impl Gatherer<'_, '_> {
     }
 }
 
-/// Places of the worlds that hold the object: one from an included file is the scene around it.
+/// Files and lines of the `worldbody` elements that hold the object; one from an included file is the surrounding
+/// scene.
 fn worlds(root: &Element, main: &str, notes: &mut Vec<String>) -> Vec<(String, u32)> {
     let bodies = |world: &Element| {
         world.children.iter().filter(|child| child.tag != "geom" && PARTS.contains(&&*child.tag)).count()
@@ -317,7 +320,7 @@ fn worlds(root: &Element, main: &str, notes: &mut Vec<String>) -> Vec<(String, u
     kept.into_iter().map(|world| world.place.clone()).collect()
 }
 
-/// Settings of the compiler without folders; in one thread.
+/// Settings of the compiler without folders, and with a single thread.
 fn compiler(section: &Element) -> Element {
     let mut made = Element { children: Vec::new(), ..section.clone() };
     made.attributes.retain(|name, _| COMPILER.contains(&name.as_str()));
@@ -325,7 +328,7 @@ fn compiler(section: &Element) -> Element {
     made
 }
 
-/// Defaults of what is passed to the compiler.
+/// Defaults of the elements that are passed to the compiler.
 fn defaults(section: &Element) -> Element {
     let kept = |child: &&Element| ["default", "geom", "joint", "mesh", "material"].contains(&child.tag.as_str());
     let child = |child: &Element| match child.tag.as_str() {
@@ -335,7 +338,7 @@ fn defaults(section: &Element) -> Element {
     Element { children: section.children.iter().filter(kept).map(child).collect(), ..section.clone() }
 }
 
-/// A world or body with the parts that describe an object.
+/// Copy of a world or body with the elements that describe an object.
 fn part(element: &Element, notes: &mut Vec<String>) -> Element {
     let mut made = Element { children: Vec::new(), ..element.clone() };
     for child in &element.children {
@@ -350,7 +353,7 @@ fn part(element: &Element, notes: &mut Vec<String>) -> Element {
     made
 }
 
-/// Number of elements, replicas counted.
+/// Number of elements below an element, with replicas counted.
 fn count(element: &Element) -> f64 {
     let copies = match element.tag.as_str() {
         "replicate" => element.number("count", 1.0).map_or(f64::INFINITY, |copies| copies.max(1.0)),
@@ -359,7 +362,7 @@ fn count(element: &Element) -> f64 {
     copies * (1.0 + element.children.iter().map(count).sum::<f64>())
 }
 
-/// Names an asset after its file, as the compiler does, before the file gets another name.
+/// Names an asset after its original file, as the compiler would, before the file is renamed.
 fn name_after(asset: &mut Element, file: &str) {
     let name = file.rsplit(['/', '\\']).next().unwrap_or(file);
     let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem).to_owned();
@@ -372,7 +375,7 @@ fn asset_path(main: &str, folder: &str, file: &str, element: &Element) -> Result
     beside(main, &named).map_err(|error| ImportError { file: element.place.0.clone(), ..error })
 }
 
-/// Writes an element, its opening tag on a line of its own.
+/// Writes an element, with its opening tag on a line of its own.
 fn write(element: &Element, xml: &mut String, places: &mut Vec<(String, u32)>) {
     if !places.is_empty() {
         xml.push('\n');

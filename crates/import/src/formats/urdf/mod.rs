@@ -40,49 +40,50 @@ fn first_macro(node: &Element) -> Option<&Element> {
 pub struct Link<'x> {
     /// Name, unique in the file.
     pub name: &'x str,
-    /// The element.
+    /// XML element of the link.
     pub node: &'x Element,
-    /// Index of the parent and the joint; `None` for the root.
+    /// Index of the parent link, and the joint to it; `None` for the root link.
     pub joint: Option<(usize, Joint<'x>)>,
 }
 
 /// A joint as written in the file.
 #[derive(Clone, Debug)]
 pub struct Joint<'x> {
-    /// Name; that of the child link if there is none.
+    /// Name; the child link's name if the joint has none.
     pub name: &'x str,
-    /// The element.
+    /// XML element of the joint.
     pub node: &'x Element,
     /// Name of the parent link.
     pub parent: &'x str,
     /// Name of the child link.
     pub child: &'x str,
-    /// Pose of the child's frame in the parent's at position 0.
+    /// Pose of the joint's frame in the parent link's frame; at position 0 it is also that of the child's frame.
     pub parent_from_joint: Pose,
-    /// The motion; `None` for a fixed joint.
+    /// Motion; `None` for a fixed joint.
     pub motion: Option<Motion<'x>>,
 }
 
 /// Motion of a joint.
 #[derive(Clone, Debug)]
 pub struct Motion<'x> {
-    /// Type.
+    /// Type: rotation or translation.
     pub kind: JointKind,
-    /// True for a joint without end stops.
+    /// True for a revolute joint without limits.
     pub continuous: bool,
-    /// Unit axis.
+    /// Unit vector of the axis, in the joint's frame.
     pub axis: DVec3,
-    /// Limits, rad or m, `None` without; the lower is at most the upper.
+    /// Lower and upper limit, rad or m, in ascending order; `None` without limits.
     pub range: Option<[f64; 2]>,
-    /// Largest velocity, if stated.
+    /// Maximum velocity, rad/s or m/s; `None` if not stated.
     pub velocity: Option<f64>,
-    /// Largest torque or force, if stated.
+    /// Maximum torque (N·m) or force (N); `None` if not stated.
     pub effort: Option<f64>,
-    /// Joint whose position this one follows, multiplier and offset.
+    /// Mimic joint: name of the joint whose position this one follows, multiplier and offset. `None` for an independent
+    /// joint.
     pub mimic: Option<(&'x str, f64, f64)>,
 }
 
-/// The links of a description, parents first, and at most `most` of them.
+/// Links of a description, parents first; more than `most` are an error.
 ///
 /// # Errors
 /// With the line of a joint to an unknown link, a loop, or an invalid number.
@@ -171,7 +172,7 @@ pub fn mass(node: &Element) -> Result<Option<MassProperties>, ImportError> {
     }
     let [ixx, iyy, izz, ixy, ixz, iyz] = moments;
     let inertia = DMat3::from_cols(DVec3::new(ixx, ixy, ixz), DVec3::new(ixy, iyy, iyz), DVec3::new(ixz, iyz, izz));
-    // A body with zero mass, as bases are often written, has no mass of its own.
+    // A body of zero mass, as bases often have, counts as a body that states no mass.
     let own = MassProperties { mass_kg, center: DVec3::ZERO, inertia };
     Ok((mass_kg > 0.0).then_some(transformed_mass(&own, &origin(node)?)))
 }
@@ -179,15 +180,15 @@ pub fn mass(node: &Element) -> Result<Option<MassProperties>, ImportError> {
 /// Geometry of a visual or collision element.
 #[derive(Clone, Debug)]
 pub enum Form {
-    /// A primitive.
+    /// A primitive shape.
     Shape(Shape),
     /// A mesh file, resolved, and its scale.
     Mesh(String, DVec3),
-    /// A primitive of size 0, as placeholders are written.
+    /// Primitive of size 0, which files use as a placeholder.
     Nothing,
 }
 
-/// The geometry of a visual or collision element; `None` without one that is known.
+/// Geometry of a visual or collision element; `None` if it has none of a supported type.
 ///
 /// # Errors
 /// If a size is invalid or a mesh file is missing.
@@ -229,7 +230,7 @@ pub fn form(path: &str, element: &Element, files: &mut Files<'_>) -> Result<Opti
     Ok(Some(Form::Shape(shape)))
 }
 
-/// Links, parents first, each with its joint.
+/// Links in the order parents before children, each with the joint to its parent.
 fn ordered<'x>(
     robot: &'x Element,
     links: &[&'x Element],
@@ -261,7 +262,7 @@ fn ordered<'x>(
     let mut known = BTreeMap::from([(*root, 0_usize)]);
     while order.len() < nodes.len() {
         let before = order.len();
-        // In file order, so that equal files get equal indices.
+        // Children in file order, so that equal files give equal indices.
         let parents = known.clone();
         for joint in joints.iter().filter(|joint| !known.contains_key(joint.child)).collect::<Vec<_>>() {
             let Some(&parent) = parents.get(joint.parent) else { continue };

@@ -14,11 +14,11 @@ use crate::formats::{self, dae, mesh, obj, solid};
 use crate::raw::{MAX_LINKS, RawCollision, RawLink, RawObject, Surface, Unit, Up};
 use crate::units_and_frame::transformed_mass;
 
-/// Default damping and dry friction of a joint, N·m·s/rad and N·m, or N·s/m and N: a door or drawer that stays where
-/// it is left.
+/// Default damping and (`FRICTION_LOSS`) dry friction of a joint, N·m·s/rad and N·m, or N·s/m and N: enough to keep a
+/// door or drawer in place when released.
 const DAMPING: f64 = 0.1;
 const FRICTION_LOSS: f64 = 0.05;
-/// Range of a continuous joint, rad.
+/// Range assigned to a continuous joint, rad.
 const CONTINUOUS: [f64; 2] = [-std::f64::consts::PI, std::f64::consts::PI];
 
 /// Reads the object of a URDF; links with fixed joints are merged into their parents.
@@ -31,7 +31,7 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     let mut notes = Vec::new();
     let links = links(&robot, 8 * MAX_LINKS, &mut notes)?;
     reader.notes.append(&mut notes);
-    // Index of the remaining link and pose in it, by the index of the original link.
+    // For each original link: index of the link it was merged into, and its pose there.
     let mut places: Vec<(usize, Pose)> = Vec::new();
     let mut made: Vec<RawLink> = Vec::new();
     for link in &links {
@@ -80,14 +80,15 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     })
 }
 
-/// Category in the metadata beside an object of PartNet-Mobility.
+/// Category in the metadata beside an object of PartNet-Mobility. `None` if there is none.
 fn partnet_category(path: &str, files: &mut Files<'_>) -> Option<String> {
     let text = files.text(&beside(path, "meta.json").ok()?, SETTINGS).ok()?;
     let metadata: serde_json::Value = serde_json::from_str(&text).ok()?;
     metadata["model_cat"].as_str().map(shortened)
 }
 
-/// The joint of an object; its parent and frame are filled in later. A joint with an empty range is fixed.
+/// Joint of an object; parent and frame are filled in later. `None` for a joint with an empty range, which counts as
+/// fixed.
 fn object_joint(name: &str, node: &Element, motion: &Motion<'_>) -> Result<Option<Joint>, ImportError> {
     let dynamics = node.first("dynamics");
     let number = |name, otherwise| dynamics.map_or(Ok(otherwise), |node| node.number(name, otherwise));
@@ -106,14 +107,14 @@ fn object_joint(name: &str, node: &Element, motion: &Motion<'_>) -> Result<Optio
     }))
 }
 
-/// Reader of visual surfaces.
+/// Reader of the visual surfaces of a URDF's links.
 pub struct Surfaces<'a, 'b> {
     path: &'a str,
     files: &'a mut Files<'b>,
-    /// Repairs and omissions.
+    /// Repairs and omissions so far, one sentence each.
     pub notes: Vec<String>,
     colors: BTreeMap<String, Material>,
-    /// The first mesh of an object that is missing.
+    /// Error of the first missing mesh of an object; fatal only if no surface is left. `None` if no mesh is missing.
     missing: Option<ImportError>,
 }
 
@@ -182,7 +183,7 @@ impl<'a, 'b> Surfaces<'a, 'b> {
         Ok(all)
     }
 
-    /// True if a mesh of an object cannot be had, which is noted; robots need all of theirs.
+    /// True if a mesh of an object is missing, which is noted; for a robot, a missing mesh is an error.
     fn is_missing(&mut self, file: &str) -> bool {
         let Some(error) = self.files.is_object().then(|| self.files.bytes(file, IMPORTED_MESH).err()).flatten() else {
             return false;
@@ -238,7 +239,7 @@ impl<'a, 'b> Surfaces<'a, 'b> {
     }
 }
 
-/// Merges a fixed link into its parent.
+/// Merges a link with a fixed joint into its parent, at `pose` in the parent's frame.
 fn merge(into: &mut RawLink, mut link: RawLink, pose: &Pose) {
     let transform = DMat4::from_rotation_translation(pose.rotation, pose.position);
     for mut surface in link.surfaces.drain(..) {

@@ -18,11 +18,11 @@ pub(super) struct Cloud {
     /// Root mean square distance of the target's points from `center` (m).
     pub(super) spread: f64,
     pub(super) table_height: f64,
-    /// Occlusion model.
+    /// Model of what the cameras cannot see: depth buffers and a height grid.
     pub(super) occlusion: Occlusion,
 }
 
-/// Minimum number of points.
+/// Minimum number of target points for sampling. Chosen by hand.
 const MIN_POINTS: usize = 12;
 /// Minimum second principal extent of a surface (m).
 const MIN_EXTENT_M: f64 = 0.001;

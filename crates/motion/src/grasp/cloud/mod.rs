@@ -26,7 +26,7 @@ use super::{GraspSettings, Gripper, same};
 /// Target and scene points, world frame.
 #[derive(Clone, Copy, Debug)]
 pub struct CloudTarget<'a> {
-    /// Target points, from one view, several fused views, or the whole surface.
+    /// Target points from one view, from several fused views, or of the whole surface.
     pub points: &'a [DVec3],
     /// Camera positions; empty if the points cover the whole surface. With cameras, hidden sides are estimated.
     pub cameras: &'a [DVec3],
@@ -45,15 +45,15 @@ pub enum CloudError {
     /// There are too few points.
     #[error("the cloud of the target has {got} points, expected at least {least}")]
     TooFew {
-        /// Number of points.
+        /// Number of points given.
         got: usize,
-        /// Number needed.
+        /// Minimum number of points.
         least: usize,
     },
     /// A number is NaN or infinite.
     #[error("point {index} of the {what} is not finite")]
     NotFinite {
-        /// Input name.
+        /// Name of the input that contains the number.
         what: &'static str,
         /// Index of the point.
         index: usize,
@@ -64,7 +64,7 @@ pub enum CloudError {
         /// Standard deviation along the second principal axis, mm.
         extent_mm: f64,
     },
-    /// The points are too far apart for one object; stray points or another unit.
+    /// The points are too far apart for one object, because of stray points or another unit than metres.
     #[error(
         "the cloud of the target is {extent_m:.3e} m wide, expected at most {MAX_EXTENT_M} m: are its points metres?"
     )]
@@ -77,13 +77,13 @@ pub enum CloudError {
 /// Largest side of the bounds of a target, m; bounds the height fields of the search.
 const MAX_EXTENT_M: f64 = 5.0;
 
-/// Sampling settings.
+/// Settings of grasp sampling from point clouds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CloudSettings {
-    /// Voxel size of downsampling (m).
+    /// Voxel size for downsampling target and scene (m).
     pub voxel: f64,
-    /// Maximum target points; above it, voxels are enlarged, since large objects need less detail.
+    /// Maximum number of target points; above it, voxels are enlarged, since large objects need less detail.
     pub most_points: usize,
     /// Share of a mirror image that must be hidden from all cameras to be accepted.
     pub hidden_share: f64,
@@ -101,7 +101,7 @@ pub struct CloudSettings {
     pub hand_clearance: f64,
     /// Difference between the maximum opening and the widest grasp (m).
     pub width_clearance: f64,
-    /// Maximum number of candidates.
+    /// Maximum number of candidates returned.
     pub max_candidates: usize,
     /// Weights of the success model.
     pub weights: Weights,
@@ -126,7 +126,7 @@ impl Default for CloudSettings {
     }
 }
 
-/// A candidate with its features.
+/// A grasp candidate with its features.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CloudGrasp {
     /// TCP pose in the world frame, contact distance, and success probability.
@@ -179,7 +179,7 @@ fn approaches(cloud: &filter::Cloud, settings: &CloudSettings) -> Vec<(DVec3, Ve
     let long = points::long_axis(cloud.target.iter().map(|seen| seen.point), cloud.center);
     let down = [DVec3::new(-long.y, long.x, 0.0), long].into_iter().chain(even).collect();
     let mut all = vec![(DVec3::NEG_Z, down)];
-    // From the side the gripper closes along the table, as from above: the palm's long side stays horizontal.
+    // From the side, too, the gripper closes horizontally, so that the palm's long side stays horizontal.
     let height = cloud.target.iter().map(|seen| seen.point.z).fold(f64::NEG_INFINITY, f64::max) - cloud.table_height;
     let directions = rolls / 2;
     for &tilt in settings.tilts.iter().filter(|&&tilt| height > 0.03 + 0.05 * tilt) {

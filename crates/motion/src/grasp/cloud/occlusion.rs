@@ -26,12 +26,12 @@ impl Occlusion {
         !self.views.is_empty() && self.views.iter().all(|view| view.depth_behind(point)[1] > BEHIND_M)
     }
 
-    /// True if a point is below a surface seen from above and hidden from every camera: most likely inside a solid.
+    /// True if a point lies below an observed surface and is hidden from every camera: most likely inside a solid.
     pub(super) fn is_inside(&self, point: DVec3) -> bool {
         !self.views.is_empty() && self.heights.above(point) > BELOW_M && self.depth_behind(point) > BEHIND_M
     }
 
-    /// Adds estimated points to the height grid.
+    /// Adds points of the completed target to the height grid.
     pub(super) fn add_estimated(&mut self, guessed: &[Seen]) {
         self.heights.add(guessed.iter().map(|seen| seen.point));
     }
@@ -39,16 +39,16 @@ impl Occlusion {
     /// Completes hidden sides by mirroring observed points into occluded space.
     ///
     /// Assumes symmetry about a vertical plane that roughly faces the cameras (Bohg et al., *Mind the Gap: Robotic
-    /// Grasping under Incomplete Observation*, 2011). For each of several directions, the farthest plane is tested
-    /// whose mirror image is visible to no camera by more than `1 - hidden_share`; the plane whose image best matches
-    /// observed points is used.
+    /// Grasping under Incomplete Observation*, 2011). For each of several directions, the farthest plane is tested of
+    /// whose mirror image at most the share `1 - hidden_share` should have been visible to a camera; the plane whose
+    /// image best matches observed points is used.
     pub(super) fn complete(&self, points: &[DVec3], hidden_share: f64) -> Vec<Seen> {
         let sample: Vec<DVec3> = points.iter().copied().step_by((points.len() / 150).max(1)).collect();
         let allowed = ((1.0 - hidden_share) * sample.len() as f64) as usize;
         let best = self.mirror_normals(points).into_iter().filter_map(|normal| {
             let plane = |step: i32| Mirror { normal, middle: self.middle - normal * (f64::from(step) * OFFSET_M) };
             let matching = |step: i32| self.matching(&sample, &plane(step), allowed).map(|count| (count, step));
-            // One step closer, since the surface extends slightly beyond its points.
+            // The plane one step closer is used, since the surface extends slightly beyond its points.
             OFFSETS.rev().find_map(matching).map(|(count, step)| (count as f64 / sample.len() as f64, plane(step - 1)))
         });
         // Prefer the first direction, towards the cameras, unless another fits clearly better.
@@ -60,7 +60,7 @@ impl Occlusion {
         images.map(|point| Seen { point, guessed: true }).collect()
     }
 
-    /// Number of mirrored points that match observed ones; `None` if more than `allowed` should have been visible.
+    /// Number of mirrored points that match observed ones; `None` if more than `allowed` would be visible to a camera.
     fn matching(&self, points: &[DVec3], mirror: &Mirror, allowed: usize) -> Option<usize> {
         let (mut seen, mut matching) = (0, 0);
         for &point in points {
@@ -88,7 +88,7 @@ impl Occlusion {
         rotated.into_iter().chain(axes.into_iter().filter(|axis| axis.dot(towards) > 0.5)).collect()
     }
 
-    /// Depth of a point behind the nearest observed surface (m), for the camera with the best view.
+    /// Depth of a point behind the nearest observed surface (m): the minimum over the cameras.
     fn depth_behind(&self, point: DVec3) -> f64 {
         let depth_behind =
             self.views.iter().map(|view| view.depth_behind(point).into_iter().fold(f64::NEG_INFINITY, f64::max));
@@ -108,21 +108,23 @@ impl Mirror {
     }
 }
 
-/// Plane offsets from the centroid, in steps of [`OFFSET_M`].
+/// Plane offsets along the mirror normal from the target's centroid, in steps of [`OFFSET_M`].
 const OFFSETS: std::ops::RangeInclusive<i32> = -6..=15;
 const OFFSET_M: f64 = 0.003;
 /// Maximum depth behind an observed surface that counts as a match (m).
 const MATCH_M: f64 = 0.005;
-/// Minimum depth behind an observed surface of a new point (m); others would only cost time.
+/// Minimum depth (m) behind an observed surface at which a mirrored point is added; points nearer to it bring no
+/// information.
 const HIDDEN_M: f64 = 0.003;
-/// Minimum improvement of the match share to prefer another direction.
+/// Minimum improvement of the share of matching points to prefer another direction than the first.
 const MIN_IMPROVEMENT: f64 = 0.05;
 
-/// Minimum depth behind or below a surface [m]: ignores noise and thin walls.
+/// Minimum depth behind ([`BEHIND_M`]) and below ([`BELOW_M`]) a surface [m] for occlusion: ignores noise and thin
+/// walls.
 const BEHIND_M: f64 = 0.004;
 const BELOW_M: f64 = 0.006;
 
-/// Depth buffer of a camera.
+/// Depth buffer around the target as seen from one camera.
 #[derive(Debug)]
 struct DepthBuffer {
     camera: DVec3,
@@ -175,7 +177,7 @@ impl DepthBuffer {
         Some((place(x)?, place(y)?, range))
     }
 
-    /// Depth of a point behind target and scene (m); negative if they are behind or beside it.
+    /// Depth of a point behind target and scene (m); negative if it is in front of them, or nothing was observed there.
     fn depth_behind(&self, point: DVec3) -> [f64; 2] {
         let Some((column, row, range)) = self.cell(point) else { return [f64::NEG_INFINITY; 2] };
         self.nearest[row * CELLS + column].map(|nearest| range - f64::from(nearest))
@@ -220,7 +222,7 @@ impl HeightGrid {
         Some(place(point.y - self.corner.y)? * GRID_CELLS + place(point.x - self.corner.x)?)
     }
 
-    /// Depth of a point below the highest observed point (m).
+    /// Depth of a point below the highest observed point of its cell (m); negative if it is above or the cell is empty.
     fn above(&self, point: DVec3) -> f64 {
         self.cell(point).map_or(f64::NEG_INFINITY, |cell| f64::from(self.highest[cell]) - point.z)
     }

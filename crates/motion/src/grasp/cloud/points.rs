@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-/// A point of the target.
+/// A point of the target, world frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
     pub(super) point: DVec3,
@@ -31,7 +31,7 @@ pub(super) fn thinned_to(points: &[DVec3], cell: f64, most: usize) -> Vec<DVec3>
 pub(super) fn thinned(points: &[DVec3], cell: f64) -> Vec<DVec3> {
     let key = |point: &DVec3| {
         let index = (*point / cell).floor();
-        // 21 bits each cover kilometres; farther points wrap around, which is harmless.
+        // 21 bits per axis cover kilometres; farther points wrap around, which at most merges voxels.
         [index.x, index.y, index.z]
             .into_iter()
             .fold(0_u64, |key, i| key << 21 | ((i as i64 + (1 << 20)) as u64 & 0x1f_ffff))
@@ -44,12 +44,12 @@ pub(super) fn thinned(points: &[DVec3], cell: f64) -> Vec<DVec3> {
         .collect()
 }
 
-/// Bounding box corners.
+/// Lower and upper corner of the axis-aligned bounding box (m).
 pub(super) fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
     points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), point| (low.min(*point), high.max(*point)))
 }
 
-/// Horizontal direction of largest variance.
+/// Horizontal direction of largest variance about `middle`, a unit vector.
 pub(super) fn long_axis(points: impl Iterator<Item = DVec3>, middle: DVec3) -> DVec3 {
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
     for point in points {
@@ -60,7 +60,7 @@ pub(super) fn long_axis(points: impl Iterator<Item = DVec3>, middle: DVec3) -> D
     DVec3::new(angle.cos(), angle.sin(), 0.0)
 }
 
-/// Standard deviations along the principal axes, by the closed form for symmetric 3×3 matrices.
+/// Standard deviations along the principal axes (m), by the closed form for symmetric 3×3 matrices.
 pub(super) fn principal_extents(points: &[DVec3]) -> [f64; 3] {
     let mean = points.iter().sum::<DVec3>() / points.len() as f64;
     let mut c = [0.0; 6];

@@ -25,7 +25,7 @@ pub(super) struct Patch {
     size: [f64; 2],
     /// Tangent of the angle between surface and pad, from a plane fit near the contact.
     slope: f64,
-    /// Share of estimated points.
+    /// Share of estimated points among the points in contact, 0-1.
     guessed: f64,
 }
 
@@ -40,7 +40,7 @@ impl Contacts {
     /// Contacts of flat pads closed on points between them, sorted along the closing direction; pads centred at `h`
     /// across, tips at `tip` along the approach.
     pub(super) fn of(points: &[Local], [low, high]: [f64; 2], h: f64, tip: f64) -> Self {
-        // Each pad uses its own half only, so that walls do not count for both.
+        // Each pad uses at most its own half of the distance between the pads, so that no point counts for both.
         let reach = |distance: f64| distance.min((high - low) / 2.0).max(0.0005);
         let below = |limit: f64| points.partition_point(|p| f64::from(p.c) <= low + reach(limit));
         let above = |limit: f64| points.partition_point(|p| f64::from(p.c) < high - reach(limit));
@@ -73,8 +73,8 @@ impl Patch {
     }
 }
 
-/// Tangent of the angle between pad and the least-squares plane of points, regularised towards 0; `origin` is any
-/// nearby point.
+/// Tangent of the angle between pad and the least-squares plane of points, regularised towards 0; the last argument is
+/// any nearby point, to which coordinates are relative.
 fn slope(points: &[Local], [c0, h0, a0]: [f64; 3]) -> f64 {
     let count = points.len().max(1) as f64;
     let mut means = [0.0; 3];
@@ -87,7 +87,7 @@ fn slope(points: &[Local], [c0, h0, a0]: [f64; 3]) -> f64 {
     }
     let [c, h, a] = means.map(|sum| sum / count);
     let [hh, aa, ha, hc, ac] = products.map(|sum| sum / count);
-    // Regularisation: 1 mm standard deviation.
+    // Regularisation of the fit: a variance corresponding to 1 mm standard deviation (m²).
     let pull = 1e-6;
     let (hh, aa, ha) = (hh - h * h + pull, aa - a * a + pull, ha - h * a);
     let (hc, ac) = (hc - h * c, ac - a * c);
@@ -174,35 +174,35 @@ impl Features {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Weights {
-    /// Constant.
+    /// Constant term of the logit.
     pub bias: f64,
-    /// See [`Features`].
+    /// Weight of [`Features::slope`].
     pub slope: f64,
-    /// See [`Features`].
+    /// Weight of [`Features::offset`].
     pub offset: f64,
-    /// See [`Features`].
+    /// Weight of [`Features::off_pad`].
     pub off_pad: f64,
-    /// See [`Features`].
+    /// Weight of [`Features::at_tip`].
     pub at_tip: f64,
-    /// See [`Features`].
+    /// Weight of [`Features::area`].
     pub area: f64,
-    /// See [`Features`].
+    /// Weight of [`Features::lever`].
     pub lever: f64,
-    /// See [`Features`].
+    /// Weight of [`Features::width`].
     pub width: f64,
-    /// See [`Features`].
+    /// Weight of [`Features::tilt`].
     pub tilt: f64,
-    /// See [`Features`].
+    /// Weight of [`Features::guessed`].
     pub guessed: f64,
-    /// See [`Features`].
+    /// Weight of [`Features::below`].
     pub below: f64,
-    /// See [`Features`].
+    /// Weight of [`Features::torque`].
     pub torque: f64,
-    /// See [`Features`].
+    /// Weight of [`Features::tight`].
     pub tight: f64,
-    /// See [`Features`].
+    /// Weight of [`Features::unseen`].
     pub unseen: f64,
-    /// See [`Features`].
+    /// Weight of [`Features::both_guessed`].
     pub both_guessed: f64,
 }
 

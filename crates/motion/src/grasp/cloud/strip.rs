@@ -8,17 +8,17 @@ use super::points::Local;
 use super::score::{Contacts, Features};
 use super::{CloudGrasp, CloudSettings, Gripper, tcp_pose};
 
-/// Cell size along the closing direction and across it (m).
+/// Cell size along the closing direction ([`CELL`]) and across it ([`ROW`], m).
 const CELL: f64 = 0.002;
 const ROW: f64 = 0.003;
 /// Distance between strips (rows).
 const STRIDE: usize = 2;
-/// Distance of a pad's centre from its contact (m).
+/// Distance of a pad's centre from the contact (m), outwards along the closing direction.
 const PAD_MIDDLE_M: f64 = 0.005;
-/// Minimum height of the target above the tips (m).
+/// Minimum height of the target above the fingertips for a grasp (m).
 const MIN_GRASP_HEIGHT_M: f64 = 0.0015;
 
-/// Height field towards the gripper.
+/// Height field of target and of all points: minimum coordinate along the approach per cell, infinite without points.
 struct HeightField {
     columns: usize,
     target: Vec<f32>,
@@ -28,7 +28,7 @@ struct HeightField {
 /// Points grouped by strip, sorted along the closing direction.
 struct Strips {
     points: Vec<Local>,
-    /// Start index of each strip in `points`, and the end.
+    /// Start index of each strip in `points`, and the length of `points` at the end.
     starts: Vec<usize>,
 }
 
@@ -214,7 +214,7 @@ impl Frame<'_> {
         &buffer[..count]
     }
 
-    /// Maximum tip depth at a strip, along the approach.
+    /// Maximum depth of the fingertips at a strip, along the approach (m): where they meet the table.
     fn max_depth(&self, h: f64) -> f64 {
         let tilt_height = self.across.z.abs() * self.gripper.pad_size.y / 2.0
             + self.closing.z.abs() * (self.gripper.max_width / 2.0 + finger_thickness(self.gripper));
@@ -223,7 +223,8 @@ impl Frame<'_> {
         (height - h * self.across.z) / self.approach.z
     }
 
-    /// Closes the pads on points between them if there is space beside these.
+    /// Candidate from closing the pads on points between them; `None` without space for the open fingers beside these
+    /// points.
     fn close(&self, h: f64, tip: f64, between: &[Local], all: &[f32]) -> Option<CloudGrasp> {
         let (gripper, settings) = (self.gripper, self.settings);
         let (low, high) = extremes(between)?;
@@ -253,8 +254,8 @@ impl Frame<'_> {
         Some(CloudGrasp { grasp: Grasp { pose, width, score }, opening, features })
     }
 
-    /// True if a pad approaching from the side would enter unobserved space below a surface, such as the end of a box;
-    /// from above, the observed points block it themselves.
+    /// True if a pad that approaches from the side would enter the unobserved inside of a solid, such as a box behind
+    /// its observed end. An approach from above needs no such check, since the observed top blocks it.
     fn enters_solid(&self, ends: [f64; 2], h: f64, tip: f64) -> bool {
         let half_pad = self.gripper.pad_size.y / 2.0;
         self.approach.z > -0.99
@@ -266,7 +267,8 @@ impl Frame<'_> {
             })
     }
 
-    /// Share of the pads' space, from the contacts outward, that other objects hide: the target may extend there.
+    /// Share of the space swept by the pads, from the contacts outward, that other objects occlude: the target may
+    /// extend there.
     fn hidden_share(&self, [low, high]: [f64; 2], opening: f64, h: f64, tip: f64) -> f64 {
         let pad = self.gripper.pad_size;
         let outer = (opening - (high - low)) / 2.0 + pad.x / 2.0;
@@ -303,7 +305,8 @@ impl Frame<'_> {
     }
 }
 
-/// Contact positions of pads on points between them, sorted along the closing direction; `None` if there are too few.
+/// Contact positions of pads on points between them, which are sorted along the closing direction; `None` if there are
+/// too few.
 fn extremes(between: &[Local]) -> Option<(f64, f64)> {
     // Skip the outermost points as noise.
     let skipped = between.len() / 80;
@@ -329,7 +332,7 @@ fn finger_thickness(gripper: &Gripper) -> f64 {
 
 /// True if the hand keeps clear of points and table at a TCP pose and along the approach.
 ///
-/// `blocker` is the last blocking point: most likely it blocks again, and is tried first.
+/// `blocker` caches the last blocking point, which most likely blocks again and is tested first.
 pub(super) fn hand_is_clear(
     cloud: &Cloud,
     gripper: &Gripper,
@@ -343,7 +346,7 @@ pub(super) fn hand_is_clear(
     let blocks = |point: &DVec3| {
         let offset = *point - pose.position;
         let within = |axis: usize| (low[axis]..high[axis]).contains(&offset.dot(axes[axis]));
-        // Points behind the hand were in front of it during the approach.
+        // Along the approach, the hand passes every point behind its front face.
         offset.dot(axes[2]) < high.z && within(0) && within(1)
     };
     let tilt_height = |axis: usize| (low[axis] * axes[axis].z).min(high[axis] * axes[axis].z);

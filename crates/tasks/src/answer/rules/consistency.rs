@@ -17,7 +17,7 @@ pub(super) struct Link {
     pub reference: usize,
 }
 
-/// The strict orders, and near; `right` and `back` are inverted.
+/// Kinds of relations: the strict orders, with `right` and `back` inverted to `left` and `front`, and `near`.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Order {
     Left,
@@ -49,7 +49,8 @@ pub(super) fn contradictions(links: &[Link], name: impl Fn(usize) -> String) -> 
     found
 }
 
-/// `(order, smaller, larger)`.
+/// Kind of a link with its smaller and its larger object in that order (for `near`: subject and reference); `None` for
+/// `between`.
 fn ordered(link: &Link) -> Option<(Order, usize, usize)> {
     let (subject, reference) = (link.subject, link.reference);
     Some(match link.relation.kind() {
@@ -66,7 +67,7 @@ fn ordered(link: &Link) -> Option<(Order, usize, usize)> {
     })
 }
 
-/// Pairs with mutually exclusive relations.
+/// Descriptions of pairs with mutually exclusive relations.
 fn mixed_pairs(links: &[Link], name: &impl Fn(usize) -> String) -> Vec<String> {
     let mut orders: BTreeMap<(usize, usize), BTreeSet<Order>> = BTreeMap::new();
     for (order, one, other) in links.iter().filter_map(ordered) {

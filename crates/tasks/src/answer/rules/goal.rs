@@ -42,7 +42,7 @@ pub(super) fn check(draft: &Draft, request: &TaskRequest, findings: &mut Finding
     }
 }
 
-/// No alternative may hold in the initial graph, also by inverse relations.
+/// Requires that no alternative of the goal holds in the initial graph, inverse relations included.
 pub(super) fn check_not_satisfied(draft: &Draft, findings: &mut Findings) {
     for (index, conjunction) in draft.alternatives.iter().enumerate() {
         if conjunction.is_empty() || conjunction.len() < draft.written_conditions[index] {
@@ -65,7 +65,7 @@ pub(super) fn check_not_satisfied(draft: &Draft, findings: &mut Findings) {
     }
 }
 
-/// Direction of the initial edge that implies a condition.
+/// Direction in which an edge is read when it implies a condition.
 #[derive(Clone, Copy, PartialEq)]
 enum View {
     Direct,
@@ -75,7 +75,7 @@ enum View {
 /// Subject, relation, reference and second reference, with generic object ids.
 type Fact<T> = (T, Relation, T, Option<T>);
 
-/// Initial edge by which a condition already holds, if any.
+/// Direction in which an initial edge implies a condition; `None` if no edge does.
 fn holds_initially(condition: &Condition, draft: &Draft) -> Option<View> {
     match &condition.test {
         Test::State(state) => {
@@ -104,7 +104,7 @@ pub(super) fn is_implied(graph: &SceneGraph, atom: &Atom) -> bool {
     }
 }
 
-/// Initial edge by which a relation already holds, if any.
+/// Direction in which an edge implies a relation; `None` if no edge does.
 fn implied_by<T: Ord + Copy>(mut edges: impl Iterator<Item = Fact<T>> + Clone, condition: Fact<T>) -> Option<View> {
     let (subject, relation, reference, second) = condition;
     if relation.has_two_references() {

@@ -72,7 +72,7 @@ fn drop_repeated_nodes(draft: &mut Draft, request: &TaskRequest, findings: &mut 
     });
 }
 
-/// No object is on or in two others; on and in the same one is a repetition.
+/// Reports objects that are on or in two others; a second relation to the same support is a repetition.
 fn check_supports(draft: &Draft, request: &TaskRequest, findings: &mut Findings) {
     let mut supports: BTreeMap<usize, usize> = BTreeMap::new();
     for edge in draft.edges.iter().filter(|edge| edge.relation.is_support()) {
@@ -86,7 +86,8 @@ fn check_supports(draft: &Draft, request: &TaskRequest, findings: &mut Findings)
     }
 }
 
-/// Adds the missing nodes of objects in edges; one with states has to say which it begins in.
+/// Adds missing nodes of objects in edges; for an object with states, whose initial state is then unknown, it reports a
+/// flaw.
 fn add_nodes_of_edges(draft: &mut Draft, request: &TaskRequest, findings: &mut Findings) {
     let mut missing: BTreeMap<usize, String> = BTreeMap::new();
     for edge in &draft.edges {
@@ -109,7 +110,7 @@ fn add_nodes_of_edges(draft: &mut Draft, request: &TaskRequest, findings: &mut F
     }
 }
 
-/// An object whose only edge said that it is on the table has a place; one without any edge does not.
+/// Reports nodes without any edge; an object whose only edge puts it on the table has a place.
 fn check_edges_of_nodes(draft: &Draft, request: &TaskRequest, findings: &mut Findings) {
     if draft.lost_edges {
         return;

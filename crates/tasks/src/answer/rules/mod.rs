@@ -11,10 +11,10 @@ use super::flaw::{Findings, FlawKind};
 use super::resolve::{Draft, Test};
 use crate::references;
 
-/// Description in the example of the format; an answer that returns it describes nothing.
+/// Description in the example of the format; an answer that copies it describes nothing.
 pub const DESCRIPTION_PLACEHOLDER: &str = "two to five sentences: where every object stands";
 
-/// Maximum length of an instruction, white-space separated words.
+/// Maximum length of an instruction, in words separated by white space.
 const MAX_WORDS: usize = 30;
 
 /// Reports all violations and returns the repaired draft.
@@ -35,7 +35,7 @@ pub(super) fn check(draft: Draft, request: &TaskRequest, findings: &mut Findings
     draft
 }
 
-/// No instance may initially satisfy the goal, also with interchangeable instances exchanged.
+/// Reports a goal that holds initially for some instances when interchangeable instances are exchanged.
 pub(super) fn check_copies(task: &Task, findings: &mut Findings) {
     if let Err(error) = task.check_interchangeable() {
         let hint = "say which copies are meant, or use fewer of them";
@@ -55,7 +55,7 @@ pub(super) fn check_copies(task: &Task, findings: &mut Findings) {
     }
 }
 
-/// The sentence means the goal. Only for answers without other flaws, whose scene can be relied on.
+/// Checks that the instruction states the goal. Only for answers without other flaws, whose scene can be relied on.
 pub(super) fn check_sentence(task: &Task, findings: &mut Findings) {
     if findings.rejects() {
         return;
@@ -66,7 +66,7 @@ pub(super) fn check_sentence(task: &Task, findings: &mut Findings) {
     }
 }
 
-/// True if a description is that of the example, whatever its number of sentences.
+/// True if a description is the example's placeholder, whatever number of sentences it names.
 fn returns_placeholder(description: &str) -> bool {
     let asked = DESCRIPTION_PLACEHOLDER.split_once(": ").map(|(_, asked)| asked);
     asked.is_some_and(|asked| description.to_lowercase().contains(asked))
@@ -82,7 +82,8 @@ fn check_instruction(draft: &Draft, findings: &mut Findings) {
     }
 }
 
-/// Articulated tasks change a state; all others except long ones have relations only.
+/// Reports a goal that does not fit the kind: articulated tasks change a state, and all others except long-horizon
+/// tasks have relations only.
 fn check_kind(draft: &Draft, request: &TaskRequest, findings: &mut Findings) {
     let kind = request.kind;
     for (index, conjunction) in draft.alternatives.iter().enumerate() {
@@ -109,10 +110,10 @@ fn check_kind(draft: &Draft, request: &TaskRequest, findings: &mut Findings) {
     }
 }
 
-/// A condition on a state that an offered object does not begin in, as an example.
+/// Example of a condition on a state that differs from the initial state of an offered object, as JSON text.
 fn state_condition(draft: &Draft, request: &TaskRequest) -> String {
     let initial = |object: usize| draft.nodes.iter().find(|node| node.object == object).map(|node| &node.state);
-    // Preferably of an object of the scene.
+    // Objects of the scene are preferred.
     let mut objects = draft.nodes.iter().map(|node| node.object).chain(0..request.offered.len());
     let example = objects.find_map(|object| {
         let states = &request.offered.get(object)?.states;

@@ -11,7 +11,7 @@ use crate::designer::naming::{Namer, Style};
 use crate::designer::phrasing::{capitalised, choose, fill, phrases};
 use crate::designer::sketch::Condition;
 
-/// A second goal beside the change of state.
+/// A second goal besides the change of state.
 enum Extra {
     Nothing,
     /// A change of state of another object with this handling; `true` if it is an alternative to the first one.
@@ -19,7 +19,8 @@ enum Extra {
     Move(usize, super::Place),
 }
 
-/// One state change, two of them (both or either), or a state change and an object to move.
+/// Composes a task with one state change, with two of them (both or either), or with a state change and an object to
+/// move.
 pub(super) fn compose(composer: &mut Composer) -> Option<Draft> {
     let style = *[Style::Plain, Style::Plain, Style::Looks, Style::Place].choose(&mut composer.rng)?;
     let (object, change) = add_changed(composer, style)?;

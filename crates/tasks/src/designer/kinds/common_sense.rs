@@ -13,13 +13,13 @@ use crate::designer::naming::{Namer, Style};
 use crate::designer::phrasing::{choose, fill, phrases};
 use crate::designer::things::{is_movable, things};
 
-/// Probability that the goal is `near`: in everyday requests the side rarely matters.
+/// Probability that the goal relation is `near`: in everyday requests the side rarely matters.
 const NEAR_PROBABILITY: f64 = 0.8;
 
-/// Other needs tried before the design is rejected.
+/// Maximum number of other needs tried before the design is rejected.
 const OTHER_NEEDS: usize = 60;
 
-/// A scene with exactly one object that meets the need and exactly one that meets another need.
+/// Composes a task in whose scene exactly one object meets the need and exactly one meets another need.
 pub(super) fn compose(composer: &mut Composer) -> Option<Draft> {
     let need = needs().choose(&mut composer.rng)?;
     let is_near = need.relations.contains(&Relation::Near) && toss(composer, NEAR_PROBABILITY);
@@ -62,7 +62,7 @@ pub(super) fn compose(composer: &mut Composer) -> Option<Draft> {
 /// The moved object, its goal position, the objects that meet the two needs, and the other need.
 type Scene = (usize, Place, [usize; 2], &'static Need);
 
-/// The need decides the moved object; the destination is any other object on the table.
+/// Scene for a need that decides the moved object; the destination is any other object on the table.
 fn what(composer: &mut Composer, need: &'static Need, relation: Relation) -> Option<Scene> {
     let item = composer.pick_mover(|card| need.is_met_by(card))?;
     let (other, instead) = other_need(composer, need, |composer, other| {
@@ -78,7 +78,7 @@ fn what(composer: &mut Composer, need: &'static Need, relation: Relation) -> Opt
     Some((subject, place, [subject, instead], other))
 }
 
-/// The need decides the destination.
+/// Scene for a need that decides the destination.
 fn whereto(composer: &mut Composer, need: &'static Need, relation: Relation) -> Option<Scene> {
     let item = composer.pick_mover(|card| need.may_move(card) && !need.is_doubtful(card))?;
     let fits = |need: &Need, card: &ObjectCard| {
@@ -103,7 +103,7 @@ fn whereto(composer: &mut Composer, need: &'static Need, relation: Relation) -> 
     Some((subject, place, [reference, instead], other))
 }
 
-/// Another need that decides the same part of the request, and a card that meets it.
+/// Another need that decides the same part of the request, and a card that meets it; `None` if none was found.
 fn other_need<'a>(
     composer: &mut Composer<'a>,
     need: &'static Need,

@@ -10,22 +10,22 @@ use crate::designer::phrasing::{choose, fill, phrases};
 use crate::designer::sketch::Condition;
 use crate::designer::things::things;
 
-/// Probability that a sentence begins with its first step rather than with an opening phrase.
+/// Probability that a sentence begins directly with its first step, without an opening phrase.
 const PLAIN_OPENING_PROBABILITY: f64 = 0.6;
 
-/// For tasks of more than two steps: probability that a later step goes to the place of an earlier one, and attempts
-/// per object.
+/// For tasks of more than two steps: probability that a later step uses the destination of an earlier one, and number
+/// of attempts per object.
 const SHARED_PLACE_PROBABILITY: f64 = 0.5;
 const TRIES: usize = 4;
 
-/// One step: a moved object, its goal position and possibly an alternative position.
+/// One step: a moved object, its destination and possibly an alternative destination.
 struct Step {
     subject: usize,
     place: Place,
     other: Option<Place>,
 }
 
-/// A sequence of steps, two objects to one place, or a tower of blocks.
+/// Composes a sequence of steps, two objects moved to one place, or a tower of blocks.
 pub(super) fn compose(composer: &mut Composer) -> Option<Draft> {
     // Pairs and towers rarely fail, sequences often do and are drawn again. Pairs and towers always have two steps.
     let is_two = composer.settings.steps[0] <= 2;
@@ -95,7 +95,7 @@ fn compose_steps(composer: &mut Composer) -> Option<Draft> {
     draft(composer, sentence, alternatives(&steps))
 }
 
-/// One attempt for tasks of two steps; several for longer ones, where room on the table is scarce.
+/// Result of one attempt for tasks of two steps; of several for longer ones, where room on the table is scarce.
 fn with_retries<'a, T>(
     composer: &mut Composer<'a>,
     mut attempt: impl FnMut(&mut Composer<'a>) -> Option<T>,
@@ -104,8 +104,8 @@ fn with_retries<'a, T>(
     (0..times).find_map(|_| attempt(composer))
 }
 
-/// The place of an earlier step, if it has room for one more object. Without sharing, many steps would need as many
-/// places.
+/// Destination of an earlier step, if it has room for one more object. Without sharing, a task of many steps would need
+/// as many destinations.
 fn shared_place(
     composer: &mut Composer,
     items: &[(&ObjectCard, Place, Option<Place>)],
@@ -128,7 +128,7 @@ fn has_many(composer: &Composer) -> bool {
     composer.settings.steps[0] > 2
 }
 
-/// Prepends an opening such as `Tidy up:`. The sentence then starts in lower case.
+/// Sentence with an opening such as `Tidy up:` before it; the first step then starts in lower case.
 fn opened(composer: &mut Composer, sentence: String) -> String {
     let opening = choose(&phrases().steps.opening, &mut composer.rng);
     if toss(composer, PLAIN_OPENING_PROBABILITY) {
@@ -139,7 +139,7 @@ fn opened(composer: &mut Composer, sentence: String) -> String {
     format!("{opening}{small}")
 }
 
-/// All combinations of alternatives, each as a conjunction over all steps.
+/// All combinations of the steps' alternatives, each as a conjunction over all steps.
 fn alternatives(steps: &[Step]) -> Vec<Vec<Condition>> {
     let mut goal = vec![Vec::new()];
     for step in steps {
@@ -155,7 +155,7 @@ fn alternatives(steps: &[Step]) -> Vec<Vec<Condition>> {
     goal
 }
 
-/// Two objects to one place, or to one of two places.
+/// Composes a task that moves two objects to one place, or to one of two places.
 fn compose_pair(composer: &mut Composer) -> Option<Draft> {
     let relation = wanted_relation(composer, &Relation::SUPPORTS)?;
     let first = mover_for(composer, relation, |_| true)?;
@@ -203,7 +203,7 @@ fn compose_pair(composer: &mut Composer) -> Option<Draft> {
     draft(composer, sentence, goal)
 }
 
-/// A small tower of blocks; the lowest block is not moved.
+/// Composes a task that builds a small tower of blocks; the lowest block is not moved.
 fn compose_tower(composer: &mut Composer) -> Option<Draft> {
     let is_block = |card: &ObjectCard| things().kind(card).is_some_and(|kind| kind.class == "block");
     let lies_level = |upper: &ObjectCard, lower: &ObjectCard| upper.size_m.x <= lower.size_m.x + 0.001;

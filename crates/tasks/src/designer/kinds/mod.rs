@@ -12,14 +12,14 @@ use super::naming::{Namer, Style, chance};
 use super::phrasing::{capitalised, phrases};
 use super::sketch::{Condition, Sketch};
 
-/// A complete design; its scene is the composer's sketch.
+/// A complete design except for its scene, which is the composer's sketch.
 pub(super) struct Draft {
     pub instruction: String,
     pub description: String,
     /// Alternatives of the goal, each a conjunction.
     pub goal: Vec<Vec<Condition>>,
-    /// For needs: sentences that must not be read as this goal, namely the request without its need and with another
-    /// need.
+    /// The request without its stated need ("I am thirsty"), and with another need: neither may be understood as this
+    /// goal. `None` for tasks without a need.
     pub without_need: Option<[String; 2]>,
 }
 
@@ -38,7 +38,7 @@ pub(super) fn compose(kind: TaskKind, composer: &mut Composer) -> Option<Draft> 
     }
 }
 
-/// Completes a design whose scene is finished.
+/// Completes a design whose scene is finished; `None` if the scene has too few objects.
 pub(super) fn draft(composer: &mut Composer, instruction: String, goal: Vec<Vec<Condition>>) -> Option<Draft> {
     if composer.sketch.len() < composer.settings.objects[0] {
         return None;
@@ -73,7 +73,8 @@ fn describe(scene: &Sketch) -> String {
     sentences.join(" ")
 }
 
-/// The relation of a goal: the one in the settings, otherwise the one furthest below its quota that some card allows.
+/// The relation of a goal: the one in the settings if it is in `among`, otherwise the one of `among` with the most
+/// missing occurrences.
 fn wanted_relation(composer: &mut Composer, among: &[Relation]) -> Option<Relation> {
     if let Some(asked) = composer.settings.goal_relation.filter(|asked| among.contains(asked)) {
         return Some(asked);
@@ -81,7 +82,7 @@ fn wanted_relation(composer: &mut Composer, among: &[Relation]) -> Option<Relati
     composer.balance.choose(among, composer.settings, &mut composer.rng)
 }
 
-/// An object to move for which this relation is possible.
+/// An object to move for which this relation is possible; `None` if there is none.
 fn mover_for<'a>(
     composer: &mut Composer<'a>,
     relation: Relation,
@@ -90,7 +91,8 @@ fn mover_for<'a>(
     composer.pick_mover_for(relation.is_support().then_some(relation), suits)
 }
 
-/// An alternative place for the same object: another side of the same reference, or another object to put it in or on.
+/// An alternative place for the same object: the opposite side of the same reference, or another object to put it in or
+/// on.
 fn another_place(composer: &mut Composer, item: &ObjectCard, place: Place, style: Style) -> Option<Place> {
     if place.relation.is_support() {
         let supports: Vec<Relation> = Relation::SUPPORTS.into_iter().rev().collect();
@@ -102,7 +104,8 @@ fn another_place(composer: &mut Composer, item: &ObjectCard, place: Place, style
     Some(Place { relation: other, ..place })
 }
 
-/// Text of a place, as a direction (`into the bowl`) and as a location (`in the bowl`).
+/// Text of a place, as a direction (`into the bowl`) and as a location (`in the bowl`); `None` if a reference cannot be
+/// named uniquely.
 fn say_place(composer: &mut Composer, place: Place, style: Style) -> Option<(String, String)> {
     let scene = &composer.sketch;
     let namer = Namer::new(scene);

@@ -1,4 +1,4 @@
-//! A line or two below an image: the instruction, the step, the time, and how it ended.
+//! Caption over the lower edge of an image: instruction, current step, time, and result.
 
 use genmanip_agent::image::{BLACK, Color, RgbImage, WHITE};
 use genmanip_core::Episode;
@@ -12,20 +12,20 @@ use super::pen::{width, write};
 
 /// Largest share of the image's height that captions cover.
 const SHARE: f64 = 0.15;
-/// Heights of capitals that are tried, from the largest, as shares of the image's height; chosen: 11 down to 7 pixels
-/// of 288.
+/// Cap heights that are tried, largest first, as shares of the image's height. Chosen by hand: 11 down to 7 pixels of
+/// 288.
 const HEIGHTS: [f64; 5] = [0.040, 0.036, 0.032, 0.028, 0.025];
-/// Distance of base lines, in heights of capitals.
+/// Distance of baselines, in cap heights.
 const LEADING: f64 = 1.7;
 /// Opacity of the caption's background, 0-1.
 const GROUND: f64 = 0.62;
-/// Duration of the final result caption, s.
+/// Time before the end of an episode from which the result is shown, s.
 const END_S: f64 = 1.0;
 
 /// Caption of an episode or a scenario.
 pub(super) struct Caption {
     instruction: String,
-    /// None of a scenario.
+    /// Steps, duration and result of an episode; `None` for a scenario.
     told: Option<Told>,
 }
 
@@ -45,7 +45,7 @@ impl Caption {
         Self { instruction: stage.scenario.task.instruction.clone(), told: episode.map(told) }
     }
 
-    /// Draws it over the lower edge of an image of a moment.
+    /// Draws the caption over the lower edge of an image.
     pub(super) fn draw(&self, picture: &mut RgbImage, moment: &Moment) {
         let (columns, rows) = (f64::from(picture.width), f64::from(picture.height));
         let margin = 0.02 * columns;
@@ -70,7 +70,7 @@ impl Caption {
         }
     }
 
-    /// Step and time; at the end, how it ended.
+    /// Last line and its colour: time and current step, or the result near the end; empty for a scenario.
     fn below(&self, moment: &Moment) -> (String, Color) {
         let Some((told, frame)) = self.told.as_ref().zip(moment.frame) else { return (String::new(), WHITE) };
         let time = format!("{:.1} s", frame.time_s);
@@ -83,19 +83,19 @@ impl Caption {
         let number = told.steps.at(moment.control_step);
         let text = told.steps.texts.get(number).map_or("", String::as_str);
         match told.steps.texts.len() {
-            // A single step is the instruction in other words.
+            // A single step only repeats the instruction in other words.
             0 | 1 => (time, PALETTE[1]),
             count => (format!("{time}   {}/{count} {text}", number + 1), PALETTE[1]),
         }
     }
 }
 
-/// Height of the ground of some lines, pixels.
+/// Height of the background of this many lines, pixels; `height` is the cap height.
 fn band(lines: usize, height: f64) -> f64 {
     height * (0.8 + LEADING * lines as f64)
 }
 
-/// A text in lines that are no wider than so many pixels; a word that is wider stands alone.
+/// Text broken into lines of at most `widest` pixels; a wider word gets a line of its own.
 fn wrapped(text: &str, height: f64, widest: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
@@ -114,7 +114,7 @@ fn wrapped(text: &str, height: f64, widest: f64) -> Vec<String> {
 mod tests {
     use super::*;
 
-    /// Whatever the text and the size: nothing above the lowest 15 % changes, and something below does.
+    /// Whatever the text and the size, nothing above the lowest 15 % of the image changes, and something below does.
     #[test]
     fn captions_stay_in_the_lowest_part_of_the_picture() {
         let long = "Put the small red mug that stands left of the blue bowl on the plate. ".repeat(6);

@@ -1,4 +1,4 @@
-//! The figures of the world that are drawn over an image.
+//! Overlays of 3D geometry on an image: boxes, grippers, the tool path, contact forces and coordinate frames.
 
 use genmanip_agent::image::Color;
 use genmanip_core::geometry::OrientedBox;
@@ -10,29 +10,30 @@ use super::grasps::DrawnGrasp;
 use super::palette::{PALETTE, SKY, VERMILION};
 use super::pen::{Hidden, Pen};
 
-/// Width of lines, pixels of a 512x288 image; chosen: seen in a video.
+/// Line width, pixels of a 512x288 image. Chosen by hand: visible in a video.
 const LINE_PX: f64 = 1.2;
-/// Width of the way, pixels of a 512x288 image.
+/// Width of the tool path, pixels of a 512x288 image.
 const WAY_PX: f64 = 1.6;
 /// Length of the fingers and the stem of a drawn gripper, m: about those of the Panda's hand.
 const FINGER_M: f64 = 0.045;
-/// Distance of the fingers' lines from the contacts, m: half of a finger.
+/// Offset of a drawn finger line from the contact, outwards and along the approach direction, m: half of a finger's
+/// thickness.
 const FINGER_HALF_M: f64 = 0.008;
-/// Points of a way are at least so far apart, m; chosen: below a pixel of usual cameras.
+/// Minimum spacing of the points of a drawn path, m. Chosen by hand: less than a pixel of usual cameras.
 const STEP_M: f64 = 0.004;
-/// Forces below are not drawn, N: noise of things at rest.
+/// Minimum normal force that is drawn, N: below it is the noise of objects at rest.
 const MIN_FORCE_N: f64 = 0.05;
-/// Length of the arrow of 1 N, m; arrows are as long as the square root of the force, so that 0.1 N and 60 N are both
-/// seen.
+/// Length of the arrow of a force of 1 N, m; lengths grow with the square root of the force, so that both 0.1 N and 60
+/// N are visible.
 const NEWTON_M: f64 = 0.015;
-/// Length of drawn axes, m.
+/// Length of the drawn axes of a frame, m.
 const AXIS_M: f64 = 0.17;
-/// Height of letters, pixels of a 512x288 image.
+/// Cap height of the axis letters, pixels of a 512x288 image.
 const LETTER_PX: f64 = 8.0;
-/// Axes x, y, z.
+/// Colours of the x, y and z axes.
 const AXES: [Color; 3] = [VERMILION, PALETTE[2], PALETTE[4]];
 
-/// The edges of boxes, dashed where something is before them.
+/// Edges of bounding boxes, dashed where occluded.
 pub(super) fn boxes(pen: &mut Pen, boxes: &[OrientedBox]) {
     for (placed, color) in boxes.iter().zip(PALETTE.iter().cycle()) {
         let corners = placed.corners();
@@ -42,7 +43,7 @@ pub(super) fn boxes(pen: &mut Pen, boxes: &[OrientedBox]) {
     }
 }
 
-/// A gripper at a grasp: two fingers, the palm and a stem.
+/// Gripper at a grasp: lines for two fingers, the palm and a stem against the approach direction.
 pub(super) fn gripper(pen: &mut Pen, drawn: &DrawnGrasp) {
     let color = PALETTE[drawn.object % PALETTE.len()];
     let grasp = &drawn.grasp;
@@ -60,7 +61,8 @@ pub(super) fn gripper(pen: &mut Pen, drawn: &DrawnGrasp) {
     }
 }
 
-/// The way of the tool: thick behind it, thin ahead of it, a dot where it is.
+/// Path of the tool through positions in the world frame (m): thick up to index `now`, thin after it, with a dot at the
+/// current position.
 pub(super) fn path(pen: &mut Pen, tools: &[DVec3], now: usize) {
     let now = now.min(tools.len().saturating_sub(1));
     let Some(tool) = tools.get(now) else { return };
@@ -72,7 +74,7 @@ pub(super) fn path(pen: &mut Pen, tools: &[DVec3], now: usize) {
     pen.dot(*tool, 2.0 * WAY_PX, VERMILION);
 }
 
-/// Points that are apart; the first and the last one stay.
+/// Path downsampled to points at least [`STEP_M`] apart; the first and last point are kept.
 fn thinned(points: &[DVec3]) -> Vec<DVec3> {
     let mut kept: Vec<DVec3> = Vec::new();
     for (index, point) in points.iter().enumerate() {
@@ -84,7 +86,8 @@ fn thinned(points: &[DVec3]) -> Vec<DVec3> {
     kept
 }
 
-/// Arrows along the forces on objects, or on what the robot touches: the robot's in another colour.
+/// Arrows of the normal contact forces on objects and on whatever the robot touches. Forces exerted or borne by the
+/// robot have another colour; contacts within the robot are omitted.
 pub(super) fn contacts(pen: &mut Pen, contacts: &[ContactReport]) {
     let is_object = |body: BodyId| matches!(body, BodyId::Object { .. });
     let is_robot = |body: BodyId| matches!(body, BodyId::Robot { .. });
@@ -92,18 +95,19 @@ pub(super) fn contacts(pen: &mut Pen, contacts: &[ContactReport]) {
         if is_robot(contact.a) && is_robot(contact.b) {
             continue;
         }
-        // The normal leads from a to b, so the force along it is that on b.
+        // The normal points from a to b, so a force along the normal acts on b.
         let is_on_a = is_robot(contact.b) || (is_object(contact.a) && !is_object(contact.b) && !is_robot(contact.a));
         let way = if is_on_a { -contact.normal } else { contact.normal };
         let by_robot = is_robot(contact.a) || is_robot(contact.b);
         let length_m = NEWTON_M * contact.normal_force.sqrt();
         let color = if by_robot { VERMILION } else { SKY };
-        // The arrow ends where it presses.
+        // The tip of the arrow is the contact point.
         pen.arrow(contact.position - way * length_m, contact.position, LINE_PX, color);
     }
 }
 
-/// Axes of the world, the tool, the other cameras with the edges of their view frustums, and the image.
+/// Axes of the world, of the tool and of the other cameras, view frustums of those cameras, and the pixel axes of the
+/// image.
 pub(super) fn frames(pen: &mut Pen, tool: &Pose, others: &[(String, Projection)]) {
     axes(pen, &Pose::IDENTITY, "WORLD");
     axes(pen, tool, "TOOL");
@@ -123,7 +127,7 @@ fn axes(pen: &mut Pen, world_from_frame: &Pose, name: &str) {
         }
     }
     let Some((origin, _)) = pen.projection.pixel(world_from_frame.position) else { return };
-    // The name stands where the axes do not lead to.
+    // The name is placed opposite to the mean direction of the axes in the image.
     let tips = [DVec3::X, DVec3::Y, DVec3::Z].iter().filter_map(|way| pen.projection.pixel(at(*way, AXIS_M)));
     let lead: DVec2 = tips.map(|(tip, _)| tip - origin).sum();
     let away = -lead.try_normalize().unwrap_or(DVec2::NEG_Y);
@@ -132,7 +136,7 @@ fn axes(pen: &mut Pen, world_from_frame: &Pose, name: &str) {
     pen.label(name, origin + away * reach, 0.8 * LETTER_PX, [255; 3]);
 }
 
-/// The edges of what a camera sees, up to the tips of its axes.
+/// Edges of a camera's view frustum up to depth [`AXIS_M`].
 fn sight(pen: &mut Pen, projection: &Projection) {
     let k = &projection.intrinsics;
     let (right, bottom) = (f64::from(k.width) - 0.5, f64::from(k.height) - 0.5);
@@ -145,7 +149,7 @@ fn sight(pen: &mut Pen, projection: &Projection) {
     }
 }
 
-/// Pixel axes: u to the right, v down, from the first pixel.
+/// Pixel axes at the upper left corner of the image: u to the right, v down.
 fn pixel_axes(pen: &mut Pen) {
     let unit = pen.picture.unit();
     let from = DVec2::splat(6.0 * unit);

@@ -1,4 +1,4 @@
-//! Selection of the grasps to display.
+//! Selection of the grasps to be displayed.
 
 use genmanip_assets::GraspLibrary;
 use genmanip_core::glam::DVec3;
@@ -7,25 +7,26 @@ use genmanip_rollout::Stage;
 
 use genmanip_workspace::WorkspaceError;
 
-/// Grasps of each object; chosen: more hide what they are on.
+/// Maximum number of drawn grasps per object. Chosen by hand: more would hide the object.
 const PER_OBJECT: usize = 3;
-/// Grasps of one object are drawn when they are at least so far apart, m; chosen: half a finger's length.
+/// Minimum distance between drawn grasps of one object, m. Chosen by hand: half a finger's length.
 const APART_M: f64 = 0.02;
-/// Share of the trials that held; chosen: grasps that the expert would use.
+/// Minimum success rate of a drawn grasp in its trials. Chosen by hand: grasps that the expert would use.
 const HELD: f64 = 0.5;
-/// Minimum cosine between the approach direction and straight down; chosen: 60 degrees, so that the arm stays above
-/// the table.
+/// Minimum cosine between the approach direction and straight down. Chosen by hand: at most 60 degrees, so that the arm
+/// stays above the table.
 const STEEP: f64 = 0.5;
 
-/// A grasp and the object that it is on.
+/// Grasp to be drawn, with its object.
 pub(super) struct DrawnGrasp {
-    /// Number of the object in the scenario, from 0.
+    /// Index of the object in the scenario.
     pub(super) object: usize,
-    /// In the world.
+    /// Grasp in the world frame.
     pub(super) grasp: Grasp,
 }
 
-/// The grasps of a scenario's objects that held most often, from above and apart from each other.
+/// Grasps with the highest success rates in trials, for each object of a scenario; only steep ones at a distance from
+/// each other.
 pub(super) fn tried(stage: &Stage) -> Result<Vec<DrawnGrasp>, WorkspaceError> {
     let mut drawn = Vec::new();
     for (object, (placed, model)) in stage.scenario.objects.iter().zip(&stage.models).enumerate() {
@@ -48,7 +49,7 @@ pub(super) fn tried(stage: &Stage) -> Result<Vec<DrawnGrasp>, WorkspaceError> {
     Ok(drawn)
 }
 
-/// Gripper poses at which objects were grasped in an episode.
+/// Grasps that were executed in an episode, with the gripper pose at the first frame in which the object is grasped.
 pub(super) fn made(episode: &Episode) -> Vec<DrawnGrasp> {
     let held = episode.frames.iter().map(|frame| frame.grasped);
     let before = std::iter::once(None).chain(held);
@@ -58,7 +59,7 @@ pub(super) fn made(episode: &Episode) -> Vec<DrawnGrasp> {
         Some(DrawnGrasp { object: frame.grasped?, grasp: Grasp { pose, width: frame.gripper_width, score: 1.0 } })
     };
     let mut drawn: Vec<DrawnGrasp> = begins.filter_map(made).collect();
-    // Fingers that lose touch for a step take hold again at the same place.
+    // Fingers that lose contact for a step grasp again at the same place; that counts as one grasp.
     drawn.dedup_by(|later, first| {
         later.object == first.object && later.grasp.pose.position.distance(first.grasp.pose.position) < APART_M
     });

@@ -1,4 +1,4 @@
-//! Overlays on images: masks, numbers, a grid, boxes, grasps, the path of the tool, contacts, frames.
+//! Overlays on images: masks, numbers, grid, bounding boxes, grasps, tool path, contact forces and frames.
 
 mod caption;
 mod figures;
@@ -24,36 +24,36 @@ use super::moment::{Boxes, Moment};
 use crate::scene_images::not_drawn;
 use genmanip_workspace::WorkspaceError;
 
-/// Opacity of an object's tint; chosen: the object's own colour stays recognisable.
+/// Opacity of an object's tint. Chosen by hand: the object's own colour stays recognisable.
 const FILL: f64 = 0.35;
 
-/// Something that is drawn over images.
+/// Kind of overlay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Overlay {
-    /// Each object in a tint, outlined.
+    /// Tinted and outlined mask of each object.
     Masks,
-    /// Each object with its number, from 1 in the order of the scenario.
+    /// Number of each object, from 1 in the order of the scenario.
     Numbers,
-    /// A lettered grid.
+    /// Grid with lettered cells, as agents get it.
     Grid,
-    /// A box around each object, in its own axes.
+    /// Oriented bounding box of each object.
     Boxes,
-    /// Grippers at grasps: tried ones of a scenario's objects, those that were made of an episode.
+    /// Grippers at grasps: tried grasps for a scenario, executed ones for an episode.
     Grasps,
-    /// The way of the tool before and after the moment.
+    /// Path of the tool, before and after the moment.
     Path,
-    /// Forces where things touch.
+    /// Normal forces at contacts.
     Contacts,
-    /// Axes of the world, the tool, the other cameras and the image.
+    /// Axes of the world, the tool and the other cameras, and the pixel axes.
     Frames,
 }
 
 impl Overlay {
-    /// All of them, in the order in which they are drawn.
+    /// All overlays in the order in which they are drawn.
     pub const ALL: [Self; 8] =
         [Self::Masks, Self::Grid, Self::Boxes, Self::Path, Self::Grasps, Self::Contacts, Self::Frames, Self::Numbers];
 
-    /// The name on the command line.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Masks => "masks",
@@ -67,13 +67,13 @@ impl Overlay {
         }
     }
 
-    /// True if the overlay shows motion and so needs an episode.
+    /// True if the overlay shows motion, and thus needs an episode.
     fn is_of_episodes(self) -> bool {
         matches!(self, Self::Path | Self::Contacts)
     }
 }
 
-/// Overlays of a scenario or an episode.
+/// Overlays selected for the images of a scenario or an episode.
 pub(super) struct Overlays<'a> {
     chosen: Vec<Overlay>,
     stage: &'a Stage,
@@ -86,7 +86,8 @@ pub(super) struct Overlays<'a> {
 }
 
 impl<'a> Overlays<'a> {
-    /// Refuses what a scenario does not have.
+    /// Prepares the overlays; fails if a scenario is to show motion, or if contacts cannot be replayed or grasps not be
+    /// found.
     pub(super) fn new(
         stage: &'a Stage,
         episode: Option<&'a Episode>,
@@ -118,7 +119,7 @@ impl<'a> Overlays<'a> {
         })
     }
 
-    /// Requested channels and those that the overlays need.
+    /// Requested channels, and those that the overlays need.
     pub(super) fn channels(&self, asked: ImageChannels) -> ImageChannels {
         let needs = |overlays: &[Overlay]| self.chosen.iter().any(|chosen| overlays.contains(chosen));
         ImageChannels {
@@ -128,7 +129,7 @@ impl<'a> Overlays<'a> {
         }
     }
 
-    /// Draws over the colours of a moment's images; moments come in their order.
+    /// Draws over the colours of a moment's images, one image per camera; must be called in the order of the moments.
     pub(super) fn draw(
         &mut self,
         moment: &Moment,
@@ -182,7 +183,7 @@ impl<'a> Overlays<'a> {
         image.rgb = picture.rgb;
     }
 
-    /// The pixels of each object.
+    /// Mask of each object in the order of the scenario; empty if no overlay needs masks.
     fn masks(&self, image: &RgbdImage) -> Vec<Mask> {
         if !self.chosen.iter().any(|chosen| matches!(chosen, Overlay::Masks | Overlay::Numbers)) {
             return Vec::new();

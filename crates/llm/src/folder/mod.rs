@@ -4,6 +4,8 @@
 //! Nothing in it tells which run or task asked. A repeated question is not written again: its existing answer is read
 //! or awaited.
 
+mod answering;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -22,6 +24,8 @@ use crate::model::ChatModel;
 use crate::recorded::RecordedText;
 use crate::reply::{ChatReply, Structure};
 use crate::request::{ChatRequest, ReplySchema};
+
+pub use answering::{Answered, AnsweringError, FolderAnswers, QuestionRow};
 
 /// Settings of a question folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
