@@ -13,11 +13,10 @@ mod review_desk;
 mod reviews;
 mod room;
 mod runs;
+mod settings;
 mod socket;
 mod studio;
 
-use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use axum::extract::Request;
@@ -30,27 +29,10 @@ use genmanip_serve::{ServeError, Server, browser_guard};
 use serde_json::json;
 
 pub use access::Token;
+pub use settings::StudioSettings;
 
 use crate::collections::Collection;
-use crate::run::OfferedPolicies;
 use studio::Studio;
-
-/// Settings of the server.
-#[derive(Clone, Debug)]
-pub struct StudioSettings {
-    /// Listening address; port 0 picks a free one.
-    pub address: SocketAddr,
-    /// Folder for copies of read-only scenarios, reviews and suites.
-    pub out: PathBuf,
-    /// Author of tabs that give no name.
-    pub author: String,
-    /// Secret that every request must contain; `None` for a server on a loopback address.
-    pub token: Option<Token>,
-    /// Policies that the page may run.
-    pub policies: OfferedPolicies,
-    /// Folder of questions that people answer in place of a model.
-    pub questions: Option<PathBuf>,
-}
 
 /// Starts the server on its own threads; it stops when the result is dropped.
 ///

@@ -12,13 +12,13 @@ use genmanip_workspace::scenarios::read_scenario;
 use serde_json::{Value, json};
 use tokio::sync::Semaphore;
 
-use super::StudioSettings;
 use super::access::Token;
 use super::answer::Refusal;
 use super::catalogue::CatalogueSearch;
 use super::jobs::Runs;
 use super::review_desk::Reviews;
 use super::room::{Request, Revision, Room, StageVerdict, Steps};
+use super::settings::StudioSettings;
 use crate::collections::{Collection, Listed, Summary};
 use crate::edit::{EditLog, EditedScenario};
 use crate::review::{ReviewDesk, read_desk};
