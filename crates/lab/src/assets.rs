@@ -80,7 +80,7 @@ pub struct Measured {
     pub grasp_verified: usize,
     /// Open containers with sufficient depth.
     pub containers: usize,
-    /// Containers in which each of three balls stayed, see [`MIN_DEPTH`].
+    /// Containers in which each of three balls was still below the rim 2 s after its drop.
     pub container_ok: usize,
     /// Named states of articulated objects.
     pub states: usize,

@@ -105,7 +105,7 @@ pub struct RobotRow {
     pub load_s: f64,
     /// Notes of the reader: assumptions, repairs and omissions.
     pub notes: Vec<String>,
-    /// Random motions; `None` for robots outside [`PLANNED_DOF`] and those without an arm.
+    /// Random motions; `None` for robots with fewer than 3 or more than 20 degrees of freedom, or without an arm.
     pub planned: Option<Planned>,
 }
 

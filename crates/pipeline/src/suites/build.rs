@@ -168,7 +168,7 @@ fn certify(
     Ok(Some((certified, stage)))
 }
 
-/// Results of the expert's trials of each scenario, [`TRIALS`] by scenario id; `None` if interrupted. With `folder`, an
+/// Results of the expert's trials of each scenario, five each, by scenario id; `None` if interrupted. With `folder`, an
 /// interrupted call continues.
 ///
 /// # Errors

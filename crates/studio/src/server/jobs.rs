@@ -100,7 +100,7 @@ impl Runs {
     /// Adds a job, unless the scenario has one that has not ended.
     ///
     /// # Errors
-    /// [`Refusal::Unsuited`] if the scenario has such a job, or there are [`MAX_JOBS`].
+    /// [`Refusal::Unsuited`] if the scenario has such a job, or too many jobs wait or run.
     pub fn add(&self, key: &str, policy: &str, revision: u64) -> Result<Arc<Job>, Refusal> {
         static NUMBER: AtomicU64 = AtomicU64::new(0);
         let mut jobs = self.lock();
@@ -145,7 +145,7 @@ impl Job {
         let _ = room.events.send(Event::Run(Arc::new(json!({ "type": "run", "run": &*run }))));
     }
 
-    /// Sends the simulated time of the episode to the tabs, at most once per [`REPORT`].
+    /// Sends the simulated time of the episode to the tabs, at most every 100 ms.
     pub fn advance(&self, room: &Room, time_s: f64) {
         let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
         if told.is_some_and(|before| before.elapsed() < REPORT) {
