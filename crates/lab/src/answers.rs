@@ -24,7 +24,7 @@ const REPETITIONS: usize = 5;
 /// Maximum number of failures in the text summary.
 const SHOWN: usize = 10;
 
-/// Budget of the fuzzer.
+/// Amount of fuzzing: number of texts, or CPU time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Amount {
     /// Number of texts to check.
@@ -40,13 +40,13 @@ pub struct Timed {
     pub name: String,
     /// Length of the text, bytes.
     pub bytes: usize,
-    /// Verdict of the check.
+    /// Verdict of the answer check on the text.
     pub verdict: &'static str,
     /// CPU time of the check, ms.
     pub cpu_ms: f64,
 }
 
-/// Results of the fuzzer.
+/// Outcomes and cost of fuzzing the answer check.
 #[derive(Debug, Default, Serialize)]
 pub struct Fuzzed {
     /// Number of texts checked.
@@ -78,7 +78,7 @@ pub struct Measurement {
     pub worst_ms: f64,
     /// Check of each worst case.
     pub worst_cases: Vec<Timed>,
-    /// Results of the fuzzer.
+    /// Outcomes and cost of fuzzing.
     pub fuzzed: Fuzzed,
 }
 

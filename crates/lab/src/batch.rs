@@ -29,7 +29,7 @@ use crate::{LabError, episodes};
 /// Timeout of a request to the model, s.
 const TIMEOUT_S: f64 = 5.0;
 
-/// Settings of the measurement.
+/// Load and faults of the measurement.
 #[derive(Clone, Debug)]
 pub struct BatchArguments {
     /// Number of tasks; pick-and-place kinds alternate.
@@ -49,7 +49,7 @@ pub struct BatchArguments {
 pub struct Measured {
     /// Seed of tasks, layouts, episodes and faults.
     pub seed: u64,
-    /// Number of episodes.
+    /// Number of episodes that were run.
     pub episodes: usize,
     /// Success rate, 0 to 1; the answers are the oracle's.
     pub success: f64,
@@ -78,7 +78,7 @@ thread_local! {
     static CLOCK: RefCell<Option<Box<dyn FnMut() -> f64>>> = const { RefCell::new(None) };
 }
 
-/// Cost of one episode.
+/// CPU time and requests of one episode.
 #[derive(Clone, Default)]
 struct Taken {
     cpu_s: f64,

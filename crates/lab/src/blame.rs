@@ -27,7 +27,7 @@ const BATCH: usize = 20;
 /// Maximum number of episodes per wanted failed episode.
 const MAX_PER_FAILURE: usize = 12;
 
-/// Settings of the measurement.
+/// Agent, tasks and errors of the measurement.
 pub struct BlameArguments {
     /// The agent; its error injection is overwritten here.
     pub choice: AgentChoice,

@@ -18,7 +18,7 @@ pub struct Calibration {
 pub struct Bin {
     /// Lower end of the bin; all bins have equal width.
     pub from: f64,
-    /// Number of grasps.
+    /// Number of grasps in the bin.
     pub count: usize,
     /// Mean score of these grasps.
     pub mean_score: f64,

@@ -38,11 +38,11 @@ pub struct Measured {
 /// Yield of attempts at a group of tasks; each task is tried until an attempt is verified or its tries are used up.
 #[derive(Default, Serialize)]
 pub struct Yield {
-    /// Number of attempts.
+    /// Number of attempts at these tasks.
     pub attempts: usize,
-    /// Number of verified attempts.
+    /// Number of verified attempts at these tasks.
     pub verified: usize,
-    /// Number of tasks.
+    /// Number of tasks tried.
     pub tasks: usize,
     /// Number of tasks with a verified attempt.
     pub tasks_solved: usize,

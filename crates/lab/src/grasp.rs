@@ -24,7 +24,7 @@ use crate::quantile::quantile;
 /// Number of bins of the reliability diagram.
 const BINS: usize = 10;
 
-/// Settings of the trials.
+/// Clouds, objects and selection rule of the trials.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GraspArguments {
     /// Source of the target's point cloud.
@@ -63,9 +63,9 @@ pub struct Report {
 /// Totals over the trials of one class.
 #[derive(Serialize, Default)]
 pub struct Tally {
-    /// Number of distinct objects.
+    /// Number of distinct objects tried.
     pub objects: usize,
-    /// Number of trials.
+    /// Number of grasp trials of the class.
     pub attempts: usize,
     /// Number of trials with a candidate.
     pub proposed: usize,
@@ -73,7 +73,7 @@ pub struct Tally {
     pub held: usize,
     /// Share of all trials whose grasp held, 0 to 1.
     pub share: f64,
-    /// Failed trials by outcome.
+    /// Number of failed trials by outcome.
     pub failures: BTreeMap<TrialEnding, usize>,
     /// Names of the objects that were not held, with the number of their failed trials.
     pub missed: BTreeMap<String, usize>,
@@ -82,9 +82,9 @@ pub struct Tally {
 /// CPU time of sampling grasps for one cloud.
 #[derive(Serialize)]
 pub struct CpuTimes {
-    /// Median, ms.
+    /// Median CPU time per cloud, ms.
     pub median: f64,
-    /// 95th percentile, ms.
+    /// 95th percentile of the CPU time per cloud, ms.
     pub p95: f64,
     /// Median number of points of a cloud.
     pub points: usize,

@@ -30,7 +30,7 @@ pub struct LearnArguments {
     pub distribution: String,
     /// Preset of inputs and network size.
     pub preset: Preset,
-    /// Number of verified demonstrations.
+    /// Number of verified demonstrations to collect.
     pub demos: usize,
     /// Length of training: number of steps, or time.
     pub length: Length,

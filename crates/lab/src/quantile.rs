@@ -9,9 +9,9 @@ pub(crate) fn quantile(sorted: &[f64], share: f64) -> f64 {
 /// Median and 95th percentile of measured values.
 #[derive(Clone, Copy, Debug, Default, serde::Serialize)]
 pub struct Spread {
-    /// Median.
+    /// Median of the values.
     pub median: f64,
-    /// 95th percentile.
+    /// 95th percentile of the values.
     pub p95: f64,
 }
 

@@ -56,7 +56,7 @@ directions: front means farther from the robot. Answer {\"id\": \"000\", \"done\
 pub struct Questions {
     /// The question that is on every card, and the JSON format of its answer.
     pub question: &'static str,
-    /// The cards.
+    /// Cards in their shuffled order.
     pub cards: Vec<Card>,
 }
 
@@ -126,15 +126,15 @@ pub struct Difference {
     pub card: String,
     /// Path of the scenario, or id of the episode.
     pub of: String,
-    /// Instruction.
+    /// Instruction on the card.
     pub sentence: String,
-    /// Answer of the reader.
+    /// Answer of the reader, as text.
     pub answered: String,
     /// Intended meaning, or verdict of the judge.
     pub meant: String,
 }
 
-/// Subject of the cards.
+/// Source of the cards.
 #[derive(Clone, Copy, Debug)]
 pub enum About<'a> {
     /// Initial scenes of a suite's scenarios.

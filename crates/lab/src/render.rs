@@ -34,7 +34,7 @@ const MAX_SIDE_M: f64 = 0.12;
 /// Number of frames between two waypoints, and of a pause while the fingers close or open: about 5 s in all at 15 Hz.
 const MOVE: usize = 12;
 const PAUSE: usize = 5;
-/// Image sizes, px.
+/// Width and height of the rendered images, px.
 const SIZES: [[u32; 2]; 3] = [[512, 288], [1280, 720], [64, 64]];
 /// Rendered channels: colour, depth and ids.
 const CHANNELS: Channels = Channels { rgb: true, depth: true, instance: true, normal: false, parts: false };

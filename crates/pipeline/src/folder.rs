@@ -42,9 +42,9 @@ pub struct Run<L = Tasks> {
     pub seed: Seed,
     /// Attempts per task; 0 if the run continues until a number of demonstrations are verified.
     pub episodes_per_task: usize,
-    /// The tasks.
+    /// Tasks of the run, in order.
     pub tasks: L,
-    /// Settings of every stage.
+    /// Settings of all stages of the pipeline.
     pub settings: PipelineSettings,
     /// Name and version of the physics engine.
     pub engine: String,

@@ -52,7 +52,7 @@ pub(crate) struct JobView {
     pub error: Option<String>,
 }
 
-/// Result of a job.
+/// Result of a finished job.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Ended {
     /// Planned motions, or the planning failure; `None` for a failed job.

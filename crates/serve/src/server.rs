@@ -27,7 +27,7 @@ use crate::{Endpoint, openapi};
 /// Timeout for receiving a request; 64 MiB arrive earlier even over a slow local network.
 const RECEIVE_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Server settings.
+/// Address and limits of a server.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ServeSettings {
     /// Listening address; port 0 picks a free one. Use a loopback address, since there is no authentication.

@@ -51,9 +51,9 @@ pub struct Summary {
     pub id: String,
     /// Kind of the scenario's task.
     pub kind: genmanip_core::TaskKind,
-    /// Instruction.
+    /// Instruction of the scenario's task.
     pub instruction: String,
-    /// Number of objects.
+    /// Number of objects, distractors included.
     pub objects: usize,
 }
 

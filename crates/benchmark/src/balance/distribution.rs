@@ -36,7 +36,7 @@ pub struct AxisBalance {
 /// Share of one value of an axis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ValueShare {
-    /// The value.
+    /// Value of the axis.
     pub value: String,
     /// Number of scenarios with this value; a scenario can have several values of an axis.
     pub count: usize,
@@ -49,7 +49,7 @@ pub struct ValueShare {
 /// Distribution over the combinations of two axes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PairBalance {
-    /// The two axes.
+    /// Names of the two axes.
     pub axes: [String; 2],
     /// Total variation distance from the target over the combinations that occur among the candidates, 0 to 1. The
     /// target of a combination is proportional to the product of the targets of its values.

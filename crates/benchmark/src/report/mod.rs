@@ -62,14 +62,14 @@ pub struct ReportInput {
 pub struct Timing {
     /// Name of the phase, e.g. `collect`.
     pub phase: String,
-    /// Wall-clock time, s.
+    /// Wall-clock time of the phase, s.
     pub seconds: f64,
 }
 
 /// One task with its attempts and results.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TaskSection {
-    /// The task.
+    /// Task of the section.
     pub task: Task,
     /// Role of the case as an example; `None` if all tasks are shown.
     pub why: Option<ExampleRole>,
@@ -109,9 +109,9 @@ pub struct EpisodeImage {
 pub struct AttemptRow {
     /// Id of the scenario or episode.
     pub id: String,
-    /// Verified, or the failure.
+    /// Verified, or the cause of the failure.
     pub outcome: AttemptOutcome,
-    /// Wall-clock time, s.
+    /// Wall-clock time of the attempt, s.
     pub seconds: f64,
 }
 
@@ -255,7 +255,7 @@ fn words(name: &str) -> String {
     name.replace('_', " ")
 }
 
-/// Caption of a case.
+/// Caption of a case: the failure cause or task kind that it shows.
 fn shows(shows: ExampleOf) -> String {
     match shows {
         ExampleOf::Failure(cause) => format!("failure: {}", words(cause.name())),

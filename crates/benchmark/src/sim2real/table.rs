@@ -32,9 +32,9 @@ const COLUMNS: [&str; 14] = [
 /// One of the two compared worlds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum World {
-    /// Simulation.
+    /// Trials in simulation.
     Sim,
-    /// Reality.
+    /// Trials on the real robot.
     Real,
 }
 
@@ -42,7 +42,7 @@ impl World {
     /// Both worlds, simulation first.
     pub const ALL: [Self; 2] = [Self::Sim, Self::Real];
 
-    /// Name in tables.
+    /// Name of the world in tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Sim => "sim",

@@ -226,7 +226,7 @@ fn compose(lot: &Lot, catalogue: &Catalogue, progress: &dyn Progress, stop: &Ato
 #[derive(Clone, Default)]
 struct Chosen {
     tasks: Vec<Task>,
-    /// Requested number of candidates.
+    /// Number of candidates requested of this kind.
     wanted: usize,
     /// Number of candidates by stated need.
     needs: BTreeMap<String, usize>,

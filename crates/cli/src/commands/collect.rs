@@ -73,9 +73,9 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
 pub struct Planned {
     /// The tasks; of a suite of task distributions, one per layout.
     pub tasks: Tasks,
-    /// Seed of the run.
+    /// Seed of the run's attempts.
     pub seed: Seed,
-    /// Attempts per task.
+    /// Number of attempts per task.
     pub attempts: usize,
     /// Suite of task distributions; `None` if task files were given.
     pub suite: Option<Distributions>,

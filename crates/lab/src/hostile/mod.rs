@@ -29,12 +29,12 @@ pub use corpus::{KINDS, robot};
 pub use readers::Reader;
 pub use starts::Starts;
 
-/// Settings of the measurement.
+/// Program, inputs and amount of the measurement.
 #[derive(Clone, Debug)]
 pub struct HostileArguments {
-    /// Path of `genmanip`.
+    /// Path of the `genmanip` executable.
     pub program: PathBuf,
-    /// Path of `genmanip-lab`.
+    /// Path of the `genmanip-lab` executable.
     pub lab: PathBuf,
     /// Project folder, with `examples/tasks`, recorded answers and the kept corpus.
     pub project: PathBuf,
@@ -57,7 +57,7 @@ pub struct HostileArguments {
 /// Violations, by kind, and cost of the calls.
 #[derive(Debug, Default, Serialize)]
 pub struct Measured {
-    /// Number of calls.
+    /// Number of calls of the program.
     pub tried: u64,
     /// Numbers of calls by kind of input.
     pub by_kind: BTreeMap<String, ByKind>,
@@ -90,7 +90,7 @@ pub struct Measured {
 /// Calls on one kind of input.
 #[derive(Debug, Default, Serialize)]
 pub struct ByKind {
-    /// Number of calls.
+    /// Number of calls on this kind.
     pub tried: u64,
     /// Number of calls that accepted the input.
     pub accepted: u64,

@@ -31,7 +31,7 @@ const OPEN: f64 = 0.08;
 /// Maximum number of failures and of contacts in the text summary.
 const SHOWN: usize = 20;
 
-/// Settings of the measurement.
+/// Robot, problems and outputs of the measurement.
 #[derive(Clone, Debug)]
 pub struct MotionArguments {
     /// The robot to plan for.
@@ -51,7 +51,7 @@ pub struct MotionArguments {
 pub enum Source {
     /// Problems from a file.
     File {
-        /// Path of the file.
+        /// Path of the file, JSON with a list of problems.
         path: PathBuf,
         /// Maximum number of problems, from the front of the file.
         count: usize,
@@ -60,7 +60,7 @@ pub enum Source {
     Generated {
         /// True for a shelf and taller objects.
         is_hard: bool,
-        /// Number of problems.
+        /// Number of problems to generate.
         count: usize,
         /// File to write the generated problems to; `None` for no file.
         out: Option<PathBuf>,
@@ -70,7 +70,7 @@ pub enum Source {
 /// Success, validity and cost of the planner.
 #[derive(Serialize)]
 pub struct Measured {
-    /// Number of problems.
+    /// Number of problems planned.
     pub problems: usize,
     /// Number of problems with a path.
     pub solved: usize,
@@ -114,11 +114,11 @@ pub struct Measured {
 /// Median, 95th percentile and maximum of measured values.
 #[derive(Serialize)]
 pub struct Spread {
-    /// Median.
+    /// Median of the values.
     pub median: f64,
-    /// 95th percentile.
+    /// 95th percentile of the values.
     pub p95: f64,
-    /// Maximum.
+    /// Maximum of the values.
     pub max: f64,
 }
 

@@ -23,7 +23,7 @@ use crate::LabError;
 
 /// Minimum number of triangles of the scene.
 const TRIANGLES: usize = 150_000;
-/// Image sizes, px.
+/// Width and height of the compared images, px.
 const SIZES: [[u32; 2]; 2] = [[512, 288], [1280, 720]];
 /// Grid of object positions; the distinct objects repeat, and the first positions are used until the scene has
 /// [`TRIANGLES`].

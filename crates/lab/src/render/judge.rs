@@ -17,7 +17,7 @@ use super::flip::mean_flip;
 use super::{CHANNELS, GRID, OBJECTS, episode, objects, render_failed, sized};
 use crate::LabError;
 
-/// Image size, px.
+/// Width and height of the images, px.
 const SIZE: [u32; 2] = [512, 288];
 
 /// Difference of rasterised and path-traced images.

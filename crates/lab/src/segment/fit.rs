@@ -22,7 +22,7 @@ const ROUNDS: usize = 4;
 /// Minimum share of a region's pixels that belong to one object; less pure regions are not used.
 const PURE: f64 = 0.8;
 
-/// Results of the fit.
+/// Fitted weights, and their accuracy on the pairs that they were fitted to.
 #[derive(Debug, Serialize)]
 pub struct Fitted {
     /// Number of region pairs, weighted copies included.
@@ -31,7 +31,7 @@ pub struct Fitted {
     pub same: f64,
     /// Share of these pairs classified correctly at probability 0.5.
     pub right: f64,
-    /// Weights by name.
+    /// Fitted weights by name of the feature.
     pub weights: BTreeMap<&'static str, f64>,
     /// Weights in the order of the features, to paste into the source.
     pub in_order: Vec<f64>,

@@ -36,7 +36,7 @@ const DRAWN: usize = 24;
 /// Number of tasks designed per scene, since some have no layout with the requested number of objects.
 const SPARE: usize = 2;
 
-/// Settings of the measurement.
+/// Number and noise of the scenes, and output folder.
 #[derive(Clone, Debug)]
 pub struct SegmentArguments {
     /// Number of scenes, each seen by two cameras.

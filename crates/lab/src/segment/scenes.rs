@@ -55,7 +55,7 @@ pub struct SegmentView {
 pub struct TrueObject {
     /// Id of the object in the scene.
     pub name: String,
-    /// Visible pixels.
+    /// Mask of the object's visible pixels.
     pub mask: Mask,
     /// Category of the object.
     pub stratum: Stratum,

@@ -18,7 +18,7 @@ const PLAIN_EDGE: f64 = 0.3;
 /// Maximum samples for one free configuration before the robot counts as always in collision.
 const DRAWS: usize = 200;
 
-/// Results for one arm.
+/// Success, validity and cost of random motions of one arm.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Planned {
     /// Number of pairs of free configurations.

@@ -28,7 +28,7 @@ const MAX_DEPTH: usize = 24;
 /// Range of degrees of freedom of robots that motions are planned for.
 const PLANNED_DOF: std::ops::RangeInclusive<usize> = 3..=20;
 
-/// Settings of the measurement.
+/// Files to read, and amount of planning.
 #[derive(Clone, Debug)]
 pub struct StrangersArguments {
     /// Folder with files of other people.
@@ -41,7 +41,7 @@ pub struct StrangersArguments {
     pub pairs: usize,
 }
 
-/// Kinds of files.
+/// Kinds of files that are recognised, by name.
 pub const KINDS: [&str; 3] = ["robot", "object", "dataset"];
 
 /// Outcome of one file, or one flaw in reading it.

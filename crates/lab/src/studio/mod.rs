@@ -22,7 +22,7 @@ use crate::LabError;
 use judged::{blocking, is_solved};
 pub use measured::Measured;
 
-/// Size of the measurement.
+/// Numbers of operations, faults and scenarios of the measurement.
 #[derive(Clone, Copy, Debug)]
 pub struct StudioArguments {
     /// Number of random operations.

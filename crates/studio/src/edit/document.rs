@@ -21,7 +21,7 @@ use super::operation::{Change, Operation};
 /// A request to apply an operation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Command {
-    /// The operation.
+    /// Operation to apply.
     #[serde(flatten)]
     pub operation: Operation,
     /// Revision that the author had seen.

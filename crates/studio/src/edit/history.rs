@@ -67,7 +67,7 @@ impl History {
         self.entries.push(Entry { line, inverse, fields, since: revision, undone: None });
     }
 
-    /// Records a snapshot.
+    /// Appends a snapshot, and remembers its operation id.
     pub fn record_snapshot(&mut self, snapshot: Snapshot) {
         self.known.insert(snapshot.stamp.client_operation_id.clone(), snapshot.revision);
         self.snapshots.push(snapshot);

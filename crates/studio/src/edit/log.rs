@@ -135,7 +135,7 @@ impl EditLog {
         Ok((Self(file), header, lines))
     }
 
-    /// The log's file.
+    /// Path of the log.
     pub fn path(&self) -> &Path {
         self.0.path()
     }

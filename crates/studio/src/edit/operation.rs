@@ -104,7 +104,7 @@ pub enum Operation {
     },
     /// Adds a camera, or replaces the one of the same name.
     Camera {
-        /// The camera.
+        /// The new or changed camera.
         camera: Box<Camera>,
         /// Index of a new camera in the list; the end if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -144,7 +144,7 @@ pub enum ChosenAsset {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Instance {
-    /// The object.
+    /// The object as in the scenario's list of objects.
     pub object: PlacedObject,
     /// Index in the list of objects.
     pub index: usize,
@@ -168,7 +168,7 @@ pub struct Instance {
 pub struct NodeWithCard {
     /// Index in the list of nodes.
     pub index: usize,
-    /// The node.
+    /// The object's node in the scene graph.
     pub node: GraphNode,
     /// Card of the object.
     pub card: Arc<ObjectCard>,
@@ -177,7 +177,7 @@ pub struct NodeWithCard {
 /// Result of an operation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
-    /// The changed scenario.
+    /// The scenario after the operation.
     pub scenario: Scenario,
     /// The operation with every optional choice filled in, such as the id of a new object.
     pub operation: Operation,

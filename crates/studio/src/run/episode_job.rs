@@ -12,10 +12,10 @@ use genmanip_workspace::{NoProgress, WorkspaceError};
 
 use super::kept_episodes::{Place, run_folder_name};
 
-/// An episode to run.
+/// Policy and scenario of an episode to run.
 #[derive(Clone, Debug)]
 pub struct EpisodeJob {
-    /// The scenario.
+    /// Scenario of the episode.
     pub scenario: Arc<Scenario>,
     /// Name of the policy, with its arguments.
     pub policy: String,

@@ -44,7 +44,7 @@ pub struct Moment {
     pub text: Option<String>,
 }
 
-/// Kinds of moments.
+/// Kind of a notable moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MomentKind {
@@ -56,7 +56,7 @@ pub enum MomentKind {
     Slip,
     /// An object that the goal does not move was displaced or toppled, and stayed so.
     Disturbed,
-    /// Another policy took over.
+    /// The expert took over from the policy that it corrects.
     Takeover,
 }
 

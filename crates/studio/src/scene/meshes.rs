@@ -23,9 +23,9 @@ pub struct MeshStore {
 /// An object or a robot. Owning it keeps its address unique, which is the key of the cache.
 #[derive(Clone, Debug)]
 pub enum Body {
-    /// An object.
+    /// Model of an object.
     Object(Arc<ObjectModel>),
-    /// A robot.
+    /// Model of a robot.
     Robot(Arc<RobotModel>),
 }
 

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use super::access::Token;
 use crate::run::OfferedPolicies;
 
-/// Settings of the server.
+/// Settings of the studio's server.
 #[derive(Clone, Debug)]
 pub struct StudioSettings {
     /// Folder for copies of read-only scenarios, reviews and suites.

@@ -114,7 +114,7 @@ impl Studio {
         edited.into_iter().filter_map(|listed| self.room(&listed.key).ok().map(|room| (listed, room))).collect()
     }
 
-    /// List of all scenarios.
+    /// Rows of all scenarios as JSON, for the page's list.
     pub fn list(&self) -> Value {
         drop(self.edited());
         let open: BTreeMap<String, Arc<Room>> = self.lock_rooms().clone();

@@ -101,7 +101,7 @@ pub struct Problem {
 pub struct Repair {
     /// Description, e.g. `lift it by 4.0 mm`.
     pub label: String,
-    /// The operation.
+    /// Operation that repairs the problem.
     #[serde(flatten)]
     pub operation: Operation,
 }
