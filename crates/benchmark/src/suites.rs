@@ -45,8 +45,8 @@ pub const KINDS: [TaskKind; 4] =
 
 /// Folder of a suite, from a path or a name.
 ///
-/// A name is searched in `suites` of the current folder, in the folder `GENMANIP_SUITES`, in
-/// `../share/genmanip/suites` relative to the program, and in the repository that the program was built from.
+/// A name is searched in `suites` of the current folder, in the folder `GENMANIP_SUITES`, in `../share/genmanip/suites`
+/// relative to the program, and in the repository that the program was built from.
 pub fn folder_of(name: &Path) -> PathBuf {
     let is_suite = |folder: &Path| folder.join("suite.json").is_file();
     if is_suite(name) || name.components().count() != 1 {

@@ -22,8 +22,7 @@ fn main() -> ExitCode {
 }
 
 /// Makes imported objects available to the catalogue before a subcommand uses it. `assets import` is exempt, since it
-/// reads
-/// the packs itself.
+/// reads the packs itself.
 fn open_packs(arguments: &Arguments) -> Result<(), Failed> {
     let is_importing = matches!(&arguments.command, Command::Assets { command: args::AssetsCommand::Import(_) });
     let folder = arguments.global.packs_folder();

@@ -75,8 +75,7 @@ pub struct Measured {
     /// Number of graspable rigid objects.
     pub can_grasp: usize,
     /// Graspable objects that a grasp held in all three trials of lifting and shaking, with mass and friction varied by
-    /// up
-    /// to 20 %.
+    /// up to 20 %.
     pub grasp_verified: usize,
     /// Open containers with sufficient depth.
     pub containers: usize,

@@ -91,8 +91,7 @@ struct Taken {
 #[derive(Default)]
 struct Table {
     /// Open questions with the oracle that answers them, by episode and kind of question: an episode may ask two at the
-    /// same
-    /// time.
+    /// same time.
     asked: HashMap<(String, String), (Question, Arc<Oracle>)>,
     taken: HashMap<String, Taken>,
     faults: BTreeMap<&'static str, usize>,

@@ -70,8 +70,7 @@ pub struct Injected {
     /// Number of these that succeeded in spite of it.
     pub recovered: usize,
     /// Episodes that fail without the error as well: `of` is their number, `count` those labelled with the class of the
-    /// error.
-    /// They are counted in no other field.
+    /// error. They are counted in no other field.
     pub fail_anyway: Share,
     /// Failed episodes labelled with the class of the error, among those that succeed without it.
     pub labelled: Share,
@@ -130,8 +129,7 @@ struct Played {
     /// True if the episode fails without the injected error as well.
     fails_anyway: bool,
     /// For an agent with plain cell centres: true if the failed episode succeeds with cells snapped to the surface.
-    /// `None` for
-    /// other agents.
+    /// `None` for other agents.
     snapped: Option<bool>,
 }
 

@@ -162,8 +162,8 @@ pub(crate) fn fit(samples: &[Sample]) -> Vec<f64> {
     weights
 }
 
-/// The same weights with a new constant, so that the expected number of held grasps is the observed one; the
-/// ranking of grasps does not change.
+/// The same weights with a new constant, so that the expected number of held grasps is the observed one; the ranking of
+/// grasps does not change.
 fn shifted(known: &[f64], samples: &[Sample]) -> Vec<f64> {
     let with =
         |shift: f64| known.iter().enumerate().map(|(i, w)| if i == 0 { w + shift } else { *w }).collect::<Vec<_>>();

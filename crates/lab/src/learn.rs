@@ -1,6 +1,5 @@
 //! Learned policies from scratch: demonstrations of a distribution of genmanip-learn-10 are collected, a policy is
-//! trained
-//! on them, and evaluated on unseen layouts.
+//! trained on them, and evaluated on unseen layouts.
 
 use std::fs;
 use std::path::Path;

@@ -1,6 +1,5 @@
 //! Relations judged on point clouds from rendered depth and ids (profile `seed`), compared with the same relations
-//! judged
-//! on posed meshes.
+//! judged on posed meshes.
 
 use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
@@ -21,8 +20,7 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::text_table;
 
 /// Minimum distance of every measured quantity of a condition from its threshold, m; conditions closer to a threshold
-/// are
-/// excluded.
+/// are excluded.
 const MARGIN_M: f64 = 0.01;
 
 /// Maximum number of disagreements in the text summary; the JSON has all.
@@ -251,8 +249,7 @@ fn relation(subject: &str, relation: Relation, reference: &str) -> Atom {
 }
 
 /// Conditions to compare: every ordered pair with every relation of pairs, and for every object *between* with one
-/// random
-/// pair of others.
+/// random pair of others.
 fn atoms(ids: &[&str], seed: Seed) -> Vec<Atom> {
     let mut atoms = Vec::new();
     for (index, subject) in ids.iter().enumerate() {

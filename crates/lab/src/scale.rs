@@ -51,10 +51,9 @@ pub struct Measured {
 /// Marker file of a folder with copies.
 const MARK: &str = "synthetic.json";
 
-/// Copies the finished episodes of a run into `out` until there are `episodes`, and measures the copied run.
-/// The copies are further attempts at the run's tasks, from as many tasks as give exactly this number. Each copy has
-/// its
-/// own id, scenario and files.
+/// Copies the finished episodes of a run into `out` until there are `episodes`, and measures the copied run. The copies
+/// are further attempts at the run's tasks, from as many tasks as give exactly this number. Each copy has its own id,
+/// scenario and files.
 ///
 /// # Errors
 /// If the run has no finished episode, `out` is not empty, or a copy cannot be written, read or rendered.

@@ -179,8 +179,8 @@ fn pairs(report: &mut Report, settings: &StatisticsSettings, seed: Seed) {
     }
 }
 
-/// Differences of success (-1, 0, 1) in the episodes of one scenario. In half of the scenarios, one shared draw
-/// decides all episodes of both policies, which correlates them; in the others every episode draws independently.
+/// Differences of success (-1, 0, 1) in the episodes of one scenario. In half of the scenarios, one shared draw decides
+/// all episodes of both policies, which correlates them; in the others every episode draws independently.
 fn differences(rng: &mut impl Rng, episodes: usize, first: f64, second: f64) -> Vec<i8> {
     let shared = rng.random_bool(0.5).then(|| rng.random::<f64>());
     let draw = |rng: &mut dyn FnMut() -> f64, rate: f64| i8::from(shared.unwrap_or_else(rng) < rate);

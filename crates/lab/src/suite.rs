@@ -31,8 +31,7 @@ pub struct Report {
     /// Largest relative deviation of a balanced trait's frequency from an even share.
     pub worst_marginal: f64,
     /// Number of designs rejected while the suite was built, because the goal was clear without the property that
-    /// defines
-    /// their kind.
+    /// defines their kind.
     pub necessity_rejected: usize,
     /// CPU time of checking the suite, s.
     pub check_s: f64,

@@ -122,8 +122,7 @@ impl Run {
     }
 
     /// Hash of the record, 32 hexadecimal digits. Shards and datasets store it, so that they are not mistaken for those
-    /// of
-    /// another run.
+    /// of another run.
     ///
     /// # Errors
     /// When a spooled task cannot be read again.
@@ -194,8 +193,7 @@ impl RunFolder {
     ///
     /// # Errors
     /// [`WorkspaceError::AnotherRun`] for a different run; also when the folder holds files of a run without its
-    /// record,
-    /// contains symbolic links, or cannot be written to.
+    /// record, contains symbolic links, or cannot be written to.
     pub fn begin(path: &Path, run: &Run) -> Result<Self, WorkspaceError> {
         let file = path.join(RECORD);
         if !is_there(&file) {

@@ -2,8 +2,7 @@
 //!
 //! A header, then a line per intact attempt, sorted by id. A line is valid while the attempt's files have the recorded
 //! sizes and are older than the index; other attempts are inspected again, and the index is rewritten. Its content
-//! depends
-//! on the attempts alone; the time to compare with is the file's modification time.
+//! depends on the attempts alone; the time to compare with is the file's modification time.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -48,8 +48,7 @@ pub struct LaidOut {
 ///
 /// Finished layouts are listed in `layouts.jsonl` of the folder, from which an interrupted call resumes. A layout of
 /// another task, world, seed or settings under the same name is reported and made again. `each` receives the rows in
-/// order,
-/// as soon as they are finished.
+/// order, as soon as they are finished.
 ///
 /// # Errors
 /// When a file cannot be written. A task that cannot be laid out is a row, not an error.

@@ -1,8 +1,7 @@
 //! Training of policies on the demonstrations of a run.
 //!
 //! `crates/policy` knows arrays only; this module converts episodes to arrays. Without the feature `learn`, every
-//! function
-//! fails with the command that installs it.
+//! function fails with the command that installs it.
 
 mod options;
 

@@ -1,6 +1,5 @@
 //! Episodes that were not run, because their policy made a mistake or was unreachable: messages, and the number in a
-//! row
-//! that ends a run.
+//! row that ends a run.
 
 use std::sync::{Mutex, PoisonError};
 

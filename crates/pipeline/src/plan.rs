@@ -82,8 +82,7 @@ pub struct PlannedMotion {
 /// Target of the search: configurations or grasps.
 enum Goal {
     /// Any of these configurations. With `any_yaw`, they may have any rotation of the hand about the vertical, as for
-    /// an arm
-    /// with few joints.
+    /// an arm with few joints.
     Configurations { configs: Vec<Vec<f64>>, any_yaw: bool },
     /// The first collision-free grasp of an object, given by its index.
     Grasp { object: usize, grasps: Vec<FeasibleGrasp> },

@@ -1,8 +1,7 @@
 //! Registry of all policies, by name and arguments.
 //!
 //! `NAME` or `NAME:key=value,key=value` becomes a [`PolicyFactory`], which makes one policy per episode. A new policy
-//! is
-//! added as an entry of [`POLICIES`].
+//! is added as an entry of [`POLICIES`].
 
 mod arguments;
 mod label;
@@ -322,8 +321,7 @@ pub struct PolicyContext<'a> {
     /// Settings of the run.
     pub settings: &'a PipelineSettings,
     /// Cores shared by concurrent episodes; a policy that waits for a service releases its core meanwhile. `None` if
-    /// the
-    /// number of episodes is not limited by cores.
+    /// the number of episodes is not limited by cores.
     pub cores: Option<&'a Arc<Cores>>,
 }
 
@@ -395,8 +393,7 @@ impl PolicyFactory {
     }
 
     /// Factories of the policies that are run by default, with default arguments; those that need a recorded episode
-    /// only if
-    /// `is_recorded`.
+    /// only if `is_recorded`.
     ///
     /// # Errors
     /// Never, since the default arguments are valid.
@@ -427,8 +424,7 @@ impl PolicyFactory {
     }
 
     /// True if the policy acts on recordings. They may lack a scenario, so an episode that is not run says nothing
-    /// about the
-    /// others.
+    /// about the others.
     pub(crate) fn is_recorded(&self) -> bool {
         self.needs_record || self.prepared.is_recorded
     }
@@ -475,8 +471,7 @@ impl PolicyFactory {
     }
 
     /// True if the policy never ends an episode itself. Unless other rules are given, its episodes end once the goal
-    /// has
-    /// held for the settling time.
+    /// has held for the settling time.
     pub fn never_finishes(&self) -> bool {
         self.prepared.never_finishes
     }

@@ -9,9 +9,8 @@ use axum::http::header::{HOST, ORIGIN};
 /// Reason to refuse a request, from its headers; `None` for clients that are not browsers and for pages of this server.
 ///
 /// - `Origin` must be that of this server, so that no page of another site can call it.
-/// - A server on a loopback address answers only to loopback host names. Otherwise, pages of a foreign name that
-/// resolves to
-///   the address (DNS rebinding) would count as pages of this server.
+/// - A server on a loopback address answers only to loopback host names. Otherwise, pages of a foreign name that resolves
+///   to the address (DNS rebinding) would count as pages of this server.
 pub fn refusal(headers: &HeaderMap, listens_on_loopback: bool) -> Option<String> {
     let text = |name| headers.get(name).map(|value| value.to_str().unwrap_or("not text"));
     let host = text(HOST).unwrap_or_default();

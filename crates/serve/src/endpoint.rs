@@ -39,8 +39,7 @@ pub struct AgentEndpoint {
     /// Planner of the arm.
     pub planner: Arc<Planner>,
     /// Factory of an agent with [`AgentSettings::for_one_image`](genmanip_agent::AgentSettings::for_one_image), and of
-    /// the
-    /// recorder of its transcript.
+    /// the recorder of its transcript.
     pub make: Arc<dyn Fn() -> Result<(Agent, TranscriptRecorder), String> + Send + Sync>,
 }
 

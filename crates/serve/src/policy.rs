@@ -146,8 +146,7 @@ impl Shared {
             let reason = "the error is in the message before".into();
             socket.close(Some(CloseFrame { code: CloseCode::Error, reason })).ok()?;
             // Read and discard until the client has closed its side as well: closing earlier would reset the
-            // connection, and
-            // the message would be lost.
+            // connection, and the message would be lost.
             while socket.read().is_ok() {}
             let stream = socket.get_ref();
             stream.set_read_timeout(Some(HANDSHAKE)).ok()?;

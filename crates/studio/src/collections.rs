@@ -37,8 +37,7 @@ pub struct Listed {
     /// Collection that it belongs to, e.g. `suite genmanip-200-rc`.
     pub source: String,
     /// Folder for the copy if the scenario is read-only, relative to the studio's folder, e.g. the name of its suite;
-    /// `None`
-    /// if it is edited in place.
+    /// `None` if it is edited in place.
     pub copies: Option<PathBuf>,
     /// The scenario as it was when the studio started.
     pub summary: Summary,
@@ -68,8 +67,7 @@ pub struct Collection {
 
 impl Collection {
     /// Collects the scenarios of the given paths: files, folders of files, runs, and suites by name or folder. Tasks
-    /// are
-    /// laid out into `out`; scenarios that are already in `out` are listed too.
+    /// are laid out into `out`; scenarios that are already in `out` are listed too.
     ///
     /// # Errors
     /// When a path is none of these, or a task cannot be laid out.
@@ -274,8 +272,7 @@ impl Summary {
 }
 
 /// Folder for the copy of a file that is never edited in place (one of a suite, a run or a recorded episode), relative
-/// to
-/// the studio's folder; `None` for other files.
+/// to the studio's folder; `None` for other files.
 fn copies_of(file: &Path) -> Option<PathBuf> {
     let names: Vec<_> = std::path::absolute(file).ok()?.iter().map(|name| name.to_owned()).collect();
     let name = |from_end: usize| names.get(names.len().checked_sub(from_end)?);

@@ -19,8 +19,8 @@ pub fn successes<'a>(results: impl IntoIterator<Item = &'a EpisodeResult>) -> Su
     found
 }
 
-/// Difficulty of a scenario from the mean success rate of the policies that tried it, each with the same weight:
-/// `easy` from two thirds, `hard` up to one third, `medium` between. `None` if no policy tried it.
+/// Difficulty of a scenario from the mean success rate of the policies that tried it, each with the same weight: `easy`
+/// from two thirds, `hard` up to one third, `medium` between. `None` if no policy tried it.
 pub fn difficulty(scenario: &str, successes: &Successes) -> Option<&'static str> {
     let policies = successes.get(scenario).filter(|policies| !policies.is_empty())?;
     let rates = policies.values().map(|&(successes, episodes)| successes as f64 / episodes.max(1) as f64);

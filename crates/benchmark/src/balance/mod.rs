@@ -1,6 +1,5 @@
 //! Balance of a collection of scenarios: distribution over axes and pairs of axes compared with targets, candidates
-//! that
-//! improve it most, and choice of a suite in which every candidate keeps its reason.
+//! that improve it most, and choice of a suite in which every candidate keeps its reason.
 
 mod axes;
 mod choice;

@@ -10,8 +10,7 @@ use rand::{Rng, RngExt};
 use super::format::{Distractors, Distribution, DistributionsFile, Split, card, placeholders};
 
 /// Maximum number of draws for objects of different categories. Chosen by hand, far more than sets of several
-/// categories
-/// need.
+/// categories need.
 const MAX_DRAWS: usize = 100;
 
 /// Position of a layout: split, number within the split from 0, and attempt from 1.

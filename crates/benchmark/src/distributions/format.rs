@@ -141,8 +141,7 @@ impl DistributionsFile {
     }
 
     /// First fault of the document, with its JSON path; `None` if every layout can be drawn and every split is new in
-    /// the way
-    /// that its name says.
+    /// the way that its name says.
     pub fn fault(&self) -> Option<String> {
         let missing = Split::ALL.into_iter().find(|split| self.size(*split) == 0);
         if let Some(split) = missing {

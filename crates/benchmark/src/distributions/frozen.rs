@@ -32,8 +32,8 @@ pub(super) type FrozenLayouts = BTreeMap<Split, Vec<FrozenLayout>>;
 /// Hexadecimal digits of a hash: 48 bits, so that a collision among the 20,000 layouts of a suite is improbable (1e-6).
 const DIGITS: usize = 12;
 
-/// Steps per metre, radian or quaternion unit to which poses are rounded before hashing, so that last-digit
-/// differences between machines do not matter. Chosen by hand.
+/// Steps per metre, radian or quaternion unit to which poses are rounded before hashing, so that last-digit differences
+/// between machines do not matter. Chosen by hand.
 const STEPS: f64 = 1e4;
 
 /// Hash of a layout: instruction, goal, and objects with their poses to 0.1 mm.

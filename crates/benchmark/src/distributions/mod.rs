@@ -7,8 +7,7 @@
 //!
 //! Layout `k` of a split of a distribution is drawn from the random stream
 //! `fork(distribution).fork(split).fork_index(k)` of the document's seed, and laid out as the first attempt of its
-//! task.
-//! If no layout is found, the next attempt at the same `k` replaces it.
+//! task. If no layout is found, the next attempt at the same `k` replaces it.
 
 mod check;
 mod draw;

@@ -133,8 +133,8 @@ impl Distributions {
     }
 }
 
-/// Layouts that a command selects by suite, split, distribution and number; `None` for a suite of scenarios, which
-/// has no splits.
+/// Layouts that a command selects by suite, split, distribution and number; `None` for a suite of scenarios, which has
+/// no splits.
 ///
 /// # Errors
 /// If a suite of distributions is named without a split or a suite of scenarios with one, or the suite does not exist.

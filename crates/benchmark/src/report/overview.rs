@@ -336,8 +336,7 @@ fn index(input: &ReportInput, plan: ImagePlan) -> String {
 }
 
 /// Labels of a case: the property that it shows, and its rank among the episodes with that property; `None` if all
-/// tasks
-/// are shown.
+/// tasks are shown.
 pub(super) fn why_chips(section: &TaskSection) -> Option<String> {
     let why = section.why.as_ref()?;
     let class = if matches!(why.shows, crate::rows::cases::ExampleOf::Failure(_)) { "bad" } else { "good" };

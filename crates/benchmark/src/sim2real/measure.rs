@@ -99,8 +99,8 @@ pub struct Violation {
 
 /// Report on a table.
 ///
-/// Intervals are percentiles of a bootstrap. It resamples tasks, the same for both worlds and all policies, and
-/// trials within each cell. The choice of policies is not resampled.
+/// Intervals are percentiles of a bootstrap. It resamples tasks, the same for both worlds and all policies, and trials
+/// within each cell. The choice of policies is not resampled.
 ///
 /// # Errors
 /// [`WorkspaceError::Input`] if fewer than two policies were tried in both worlds.
@@ -202,9 +202,8 @@ fn of_cells(policies: &[&str], tasks: &[Vec<[Observed; 2]>], settings: &Statisti
     agreement(policies, tasks.len(), &observed, &resamples, tail)
 }
 
-/// A rate from as many new random trials as the cell has. Half a success and half a failure are added to the
-/// observed ones, so that a rate of 0 of 10 is uncertain too. Without a number of trials, the observed rate is
-/// returned.
+/// A rate from as many new random trials as the cell has. Half a success and half a failure are added to the observed
+/// ones, so that a rate of 0 of 10 is uncertain too. Without a number of trials, the observed rate is returned.
 fn again(cell: Observed, rng: &mut impl Rng) -> f64 {
     let Some(trials) = cell.trials else { return cell.rate };
     let chance = (cell.rate * trials as f64 + 0.5) / (trials as f64 + 1.0);

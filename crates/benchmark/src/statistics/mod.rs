@@ -57,8 +57,7 @@ impl Default for StatisticsSettings {
             // Any fixed number will do; it must be fixed, so that the same results give the same interval.
             seed: Seed::new(0),
             // Above the force of a finger that touches before the other one closes, below that of pushing an object
-            // aside. Chosen by
-            // hand.
+            // aside. Chosen by hand.
             collision_n: 20.0,
         }
     }

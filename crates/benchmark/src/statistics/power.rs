@@ -8,8 +8,7 @@ const POWER: f64 = 0.8;
 /// Power of McNemar's exact test at level `alpha` for a difference of success rates, with one episode per scenario.
 ///
 /// `discordant_share` is the share of scenarios on which exactly one of the two policies succeeds, 0 to 1; it is at
-/// least
-/// the difference.
+/// least the difference.
 ///
 /// ```
 /// use genmanip_benchmark::statistics::power;
@@ -31,8 +30,7 @@ pub fn power(scenarios: usize, discordant_share: f64, difference: f64, alpha: f6
 }
 
 /// Probability that the test is significant for `count` discordant pairs, each won by the better policy with
-/// probability
-/// `better`.
+/// probability `better`.
 fn found(count: u64, better: f64, alpha: f64) -> f64 {
     let (Ok(fair), Ok(actual)) = (Binomial::new(0.5, count), Binomial::new(better, count)) else { return 0.0 };
     // Maximum number of losses that is still significant: twice the lower tail of a fair coin is at most alpha.

@@ -41,8 +41,8 @@ impl Marginal {
     }
 }
 
-/// Weight of repeated properties relative to the squared relative deviations of the marginals. Chosen by hand, so
-/// small that it only decides between candidates of equal balance.
+/// Weight of repeated properties relative to the squared relative deviations of the marginals. Chosen by hand, so small
+/// that it only decides between candidates of equal balance.
 const AGAIN: f64 = 0.0005;
 /// Maximum number of exchange rounds; the search ends earlier if a round improves nothing.
 const ROUNDS: usize = 8;
@@ -113,8 +113,8 @@ pub fn choose(candidates: &[Candidate], per_kind: usize, targets: &Targets) -> B
     }
 }
 
-/// Indices of `per_kind` candidates of each kind, ascending, whose trait values have about their target shares;
-/// fewer if a kind has fewer candidates.
+/// Indices of `per_kind` candidates of each kind, ascending, whose trait values have about their target shares; fewer
+/// if a kind has fewer candidates.
 ///
 /// Preferred candidates are selected first and never exchanged. The others are added greedily, then exchanged while
 /// that reduces the cost. The result is deterministic.

@@ -11,8 +11,8 @@ const FRAME: [&str; 74] = [
     "want", "what", "you",
 ];
 
-/// The sentence in lower case with its referents blanked, e.g. `put the _ into the _`. Of an instruction that
-/// states a need before the request, only the request is used.
+/// The sentence in lower case with its referents blanked, e.g. `put the _ into the _`. Of an instruction that states a
+/// need before the request, only the request is used.
 ///
 /// ```
 /// # use genmanip_benchmark::suite_format::template;

@@ -58,8 +58,7 @@ struct Lot {
 }
 
 /// Candidate tasks of every kind, each of which cannot be understood without the clue of its kind, and the record of
-/// this
-/// selection step; `None` if interrupted.
+/// this selection step; `None` if interrupted.
 pub fn design(wanted: &CandidateRequest, progress: &dyn Progress, stop: &AtomicBool) -> Option<(Vec<Task>, BuildStep)> {
     let mut stage = BuildStep::new("say what their kind is about, and need it");
     progress.begin("designing", wanted.of_each_kind * KINDS.len());

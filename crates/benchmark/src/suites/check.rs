@@ -37,8 +37,7 @@ pub struct SuiteCheck {
     /// Share of scenarios with the most frequent sentence template, 0 to 1.
     pub template_share: f64,
     /// Notes that are no faults, one per line: frozen objects that the catalogue now generates differently, and
-    /// recorded
-    /// sentences that the rule-based reader cannot parse.
+    /// recorded sentences that the rule-based reader cannot parse.
     pub notes: Vec<String>,
     /// Faults, one per line; empty for an intact suite.
     pub faults: Vec<String>,

@@ -100,8 +100,7 @@ fn by_rules(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> 
 }
 
 /// New tasks by a language model, the kinds in turn. Task `k` of a kind has its own random stream, so the tasks of a
-/// kind do
-/// not depend on which other kinds are requested.
+/// kind do not depend on which other kinds are requested.
 fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> Result<Vec<NewTask>, Failed> {
     let settings = settings(arguments)?;
     let seed = Seed::new(arguments.seed);

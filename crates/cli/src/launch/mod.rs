@@ -1,8 +1,7 @@
 //! Job arrays for clusters: one `collect` per shard, with time and memory limits estimated from a measured sample.
 //!
 //! This module schedules nothing: its result is a script or a manifest for the cluster's scheduler. Every shard writes
-//! to
-//! a folder of its own and resumes where it stopped, so a job submitted again does only the missing attempts.
+//! to a folder of its own and resumes where it stopped, so a job submitted again does only the missing attempts.
 
 mod job;
 mod sample;
@@ -36,8 +35,7 @@ impl Job {
     ///
     /// # Errors
     /// When there are no shards, too many or more than attempts, when a shard has no core or none may run, or when a
-    /// container
-    /// is missing for Kubernetes or given for another scheduler.
+    /// container is missing for Kubernetes or given for another scheduler.
     pub fn check(&self) -> Result<(), WorkspaceError> {
         let refuse = |what: String, hint: &str| Err(WorkspaceError::input(what).with_hint(hint));
         if self.shards == 0 || self.shards > shard::MAX_SHARDS || self.shards > self.attempts {

@@ -33,8 +33,7 @@ pub struct Sample {
 /// measures them.
 ///
 /// The folder is created inside `beside`, which should be on the disk of the shards; in the system's temporary folder
-/// if
-/// `None`.
+/// if `None`.
 ///
 /// # Errors
 /// When the scratch folder cannot be made, or the program cannot be started or fails; the shards would fail, too.

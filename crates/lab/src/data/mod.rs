@@ -49,8 +49,7 @@ pub struct Measured {
     /// CPU time of an export whose images are already rendered, by format, s.
     pub export_s: BTreeMap<&'static str, f64>,
     /// Success rate when the rows of a dataset are played back open loop through the policy interface, by
-    /// `ACTION@RATE`;
-    /// the rotation representation is part of the key unless it is 6d.
+    /// `ACTION@RATE`; the rotation representation is part of the key unless it is 6d.
     pub playback: BTreeMap<String, f64>,
     /// Episodes that failed in playback.
     pub missed: Vec<Missed>,

@@ -143,8 +143,7 @@ const FILLINGS: [Filling; 45] = [
 ];
 
 /// Size of the tested run record. Longer ones are read task by task in the same memory; this one is read within the
-/// time
-/// limit.
+/// time limit.
 const LONG_RUN: Limit = Limit { what: "the record of a run", bytes: 192 << 20 };
 
 impl Filling {

@@ -26,8 +26,7 @@ const TILT: (f64, f64) = (0.5, 0.3);
 const BOARD: f64 = 0.02;
 const DEPTH: f64 = 0.22;
 /// Maximum number of poses sampled for one goal before the chain ends, and of places sampled for one object before it
-/// is
-/// omitted.
+/// is omitted.
 const DRAWS: usize = 40;
 /// Number of inverse kinematics solutions sampled per pose; the collision-free one closest to the start is the goal.
 const SOLUTIONS: usize = 5;

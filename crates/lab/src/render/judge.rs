@@ -44,8 +44,7 @@ pub struct FlipScene {
 
 /// Rasterises `scenes` scenes of catalogue objects, seen alternately by the static and the wrist camera, and
 /// path-traces the same with `paths` light paths per pixel. Both images are written to `out`, if given. `None` if
-/// `scenes`
-/// is 0.
+/// `scenes` is 0.
 ///
 /// # Errors
 /// If the catalogue has too few objects, rendering fails, or an image cannot be written.

@@ -22,8 +22,8 @@ pub struct StereoDepth {
 ///
 /// Baseline of the D400 datasheet (337029); 0.08 px from "Best-known methods for tuning Intel RealSense D400 depth
 /// cameras" (RMS error = z² · subpixel / (focal length · baseline)), with the focal length of the image; disparity
-/// steps
-/// of 1/32 px as in the D4 vision processor. The limits of 80 degrees and of a 2 % step at edges are chosen by hand.
+/// steps of 1/32 px as in the D4 vision processor. The limits of 80 degrees and of a 2 % step at edges are chosen by
+/// hand.
 pub const D435: StereoDepth = StereoDepth {
     baseline_m: 0.05,
     disparity_error_px: 0.08,
@@ -74,8 +74,7 @@ impl StereoDepth {
 }
 
 /// True if the surface through the neighbouring pixels is at a grazing angle to the view ray. `around` are the depths
-/// to
-/// the left, right, above and below, m; false if one is missing.
+/// to the left, right, above and below, m; false if one is missing.
 fn is_grazing(image: &RgbdImage, [x, y]: [usize; 2], around: [f64; 4], least_cosine: f64) -> bool {
     use genmanip_core::glam::DVec2;
     let [left, right, above, below] = around;

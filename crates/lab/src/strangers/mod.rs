@@ -1,6 +1,5 @@
 //! Robots, objects and datasets of other people, from a folder: files that are read, refused, or read with omissions,
-//! and
-//! the time of reading.
+//! and the time of reading.
 
 mod arms;
 
@@ -235,8 +234,7 @@ fn robot(arguments: &StrangersArguments, path: &Path, seed: Seed, measured: &mut
 }
 
 /// Description of parts of a URDF file that are neither in the model nor mentioned in a note; `None` if there are none.
-/// The
-/// parts are counted in the text, independently of the reader.
+/// The parts are counted in the text, independently of the reader.
 fn dropped(path: &Path, model: &genmanip_core::RobotModel, notes: &[String]) -> Option<String> {
     let text = String::from_utf8_lossy(&files::read(path, limits::ROBOT).ok()?).into_owned();
     let text = without(&without(&text, "<!--", "-->"), "<gazebo", "</gazebo>");

@@ -87,8 +87,7 @@ struct Blocking<'a> {
 
 impl Blocking<'_> {
     /// Shift of the neighbour (m) after which no grasp of the target is left, although there is one without the
-    /// neighbour;
-    /// `None` if there is no such shift.
+    /// neighbour; `None` if there is no such shift.
     fn shift(&self, rng: &mut impl Rng) -> Option<DVec3> {
         let Self { scene, index, other, .. } = *self;
         let middle = (scene.bounds(index)?.center() - scene.bounds(other)?.center()).truncate();

@@ -114,8 +114,7 @@ fn preview(
 }
 
 /// Compares the scenario in memory, on disk and reopened from its log; then truncates the last line of the log, as a
-/// kill
-/// while it is written would, and counts lost edits.
+/// kill while it is written would, and counts lost edits.
 fn check_files(
     document: EditedScenario,
     path: &Path,

@@ -35,8 +35,7 @@ impl Planned {
     }
 
     /// Attempts with these positions in a run without a fixed number of attempts, where the order is: the first attempt
-    /// of
-    /// every task, then the second of every task, and so on.
+    /// of every task, then the second of every task, and so on.
     pub fn round_robin(tasks: &[TaskEntry], range: Range<usize>) -> Vec<Self> {
         let named = |piece: usize| {
             let (task, number) = (piece % tasks.len(), (piece / tasks.len()) as u64);

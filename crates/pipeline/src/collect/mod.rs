@@ -76,11 +76,10 @@ pub struct TaskRow {
 }
 
 /// Makes all missing attempts of a run, renders their images and writes their scenarios. Then exports the dataset, if
-/// an
-/// attempt was verified and the settings request images.
+/// an attempt was verified and the settings request images.
 ///
-/// Damaged episodes are reported and omitted, or attempted again with [`CollectOptions::repair`].
-/// When `stop` becomes true, attempts in progress are finished, and the others remain for the next call.
+/// Damaged episodes are reported and omitted, or attempted again with [`CollectOptions::repair`]. When `stop` becomes
+/// true, attempts in progress are finished, and the others remain for the next call.
 ///
 /// # Errors
 /// When the folder holds another run or cannot be written to, or a stage fails; finished episodes are kept.

@@ -12,8 +12,7 @@ pub struct CollectOptions {
     /// Part of the run to collect, without a dataset; `None` for the whole run.
     pub shard: Option<Shard>,
     /// Wanted number of verified demonstrations, for a run without a fixed number of attempts; a larger number extends
-    /// the run.
-    /// `None` for a run with a fixed number.
+    /// the run. `None` for a run with a fixed number.
     pub verified: Option<usize>,
     /// True to go on after three attempts in a row that the policy to be corrected could not run.
     pub keep_going: bool,

@@ -20,8 +20,7 @@ use crate::not_run::{Series, no_episode};
 use crate::policies::mistaken;
 
 /// Maximum number of attempts per wanted demonstration, and per task, before a run gives up. The expert usually
-/// verifies
-/// about 9 of 10 attempts.
+/// verifies about 9 of 10 attempts.
 const MAX_ATTEMPTS: usize = 20;
 
 /// Resources and settings that the attempts of a run share.
@@ -78,8 +77,7 @@ impl Runner<'_> {
     ///
     /// Each parallel wave has as many attempts as verified demonstrations are missing, so that none is superfluous. The
     /// attempts therefore depend neither on the number of threads nor on interruptions. A larger `count` continues the
-    /// same
-    /// sequence.
+    /// same sequence.
     ///
     /// # Errors
     /// As [`Runner::fixed`]; also when the run already has more verified demonstrations, or damaged episodes, when an
@@ -145,8 +143,7 @@ impl Runner<'_> {
     }
 
     /// Makes attempts in parallel. Returns true if one was made, not only found, and the attempts that could not be
-    /// run.
-    /// `advances` decides which outcomes count as progress.
+    /// run. `advances` decides which outcomes count as progress.
     fn make(
         &self,
         left: &[Planned],
@@ -228,8 +225,7 @@ fn damaged(
             continue;
         }
         // With `repair`, contents are verified; otherwise only file sizes, so that damaged contents are detected when
-        // they are
-        // read.
+        // they are read.
         let looked_at = if repair { store.verify(id) } else { store.inspect(id).map(drop) };
         let Err(error) = looked_at else { continue };
         if !repair {

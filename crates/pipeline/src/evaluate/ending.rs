@@ -15,8 +15,7 @@ pub struct EndingRules {
     /// Time limit, simulated s; `None` for those of the scenarios.
     pub horizon_s: Option<f64>,
     /// True to end an episode as soon as its goal has held for the settling time, with nothing held or moving; the
-    /// verdict
-    /// is still the one after settling. `None`: true exactly for policies that never end an episode themselves.
+    /// verdict is still the one after settling. `None`: true exactly for policies that never end an episode themselves.
     pub stop_on_success: Option<bool>,
     /// True to end an episode at the first action that is out of reach; false to hold the previous command instead.
     pub stop_on_unreachable: bool,

@@ -50,8 +50,7 @@ pub struct EvaluateOptions {
     /// Number of cores to use.
     pub workers: usize,
     /// Maximum number of concurrent episodes; `None` for the number of cores, or [`MAX_CONCURRENT_EPISODES`] for a
-    /// policy
-    /// that waits for a service.
+    /// policy that waits for a service.
     pub at_once: Option<usize>,
     /// Part of the cases to evaluate, without a results file: a later call without a shard collects the results of all
     /// shards and writes that file. `None` for all cases.
@@ -328,8 +327,8 @@ fn most_frequent(failures: &[FailureCount]) -> String {
     shown.chain((others > 0).then(|| format!("{others} other"))).collect::<Vec<_>>().join(", ")
 }
 
-/// Table of success by scenario trait, with one column per policy; values with fewer than [`MIN_SCENARIOS`]
-/// scenarios are omitted. Empty for a suite without traits.
+/// Table of success by scenario trait, with one column per policy; values with fewer than [`MIN_SCENARIOS`] scenarios
+/// are omitted. Empty for a suite without traits.
 pub fn table_of_traits(reports: &[EvaluationReport]) -> String {
     let mut rows: BTreeMap<(&str, &str), Vec<String>> = BTreeMap::new();
     for (index, report) in reports.iter().enumerate() {

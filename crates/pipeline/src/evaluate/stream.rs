@@ -68,8 +68,7 @@ pub(super) struct Stream {
 
 impl Stream {
     /// Continues or begins the journal of this identity: that of a shard, or that of the whole, which includes the
-    /// results of
-    /// all shards.
+    /// results of all shards.
     ///
     /// # Errors
     /// [`WorkspaceError::AnotherEvaluation`] if the folder holds results or episodes of another identity; an error if a

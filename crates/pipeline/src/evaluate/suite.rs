@@ -283,8 +283,7 @@ impl Suite {
     }
 
     /// The same suite with the cameras of a file: each replaces the scenarios' camera of the same name, or is added.
-    /// The
-    /// results and the label of the evaluation then name the file.
+    /// The results and the label of the evaluation then name the file.
     ///
     /// # Errors
     /// When the file does not hold a list of cameras.
@@ -317,8 +316,8 @@ impl Suite {
         Ok(self)
     }
 
-    /// The same suite with `count` episodes per scenario, each with a seed of its own, for stochastic policies.
-    /// The first episode has the same id and random stream as without this call.
+    /// The same suite with `count` episodes per scenario, each with a seed of its own, for stochastic policies. The
+    /// first episode has the same id and random stream as without this call.
     #[must_use]
     pub fn with_episodes(mut self, count: usize) -> Self {
         let again = |case: &Case, number: usize| match number {

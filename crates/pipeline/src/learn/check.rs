@@ -1,8 +1,7 @@
 //! Check before training: recorded rows, executed like predictions of a learned policy, must solve their layouts.
 //!
 //! The check fails if the actions do not mean what the policy's contract says, if rows are shifted by one or have
-//! another
-//! rate, or if normalisation, chunks or the end of an episode are handled wrongly.
+//! another rate, or if normalisation, chunks or the end of an episode are handled wrongly.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -142,8 +142,8 @@ fn demonstration(
     Ok((demonstration, frames))
 }
 
-/// Labels of frames for the auxiliary loss, see [`Demonstrations::labels_width`]: positions of subject and reference
-/// of the goal's first condition. For a condition on a state, both are the object; for a reference that is a support
+/// Labels of frames for the auxiliary loss, see [`Demonstrations::labels_width`]: positions of subject and reference of
+/// the goal's first condition. For a condition on a state, both are the object; for a reference that is a support
 /// surface, both are the subject.
 fn labels(
     episode: &Episode,

@@ -17,8 +17,7 @@ pub enum Length {
     /// Number of optimiser steps.
     Steps(u64),
     /// Wall-clock time, s. It is converted to a number of steps once, after the first 50 steps; a resumed run keeps
-    /// this
-    /// number.
+    /// this number.
     BudgetS(u64),
 }
 
@@ -107,8 +106,7 @@ pub struct Checked {
     /// Number of demonstrations replayed.
     pub demonstrations: usize,
     /// Success rate on the layouts of the demonstrations, when the recorded rows are executed like predictions of a
-    /// learned
-    /// policy.
+    /// learned policy.
     pub replay_success: Rate,
     /// Minimum success rate for the check to pass, 0 to 1.
     pub expected: f64,

@@ -45,8 +45,7 @@ const STEPS_PER_LINE: u64 = 20;
 const FINAL_BATCHES: u64 = 16;
 
 /// Everything that determines the weights, except the number of steps within a time budget. A run continues only with
-/// an
-/// equal identity.
+/// an equal identity.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Identity {
     preset: Preset,
@@ -61,8 +60,7 @@ struct Identity {
 }
 
 /// Trains a policy on the verified episodes of a run, or continues from a checkpoint. `None` if interrupted, after
-/// writing
-/// a checkpoint.
+/// writing a checkpoint.
 ///
 /// # Errors
 /// When the run cannot be read, the folder holds another training run, the loss is no longer finite, or a file cannot

@@ -106,8 +106,7 @@ struct Slot {
 }
 
 /// Sum of squared distances between corresponding objects of the goal in two encoded states, m²; infinite if their
-/// roles
-/// differ.
+/// roles differ.
 pub(crate) fn goal_distance(inputs: &Inputs, one: &[f32], other: &[f32]) -> f32 {
     let place = |name: &str| inputs.object.iter().position(|it| it == name).unwrap_or_default();
     let roles = ["is_subject", "is_reference", "is_second_reference", "order"].map(place);

@@ -97,8 +97,7 @@ pub fn report_full(
 }
 
 /// Key of each episode's page: a hash of the episode's record, which contains the hashes of its files, and of the data
-/// that
-/// the run adds.
+/// that the run adds.
 fn keys(opened: &Opened, rows: &[&EpisodeRow], workers: usize) -> Result<Vec<String>, WorkspaceError> {
     in_parallel(rows, workers, &AtomicBool::new(false), &|row| {
         let mut hasher = Sha256::new();

@@ -189,8 +189,7 @@ fn page(
 }
 
 /// Command lines that reproduce the run, with the options that it records. A run made from scenario files (`is_given`)
-/// has
-/// no `collect`.
+/// has no `collect`.
 fn commands(name: &str, run: &Run, evaluations: &[EvaluationReport], is_given: bool) -> Vec<String> {
     let policies: BTreeSet<&str> = evaluations.iter().map(|report| report.policy.as_str()).collect();
     let policies: String = policies.iter().map(|policy| format!(" --policy {policy}")).collect();

@@ -130,8 +130,8 @@ pub(super) fn evaluations(
     Ok(reports)
 }
 
-/// Makes the path of a transcript absolute, so that pages in any folder can link to it, and prefers its HTML page.
-/// The path is removed if no such file exists.
+/// Makes the path of a transcript absolute, so that pages in any folder can link to it, and prefers its HTML page. The
+/// path is removed if no such file exists.
 pub(super) fn locate_transcript(failure: &mut AgentFailure) {
     let found = failure.transcript.take().and_then(|path| {
         let path = Path::new(&path);

@@ -64,8 +64,7 @@ impl Drawing<'_> {
     }
 
     /// A single episode. If its frames were stored, `keep` receives a function that renders its film strip, which it
-    /// calls only
-    /// if needed.
+    /// calls only if needed.
     ///
     /// # Errors
     /// When the episode cannot be read or rendered, or `keep` fails.

@@ -143,8 +143,8 @@ impl UnderWay {
 /// Outcome of one action.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepOutcome {
-    /// Change of the score since the previous step: the rewards of an episode sum to its last score minus its
-    /// initial one. With shaping, the shaping reward is added.
+    /// Change of the score since the previous step: the rewards of an episode sum to its last score minus its initial
+    /// one. With shaping, the shaping reward is added.
     pub reward: f64,
     /// Score, 0 to 1: that of the latest verdict on the goal; 1 once the scenes' milestone was reached.
     pub score: f64,
@@ -194,8 +194,7 @@ impl Session {
     /// Begins an episode; an unfinished one is dropped.
     ///
     /// For a scenario, `seed` selects the random stream of the episode, by default that of `evaluate`. For a task, it
-    /// is
-    /// the number of the layout, by default 0.
+    /// is the number of the layout, by default 0.
     ///
     /// # Errors
     /// For an index out of range, a task without a layout, and settings that the scenario does not support.

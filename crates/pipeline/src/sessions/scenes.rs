@@ -61,8 +61,7 @@ impl SceneSource {
     /// Tasks from files or folders, laid out in the world of a file, or in the built-in one if `None`.
     ///
     /// A single path `reach`, `lift` or `place` that is no file stands for the built-in task of putting a cube on a
-    /// plate,
-    /// where an episode succeeds once the cube is reached, lifted or placed.
+    /// plate, where an episode succeeds once the cube is reached, lifted or placed.
     ///
     /// # Errors
     /// When a file cannot be read, there is no task, or the robot is unknown.
@@ -160,8 +159,7 @@ impl SceneSource {
     }
 
     /// Case and stage of scene `index`. For a task, `seed` is the number of its layout, 0 by default; for a scenario,
-    /// it
-    /// replaces the random stream of the episode.
+    /// it replaces the random stream of the episode.
     ///
     /// # Errors
     /// When the index is out of range, a task cannot be laid out, or objects or robot differ from those of the

@@ -187,8 +187,8 @@ pub fn try_expert(
     Ok(reports.into_iter().next().map(|report| frozen::by_scenario(report.results)))
 }
 
-/// Time limit of a scenario, simulated s, from the expert's trials: the longest verified one times a factor for
-/// slower policies, rounded up.
+/// Time limit of a scenario, simulated s, from the expert's trials: the longest verified one times a factor for slower
+/// policies, rounded up.
 pub fn horizon_s(trials: &[EpisodeResult]) -> f64 {
     let longest = trials.iter().filter(|it| it.success).map(|it| it.duration_s).fold(0.0, f64::max);
     (HORIZON_FACTOR * longest / HORIZON_STEP_S).ceil() * HORIZON_STEP_S

@@ -102,8 +102,7 @@ impl History {
     }
 
     /// Revision of the command that an undo or redo refers to; for other commands the revision itself; `None` if it
-    /// does not
-    /// exist.
+    /// does not exist.
     pub fn target(&self, revision: u64) -> Option<u64> {
         let line = &self.entry(revision)?.line;
         Some(line.undoes.or(line.redoes).unwrap_or(revision))
@@ -127,8 +126,8 @@ impl History {
     }
 
     /// First field of a command that another command in effect has changed since the command was last applied or
-    /// undone.
-    /// Commands of the same author that were undone and redone in between do not count. `None` if there is none.
+    /// undone. Commands of the same author that were undone and redone in between do not count. `None` if there is
+    /// none.
     pub fn changed_after(&self, revision: u64) -> Option<Overlap> {
         let entry = self.entry(revision)?;
         let is_later = |other: &&Entry| match &entry.undone {

@@ -188,8 +188,8 @@ pub(super) fn remove(scenario: &mut Scenario, object: &str, groups_follow: bool)
     Ok(Operation::Insert { instance: Box::new(instance) })
 }
 
-/// Removes an object from the groups of interchangeable instances, unless the groups are derived from the
-/// instruction. Returns the previous groups, or `None` if they did not change.
+/// Removes an object from the groups of interchangeable instances, unless the groups are derived from the instruction.
+/// Returns the previous groups, or `None` if they did not change.
 fn without_member(scenario: &mut Scenario, object: &str, groups_follow: bool) -> Option<Vec<Vec<String>>> {
     let groups = &mut scenario.task.interchangeable;
     if groups_follow || !groups.iter().flatten().any(|id| id == object) {

@@ -27,8 +27,7 @@ pub struct Built {
 
 /// Writes a suite of approved scenarios with `per_kind` scenarios of each kind; if `None`, as many as the rarest kind
 /// has. Files are `suite.json` and `scenarios/` in the form that `suite freeze` needs, and `choice.json` with the
-/// reason
-/// for every scenario.
+/// reason for every scenario.
 ///
 /// # Errors
 /// When the folder holds a suite, too few scenarios are approved, one was changed since it was read, or a file cannot be

@@ -5,8 +5,7 @@ use genmanip_core::{Document, Scenario, hexadecimal};
 use sha2::{Digest, Sha256};
 
 /// SHA-256 of a scenario, its assets and the physics engine. It changes with any edit of the scenario, with the
-/// physics,
-/// judging or look of an object, and with the engine's version.
+/// physics, judging or look of an object, and with the engine's version.
 ///
 /// A scenario refers to its assets by hash. A scenario of an older version has no hash of looks; that of the
 /// catalogue's object is used instead.

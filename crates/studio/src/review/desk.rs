@@ -1,6 +1,5 @@
 //! Review desk: the scenarios under review with the log of reviews, and for each reviewer the work to do and the
-//! visible
-//! reviews.
+//! visible reviews.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;

@@ -1,8 +1,7 @@
 //! Log of reviews and certificates, `reviews.jsonl`: append-only; each line is synced before it is acknowledged.
 //!
 //! Several programs may append to the same log: each opens it for one line, reads the lines of the others, and checks
-//! its
-//! own line against them.
+//! its own line against them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

@@ -11,8 +11,8 @@ use super::desk::{ReviewDesk, Reviewable};
 use super::log::ExpertTrials;
 use super::reviewed::{Decision, Reason, Review, Reviewer, ReviewerKind};
 
-/// Adds to the desk the certificates of the suites that its scenarios lie in, if made with this version of the
-/// physics engine, and the reviews of `review.json` that the log does not have yet. Neither has a time.
+/// Adds to the desk the certificates of the suites that its scenarios lie in, if made with this version of the physics
+/// engine, and the reviews of `review.json` that the log does not have yet. Neither has a time.
 ///
 /// # Errors
 /// When a `suite.json` or `review.json` is damaged.

@@ -39,8 +39,7 @@ impl EpisodeJob {
     /// further one has its own.
     ///
     /// `turn` is called with the simulated time of the episode, s, before each decision of the policy. Returns `None`,
-    /// and
-    /// stores nothing, if `stop` became true.
+    /// and stores nothing, if `stop` became true.
     ///
     /// # Errors
     /// When the policy does not exist, cannot be reached or does not fit the scenario, or a file cannot be written.

@@ -182,8 +182,7 @@ impl KeptEpisode {
     }
 
     /// Folder with the transcript of an agent: the one that the episode's result names, else that of the studio's run;
-    /// `None`
-    /// without a transcript.
+    /// `None` without a transcript.
     pub fn transcript(&self, result: &EpisodeResult) -> Option<PathBuf> {
         let named = result.agent_failure.as_ref().and_then(|failure| failure.transcript.as_ref());
         let named = named.and_then(|path| Some(Path::new(path).parent()?.to_owned()));

@@ -1,6 +1,5 @@
 //! Policies that the page may run: built-in ones that touch nothing outside the simulation, and those named on the
-//! command
-//! line.
+//! command line.
 
 use genmanip_pipeline::PolicyFactory;
 use genmanip_pipeline::policies::POLICIES;

@@ -38,8 +38,7 @@ pub fn link_glb(name: &str, visual: &[VisualPart]) -> Result<Vec<u8>, EncodeErro
 }
 
 /// GLB with the initial scene of a scenario: surfaces, robot, objects and cameras under a root node that converts z up
-/// to
-/// y up.
+/// to y up.
 ///
 /// `models` are the models of the scenario's objects, in the order of the objects.
 ///

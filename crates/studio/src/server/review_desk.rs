@@ -21,8 +21,7 @@ pub struct Reviews {
 
 impl Reviews {
     /// Runs `work` on the desk, after updating it with all scenarios (edited ones at their present revision) and with
-    /// the
-    /// lines that other programs wrote to the log.
+    /// the lines that other programs wrote to the log.
     ///
     /// # Errors
     /// When the desk cannot be read, and any error of `work`.

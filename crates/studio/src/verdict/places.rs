@@ -60,8 +60,7 @@ impl Group {
 
 impl Inspection<'_> {
     /// Horizontal shifts of a group (m) to free places on its support, nearest first. There, the group is clear of
-    /// other
-    /// objects and within the workspace, no true edge becomes false, `should_hold` is true, and the goal is not
+    /// other objects and within the workspace, no true edge becomes false, `should_hold` is true, and the goal is not
     /// reached.
     pub(super) fn free_shifts(&self, group: &Group, should_hold: Option<&genmanip_core::Atom>) -> Vec<DVec3> {
         let Some(scene) = self.scene() else { return Vec::new() };

@@ -62,8 +62,7 @@ impl Inspection<'_> {
     }
 
     /// Operation that moves objects to where physics lets them settle; `None` if nothing moves, an object falls over,
-    /// or
-    /// the objects do not come to rest.
+    /// or the objects do not come to rest.
     ///
     /// # Errors
     /// [`VerdictError`].
@@ -253,8 +252,7 @@ impl Inspection<'_> {
     }
 
     /// Candidates for an object that is by accident inside a container: the container is moved away and its contents
-    /// are
-    /// lowered onto the surface.
+    /// are lowered onto the surface.
     fn uncovered(&self, index: usize) -> Vec<Repair> {
         let Some(scene) = self.scene() else { return Vec::new() };
         let world = &self.scenario.world;

@@ -178,8 +178,8 @@ fn fits((object, container): (&ObjectCard, &ObjectCard)) -> bool {
     container.annotations.room.is_some_and(|room| room.inside_m.into_iter().all(|inside| size <= inside))
 }
 
-/// Replaces the instruction and goal by a request for something else, which the reader understands and which does
-/// not hold yet. The original goal is judged as well.
+/// Replaces the instruction and goal by a request for something else, which the reader understands and which does not
+/// hold yet. The original goal is judged as well.
 fn exchange(scenario: &mut Scenario, rng: &mut impl Rng) -> Result<(), String> {
     let scene = posed(scenario, Catalogue::builtin(), &mut ShapeCache::default()).map_err(|error| error.to_string())?;
     let task = &scenario.task;
