@@ -13,46 +13,46 @@ use serde::Serialize;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
-/// Numbers of scenarios for which the detectable difference is reported.
+/// Numbers of scenarios for which the smallest detectable difference is reported.
 const SIZES: [usize; 6] = [50, 100, 200, 400, 800, 1600];
 
-/// Result of the comparison.
+/// Paired comparison of two evaluations.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
     /// Name of the suite.
     pub suite: String,
-    /// Hash of its scenarios.
+    /// [`crate::suite_hash`] of the suite's scenarios.
     pub suite_hash: String,
-    /// For each of the two, true if it read simulator truth.
+    /// For each of the two evaluations, true if its policy read simulator truth.
     pub oracle: [bool; 2],
-    /// Differences in the time limits and stop rules of the two, which make the comparison unequal.
+    /// Differences in time limits and stop rules, which make the comparison unfair; one text each.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
-    /// Over all common episodes.
+    /// Comparison over all common episodes.
     pub overall: PairedComparison,
-    /// By kind of task; p-values are not corrected for multiple comparisons.
+    /// Comparisons by kind of task; p-values are not corrected for multiple comparisons.
     pub kinds: Vec<KindComparison>,
-    /// Detectable differences of suites of other sizes.
+    /// Smallest detectable differences for suites of other sizes.
     pub power: Vec<PowerRow>,
 }
 
-/// The comparison on the tasks of one kind.
+/// Comparison over the tasks of one kind.
 #[derive(Clone, Debug, Serialize)]
 pub struct KindComparison {
     /// Kind of task.
     pub kind: TaskKind,
-    /// Comparison on its tasks.
+    /// Comparison over the common episodes of this kind.
     #[serde(flatten)]
     pub pair: PairedComparison,
 }
 
-/// Power of a number of scenarios.
+/// Statistical power of a suite of a given size.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct PowerRow {
     /// Number of scenarios, one episode each.
     pub scenarios: usize,
-    /// Smallest difference detectable with 80 % power at this comparison's rate of discordant pairs; `None` if there is
-    /// none.
+    /// Smallest difference of success rates detectable with 80 % power, at this comparison's rate of discordant pairs;
+    /// `None` if even the largest is not.
     pub detectable_difference: Option<f64>,
 }
 
@@ -92,7 +92,7 @@ fn origin(report: &EvaluationReport) -> &str {
     report.perturbation.as_ref().map_or(&report.suite_hash, |perturbation| &perturbation.of_hash)
 }
 
-/// `Err(None)` if no episode is in both.
+/// Compares two reports; `Err(None)` if they have no common episode.
 fn compare_reports(reports: &[EvaluationReport; 2]) -> Result<Comparison, Option<crate::StatisticsError>> {
     let [first, second] = reports;
     let settings = StatisticsSettings::default();
@@ -132,7 +132,7 @@ fn compare_reports(reports: &[EvaluationReport; 2]) -> Result<Comparison, Option
     })
 }
 
-/// Differences in the endings of the episodes that both ran.
+/// Texts on differences in time limits or stop rules of the common episodes.
 fn warnings([first, second]: &[EvaluationReport; 2]) -> Vec<String> {
     let mut warnings = Vec::new();
     let horizons_s = |report: &EvaluationReport| -> BTreeMap<_, _> {
@@ -203,7 +203,7 @@ fn row(name: &str, pair: &PairedComparison) -> Vec<String> {
     ]
 }
 
-/// Conclusion in one or two sentences.
+/// Conclusion of the comparison in one or two sentences.
 fn verdict(comparison: &Comparison) -> String {
     let all = &comparison.overall;
     let alpha = 1.0 - StatisticsSettings::default().coverage;
@@ -226,7 +226,7 @@ fn verdict(comparison: &Comparison) -> String {
     text
 }
 
-/// A p-value with two digits, including tiny ones.
+/// Formatter of a p-value with two significant digits, tiny ones included.
 struct Short(f64);
 
 impl std::fmt::Display for Short {

@@ -7,7 +7,7 @@ use genmanip_viz::markup::{base64, escape};
 /// Film strip of one episode.
 #[derive(Clone, Debug)]
 pub struct FilmStrip {
-    /// Caption.
+    /// Caption above the images.
     pub caption: String,
     /// JPEG files in chronological order.
     pub pictures: Vec<Vec<u8>>,
@@ -31,7 +31,7 @@ pub fn dataset_page(title: &str, note: &str, tables: &[(&str, &[Vec<String>])], 
     page("Dataset", title, note, &body)
 }
 
-/// A page that needs nothing beside itself.
+/// HTML page without external resources.
 pub(crate) fn page(heading: &str, title: &str, note: &str, body: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{title}</title>\n<style>\n{style}</style>\n\
@@ -42,7 +42,7 @@ pub(crate) fn page(heading: &str, title: &str, note: &str, body: &str) -> String
     )
 }
 
-/// Film strips with their captions.
+/// Film strips with their captions as HTML.
 pub(crate) fn figures(strips: &[FilmStrip]) -> String {
     let mut html = String::new();
     for FilmStrip { caption, pictures } in strips {

@@ -21,26 +21,27 @@ pub struct EvaluationReport {
     pub suite: String,
     /// [`suite_hash`] of its scenarios.
     pub suite_hash: String,
-    /// The change, if this is a perturbed suite.
+    /// Change of the suite; absent if it is not a perturbed suite.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub perturbation: Option<Perturbation>,
     /// Name of the policy.
     pub policy: String,
     /// Label of this evaluation within the suite: the policy with its non-default arguments and cameras.
     pub label: String,
-    /// Name of the cameras that replaced the scenarios' own; `None` for their own.
+    /// Name of the camera set that replaced the scenarios' cameras; `None` if they were not replaced.
     pub cameras: Option<String>,
-    /// Time limit of every episode, s, if it replaced those of the scenarios.
+    /// Time limit of every episode, simulated s; `None` for those of the scenarios.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub horizon_s: Option<f64>,
-    /// True if an episode ended once its goal had held for the settling time; the verdict is the one after settling.
+    /// True if an episode ended as soon as its goal had held for the settling time; the verdict is the one after
+    /// settling.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub stop_on_success: bool,
     /// True if the policy read simulator truth.
     pub oracle: bool,
-    /// Program version.
+    /// Version of this program.
     pub genmanip_version: String,
-    /// Settings of the summary.
+    /// Settings of the intervals and tests in the summary.
     pub statistics: StatisticsSettings,
     /// Aggregated results.
     pub summary: SuiteSummary,
@@ -49,9 +50,9 @@ pub struct EvaluationReport {
     /// Reference path length of the tool by scenario id, m; see [`reference_paths_m`].
     #[serde(default)]
     pub reference_paths_m: BTreeMap<String, f64>,
-    /// One per episode, ordered by scenario, seed and id.
+    /// Results of all episodes, ordered by scenario, seed and id.
     pub results: Vec<EpisodeResult>,
-    /// Episodes whose policy could not be reached, still to be run; ordered by id, counted nowhere.
+    /// Episodes still to be run, since the policy could not be reached; ordered by id and excluded from all figures.
     pub not_run: Vec<NotRun>,
 }
 
@@ -81,20 +82,20 @@ impl LongDocument for EvaluationReport {
 /// Reasons why results make no report.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EvaluationError {
-    /// No results.
+    /// The list of results is empty.
     #[error("no results: an evaluation needs at least one episode")]
     NoResults,
-    /// Results of several policies.
+    /// The list contains results of several policies.
     #[error("expected results of policy {expected} only, got one of {got} ({result})")]
     MixedPolicies {
         /// Policy of the first result.
         expected: String,
         /// A different policy.
         got: String,
-        /// Id of its result.
+        /// Id of the first result of that policy.
         result: String,
     },
-    /// Results on a scenario that is not in the suite.
+    /// A result belongs to a scenario that is not in the suite.
     #[error("result {result} is of scenario {scenario}, which is not in suite {suite}")]
     ForeignScenario {
         /// Id of the result.
@@ -195,14 +196,14 @@ impl EvaluationReport {
         })
     }
 
-    /// The same report with success by scenario trait.
+    /// The same report with success rates by scenario trait.
     #[must_use]
     pub fn by_traits(mut self, traits: &Traits) -> Self {
         self.summary.traits = by_trait(&self.results, traits, &self.statistics);
         self
     }
 
-    /// The same report with the episodes still to be run.
+    /// The same report with these episodes as not run.
     #[must_use]
     pub fn leaving(self, mut not_run: Vec<NotRun>) -> Self {
         not_run.sort_by(|a, b| a.id.cmp(&b.id));

@@ -1,5 +1,5 @@
-//! Page on the failures of a policy that asks questions: causes by kind of task, and one case per cause with its
-//! images, the intended and the actual outcome.
+//! HTML page on the failures of a policy that asks questions: causes by kind of task, and one case per cause with its
+//! images and its intended and actual outcome.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -9,28 +9,29 @@ use genmanip_viz::markup::{base64, escape};
 /// Contents of the page.
 #[derive(Clone, Debug, Default)]
 pub struct FailurePage {
-    /// Name of the policy and its services.
+    /// Names of the policy and its services.
     pub title: String,
-    /// True if any part of it read simulator truth.
+    /// True if the policy or a service read simulator truth.
     pub oracle: bool,
-    /// By kind of task.
+    /// Failures by kind of task.
     pub kinds: Vec<KindFailures>,
-    /// Confusion counts of placements: intended relation, actual relation, count.
+    /// Counts of placements by intended and actual relation.
     pub relations: BTreeMap<(String, String), usize>,
-    /// Confusion matrix of the completion check: rows goal unmet and met, columns *not finished* and *finished*.
+    /// Confusion matrix of the completion check: rows are goal unmet and goal met, columns *not finished* and
+    /// *finished*.
     pub checks: [[usize; 2]; 2],
     /// One failed episode per cause.
     pub cases: Vec<FailureCase>,
 }
 
-/// Episodes of one kind.
+/// Failures of one kind of task.
 #[derive(Clone, Debug, Default)]
 pub struct KindFailures {
-    /// The kind.
+    /// Name of the kind.
     pub kind: String,
-    /// Episodes.
+    /// Number of episodes, successes included.
     pub episodes: usize,
-    /// Failed episodes by cause; the same causes in the same order for all kinds.
+    /// Number of failed episodes by cause; all kinds have the same causes in the same order.
     pub causes: Vec<(String, usize)>,
 }
 
@@ -43,7 +44,7 @@ pub struct FailureCase {
     pub id: String,
     /// Instruction.
     pub instruction: String,
-    /// Evidence.
+    /// Evidence for the cause, as text.
     pub evidence: String,
     /// Questions and actions in chronological order.
     pub moments: Vec<CaseMoment>,
@@ -54,21 +55,21 @@ pub struct FailureCase {
 pub struct CaseMoment {
     /// Short title.
     pub title: String,
-    /// The answer, or the action taken.
+    /// The model's answer, or the action taken.
     pub text: String,
-    /// True if the failure analysis blames it.
+    /// True if the failure analysis blames this answer or action.
     pub is_blamed: bool,
     /// Images shown with the question, as PNG files.
     pub pictures: Vec<Vec<u8>>,
 }
 
-/// Colours of the causes in their order: grasps in blues, plans in oranges, the rest in greens and greys.
+/// Colours of the causes, in the order of the causes: grasps in blues, plans in oranges, the rest in greens and greys.
 const COLORS: [&str; 11] = [
     "#7c5ba6", "#1d4f91", "#3b82c4", "#8ec1e8", "#b45309", "#e08a2e", "#f4c27a", "#3f7d4f", "#8a9099", "#c3c8cf",
     "#55595f",
 ];
 
-/// The page as the text of an HTML file: no external resource, complete without scripts.
+/// The page as a self-contained HTML file that is complete without scripts.
 pub fn failure_page(page: &FailurePage) -> String {
     let oracle = if page.oracle { " · oracle" } else { "" };
     let episodes: usize = page.kinds.iter().map(|kind| kind.episodes).sum();
@@ -104,10 +105,10 @@ impl KindFailures {
     }
 }
 
-/// Width, height and spacing of the bars, and width of the labels, px.
+/// Width, height and vertical spacing of the bars, and width of the labels, px.
 const BAR: [usize; 4] = [560, 26, 40, 150];
 
-/// One bar per kind, proportional to its share of failed episodes and divided by cause.
+/// Bar chart: one bar per kind, as long as the kind's share of failed episodes and divided by cause.
 pub(crate) fn chart(kinds: &[KindFailures]) -> String {
     let [width, height, step, left] = BAR;
     let mut svg = String::new();

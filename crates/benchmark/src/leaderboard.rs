@@ -10,41 +10,41 @@ use crate::report::tables::{rate_bar, table};
 use crate::statistics::{KindSummary, Mean, Rate};
 use genmanip_viz::markup::escape;
 
-/// One suite with the evaluations on it.
+/// Leaderboard of one suite.
 #[derive(Clone, Debug, Serialize)]
 pub struct Leaderboard {
     /// Name of the suite.
     pub suite: String,
-    /// Hash of its scenarios.
+    /// [`crate::suite_hash`] of the suite's scenarios.
     pub suite_hash: String,
-    /// Policies limited to a real robot's observations, most successful first.
+    /// Evaluations of policies that observe only what a real robot could, highest success first.
     pub fair: Vec<Entry>,
-    /// Policies that read simulator truth anywhere, most successful first.
+    /// Evaluations of policies that read simulator truth, highest success first.
     pub oracle: Vec<Entry>,
 }
 
-/// One evaluation.
+/// Row of one evaluation.
 #[derive(Clone, Debug, Serialize)]
 pub struct Entry {
-    /// Name of the evaluation.
+    /// Label of the evaluation.
     pub label: String,
-    /// Source of masks, for policies that segment.
+    /// Source of the masks; `None` for policies that do not segment.
     pub masks: Option<String>,
-    /// Success at the end.
+    /// Success rate at the end of the episodes.
     pub success: Rate,
     /// Success by kind of task.
     pub kinds: Vec<KindSummary>,
-    /// Success weighted by path length.
+    /// Success weighted by path length (SPL); `None` without reference paths.
     pub spl: Option<Mean>,
-    /// Simulated length of the episodes, s.
+    /// Simulated duration of the episodes, s.
     pub duration_s: Mean,
-    /// Episodes with a collision.
+    /// Share of episodes with a collision.
     pub collisions: Rate,
-    /// Episodes that could not be run.
+    /// Number of episodes that could not be run.
     pub not_run: usize,
 }
 
-/// Sorts evaluations into one board per suite; boards and equal entries keep the order of the reports.
+/// Groups evaluations into one board per suite; boards, and entries of equal success, keep the order of the reports.
 pub fn boards(reports: &[EvaluationReport]) -> Vec<Leaderboard> {
     let mut boards: Vec<Leaderboard> = Vec::new();
     for report in reports {
@@ -78,13 +78,13 @@ fn entry(report: &EvaluationReport) -> Entry {
     }
 }
 
-/// Markup of cells: Markdown or HTML.
+/// Functions that render text and rates in a cell, as Markdown or as HTML.
 struct Style {
     text: fn(&str) -> String,
     rate: fn(&Rate) -> String,
 }
 
-/// Header and rows of a table; empty cells without a value.
+/// Header and rows of a table; a cell without a value is empty.
 fn cells(entries: &[Entry], style: &Style) -> (Vec<String>, Vec<Vec<String>>) {
     let is_there = |kind: &TaskKind| entries.iter().any(|entry| entry.kinds.iter().any(|own| own.kind == *kind));
     let kinds: Vec<TaskKind> = TaskKind::ALL.into_iter().filter(is_there).collect();
@@ -147,7 +147,7 @@ pub fn leaderboard_markdown(boards: &[Leaderboard]) -> String {
     text
 }
 
-/// The boards as the text of an HTML file: no external resource, complete without scripts.
+/// The boards as a self-contained HTML file that is complete without scripts.
 pub fn leaderboard_html(boards: &[Leaderboard]) -> String {
     let style = Style { text: escape, rate: rate_bar };
     let mut html = format!(

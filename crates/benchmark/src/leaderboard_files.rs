@@ -1,4 +1,4 @@
-//! Evaluations below a folder.
+//! Search for evaluations below a folder.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
-/// Maximum depth of the search; a run's evaluations are two levels below the folder of runs.
+/// Maximum depth of the search in folders; the evaluations of a run lie two levels below the folder of runs.
 const DEPTH: usize = 4;
 
 /// Reads the evaluations in a folder and in the `evaluation` folders below it, in the order of their paths.
@@ -20,7 +20,7 @@ const DEPTH: usize = 4;
 /// If the folder cannot be listed, or holds no evaluation.
 pub fn evaluations_below(folder: &Path, progress: &dyn Progress) -> Result<Vec<EvaluationReport>, WorkspaceError> {
     let mut files = Vec::new();
-    // A run's folder of evaluations also holds other files.
+    // In a run, only its `evaluation` folder is searched, which also holds other files.
     list(folder, !folder.join("run.json").is_file(), DEPTH, &mut files)?;
     files.sort();
     let mut reports = Vec::new();
@@ -43,7 +43,7 @@ fn list(folder: &Path, is_meant: bool, depth: usize, files: &mut Vec<PathBuf>) -
     for entry in entries.map_err(|error| WorkspaceError::file("list", folder, error))? {
         let (path, name) = (entry.path(), entry.file_name());
         let is_hidden = name.to_string_lossy().starts_with('.');
-        // Links are not followed, so no folder is visited twice.
+        // Symbolic links are not followed, so no folder is visited twice.
         let kind = entry.file_type().map_err(|error| WorkspaceError::file("list", &path, error))?;
         if is_hidden {
             continue;

@@ -1,4 +1,4 @@
-//! Line chart as inline SVG for a page in light or dark.
+//! Line chart as inline SVG, legible on light and dark pages.
 
 use std::fmt::Write;
 
@@ -7,32 +7,32 @@ use genmanip_viz::markup::escape;
 /// A line of a chart.
 #[derive(Clone, Debug)]
 pub struct Line {
-    /// Name in the legend; nothing for the only line of a chart.
+    /// Name in the legend; empty for the only line of a chart.
     pub name: String,
-    /// Points in the order of x; those that are not finite interrupt nothing and are left out.
+    /// Points (x, y), ordered by x; points that are not finite are omitted, and the line connects their neighbours.
     pub points: Vec<[f64; 2]>,
-    /// True for a dashed line in the colour of the line before it, such as its target.
+    /// True to dash the line and give it the colour of the previous one, e.g. for that line's target.
     pub is_dashed: bool,
 }
 
-/// A chart of lines over one axis.
+/// Chart of one or more lines.
 #[derive(Clone, Debug)]
 pub struct LineChart {
-    /// Caption, with the unit of the values.
+    /// Caption with the unit of the y values.
     pub caption: String,
     /// Name of the horizontal axis, with its unit.
     pub over: String,
-    /// True for a logarithmic vertical axis; values that are not positive are then left out.
+    /// True for a logarithmic vertical axis; points with y ≤ 0 are then omitted.
     pub is_logarithmic: bool,
     /// Lines, in order of their colours.
     pub lines: Vec<Line>,
 }
 
-/// Width and height of the plot, and its distance from the left and the upper edge, px.
+/// Width and height of the plot area, and its distances from the left and upper edge of the figure, px.
 const PLOT: [f64; 4] = [420.0, 180.0, 62.0, 12.0];
-/// Colours that are legible on light and dark pages.
+/// Line colours that are legible on light and dark pages.
 const COLORS: [&str; 6] = ["#0f9a8f", "#d97706", "#7c6fd6", "#d1495b", "#3b82c4", "#6b9a3a"];
-/// Intervals between the labels of an axis.
+/// Number of intervals between the labels of an axis.
 const INTERVALS: usize = 4;
 
 impl LineChart {
@@ -42,7 +42,7 @@ impl LineChart {
         Self { caption: caption.into(), over: over.into(), is_logarithmic: false, lines: vec![line] }
     }
 
-    /// The chart as a figure; nothing without points.
+    /// The chart as an HTML figure; empty if there are no points.
     pub fn figure(&self) -> String {
         let scaled = |value: f64| if self.is_logarithmic { value.log10() } else { value };
         let points = |line: &Line| -> Vec<[f64; 2]> {

@@ -1,4 +1,4 @@
-//! Simulation against reality: agreement of the success rates of the same policies, from a table.
+//! Agreement of simulation and reality: success rates of the same policies in both, from a table.
 //!
 //! ```
 //! use genmanip_benchmark::{StatisticsSettings, sim2real};
@@ -25,7 +25,7 @@ use crate::StatisticsSettings;
 /// Report on the table in a file.
 ///
 /// # Errors
-/// If the file is not such a table, or no policy was tried in both worlds.
+/// If the file is no such table, or fewer than two policies were tried in both worlds.
 pub fn report_file(path: &Path, settings: &StatisticsSettings) -> Result<SimToReal, WorkspaceError> {
     let text = documents::read_text(path, limits::RATES)?;
     let inside = |error: WorkspaceError| {

@@ -1,11 +1,11 @@
-//! Suites: scenarios chosen by rules, certified by the expert, and frozen in a folder.
+//! Suites in folders: scenarios selected by rules, certified by the expert, and frozen.
 //!
 //! ```text
-//! NAME/suite.json        its selection, and per scenario hash and certificate
+//! NAME/suite.json        record of the selection; hash and certificate of every scenario
 //! NAME/scenarios/*.json  the scenarios
-//! NAME/assets/*.json.gz  their objects, after `freeze`
-//! NAME/review.json       human reviews of its scenarios; not frozen
-//! NAME/work/             layouts and trials of all candidates during the build, where an interrupted build continues
+//! NAME/assets/*.json.gz  objects of the scenarios, after `freeze`
+//! NAME/review.json       human reviews of the scenarios; not frozen
+//! NAME/work/             layouts and trials of all candidates, from which an interrupted build resumes
 //! ```
 
 mod assets;
@@ -39,14 +39,14 @@ pub use training::{Training, TrainingOptions, shared, training};
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
-/// Kinds of tasks in a suite: those of the paper's benchmark.
+/// Kinds of tasks in a suite: those of the benchmark in the paper.
 pub const KINDS: [TaskKind; 4] =
     [TaskKind::Spatial, TaskKind::Appearance, TaskKind::CommonSense, TaskKind::LongHorizon];
 
-/// Folder of a suite, from its path or its name.
+/// Folder of a suite, from a path or a name.
 ///
-/// A name is searched in `suites` of the current folder, in `GENMANIP_SUITES`, in `../share/genmanip/suites` relative to
-/// the program, and in the repository that the program was built from.
+/// A name is searched in `suites` of the current folder, in the folder `GENMANIP_SUITES`, in
+/// `../share/genmanip/suites` relative to the program, and in the repository that the program was built from.
 pub fn folder_of(name: &Path) -> PathBuf {
     let is_suite = |folder: &Path| folder.join("suite.json").is_file();
     if is_suite(name) || name.components().count() != 1 {
@@ -75,10 +75,10 @@ pub fn parse_folder(text: &str) -> Result<PathBuf, String> {
     Ok(folder_of(Path::new(text)))
 }
 
-/// Reads the file of a suite's folder.
+/// Reads `suite.json` of a suite's folder.
 ///
 /// # Errors
-/// If there is none, or it is damaged.
+/// If the file does not exist, or is damaged.
 pub fn open(folder: &Path) -> Result<SuiteFile, WorkspaceError> {
     let path = folder.join("suite.json");
     if !path.is_file() {
@@ -103,12 +103,12 @@ pub fn scenario_file(folder: &Path, id: &str) -> PathBuf {
 /// Summary of a suite.
 #[derive(Clone, Debug, Serialize)]
 pub struct SuiteOverview {
-    /// Its file.
+    /// Content of `suite.json`.
     #[serde(flatten)]
     pub file: SuiteFile,
-    /// Distribution of its traits.
+    /// Shares of the trait values among the scenarios.
     pub marginals: Vec<Marginal>,
-    /// Reviews of its scenarios.
+    /// Human reviews of the scenarios.
     pub reviews: Vec<Review>,
 }
 

@@ -1,22 +1,22 @@
-//! HTML page about the training of a policy.
+//! HTML page on the training of a policy.
 
 use genmanip_viz::markup::escape;
 
 use crate::dataset_page::{FilmStrip, figures, page};
 use crate::line_chart::LineChart;
 
-/// A moment of a demonstration with what the policy predicts there.
+/// A point in a demonstration with the policy's prediction.
 #[derive(Clone, Debug)]
 pub struct PredictedMoment {
-    /// Name of the moment.
+    /// Name of the point, as a heading.
     pub name: String,
-    /// Images that the policy sees, JPEG files.
+    /// Images that the policy observes at this point, JPEG.
     pub images: FilmStrip,
-    /// Predicted and recorded actions.
+    /// Charts of predicted and recorded actions.
     pub charts: Vec<LineChart>,
 }
 
-/// HTML page with the curves of a training and moments of its demonstrations.
+/// HTML page with the training curves, and predictions at points of the demonstrations.
 pub fn training_page(title: &str, note: &str, curves: &[LineChart], moments: &[PredictedMoment]) -> String {
     let charts = |charts: &[LineChart]| -> String {
         let figures: String = charts.iter().map(LineChart::figure).collect();

@@ -1,4 +1,4 @@
-//! The `genmanip` command: parse, resolve, call one function, print.
+//! The `genmanip` command: parses the arguments, calls one function of a subcommand, and prints its result.
 
 mod args;
 mod commands;
@@ -21,7 +21,9 @@ fn main() -> ExitCode {
     })
 }
 
-/// Makes imported objects known before anything asks for one; importing itself starts from what its own pack holds.
+/// Makes imported objects available to the catalogue before a subcommand uses it. `assets import` is exempt, since it
+/// reads
+/// the packs itself.
 fn open_packs(arguments: &Arguments) -> Result<(), Failed> {
     let is_importing = matches!(&arguments.command, Command::Assets { command: args::AssetsCommand::Import(_) });
     let folder = arguments.global.packs_folder();

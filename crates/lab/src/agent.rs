@@ -56,7 +56,7 @@ pub struct Measured {
 /// Totals of a group of episodes.
 #[derive(Default, Serialize)]
 pub struct Counted {
-    /// Number of episodes.
+    /// Number of episodes that were run.
     pub episodes: usize,
     /// Success rate, 0 to 1.
     pub success: f64,
@@ -86,13 +86,13 @@ pub struct Counted {
     cpu_s: f64,
 }
 
-/// Settings of the measurement.
+/// Agent, tasks and outputs of the measurement.
 pub struct AgentArguments {
     /// The agent, with its services and settings.
     pub choice: AgentChoice,
     /// Names of the services for questions and for masks, in this order.
     pub names: [&'static str; 2],
-    /// Kinds of tasks.
+    /// Kinds of tasks to run, in turn.
     pub kinds: Vec<TaskKind>,
     /// Relation that the goal of each task must contain; any if `None`.
     pub relation: Option<Relation>,

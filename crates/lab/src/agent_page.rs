@@ -1,4 +1,4 @@
-//! Data of the failure page of `genmanip-lab agent`.
+//! Data of the failure page that `genmanip-lab agent` writes.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use genmanip_agent_sim::EpisodeJudgements;
 use genmanip_benchmark::{CaseMoment, FailureCase, FailurePage, KindFailures};
 use genmanip_core::{AgentFailure, EpisodeResult, FailureClass, TaskKind};
 
-/// Collector, filled episode by episode.
+/// Collector of the page's data, filled episode by episode.
 #[derive(Default)]
 pub(crate) struct Gathered {
     kinds: BTreeMap<&'static str, (usize, BTreeMap<FailureClass, usize>)>,
@@ -17,7 +17,7 @@ pub(crate) struct Gathered {
 }
 
 impl Gathered {
-    /// Counts an episode; the first failed one of each class is kept with its images.
+    /// Counts an episode; the first failed episode of each class is kept as an example with its images.
     pub(crate) fn add(
         &mut self,
         kind: TaskKind,
@@ -40,7 +40,7 @@ impl Gathered {
         self.cases.entry(class).or_insert_with(|| case(result, (class, failure), transcribed));
     }
 
-    /// The page; classes in their order, including those that never occurred.
+    /// Data of the page; failure classes in their fixed order, those that never occurred included.
     pub(crate) fn page(&self, title: &str, oracle: bool) -> FailurePage {
         let causes = |counts: &BTreeMap<FailureClass, usize>| {
             let count = |class: FailureClass| (class.name().to_owned(), counts.get(&class).copied().unwrap_or(0));

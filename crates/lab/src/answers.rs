@@ -1,4 +1,4 @@
-//! Hostile answers: worst-case time of the answer check, and a fuzzer for it.
+//! Hostile answers of language models: worst-case time of the answer check, and a fuzzer for it.
 
 use genmanip_workspace::documents;
 use genmanip_workspace::task_files;
@@ -18,67 +18,67 @@ use genmanip_workspace::Cause;
 use genmanip_workspace::Progress;
 use genmanip_workspace::text_table;
 
-/// Repetitions of a worst case; the fastest time counts, to exclude other load of the machine.
+/// Repetitions of a worst case; the fastest one counts, to exclude other load of the machine.
 const REPETITIONS: usize = 5;
 
-/// Maximum number of reported failures.
+/// Maximum number of failures in the text summary.
 const SHOWN: usize = 10;
 
-/// Budget of the fuzzer.
+/// Amount of fuzzing: number of texts, or CPU time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Amount {
-    /// Number of texts.
+    /// Number of texts to check.
     Texts(usize),
-    /// CPU time, min.
+    /// CPU time, minutes.
     Minutes(f64),
 }
 
-/// Result of one text.
+/// Check of one text.
 #[derive(Debug, Serialize)]
 pub struct Timed {
     /// Name of the worst case.
     pub name: String,
-    /// Length, bytes.
+    /// Length of the text, bytes.
     pub bytes: usize,
-    /// The verdict.
+    /// Verdict of the answer check on the text.
     pub verdict: &'static str,
     /// CPU time of the check, ms.
     pub cpu_ms: f64,
 }
 
-/// Results of the fuzzer.
+/// Outcomes and cost of fuzzing the answer check.
 #[derive(Debug, Default, Serialize)]
 pub struct Fuzzed {
-    /// Texts checked.
+    /// Number of texts checked.
     pub executions: u64,
-    /// Texts new enough to be mutated further.
+    /// Number of texts with new behaviour, kept in the corpus for further mutation.
     pub kept: usize,
-    /// Total CPU time, s.
+    /// CPU time of all checks, s.
     pub cpu_s: f64,
     /// CPU time of the slowest check, ms.
     pub slowest_ms: f64,
     /// Length of the slowest text, bytes.
     pub slowest_bytes: usize,
-    /// Number of texts by verdict.
+    /// Number of texts by verdict of the check.
     pub verdicts: BTreeMap<&'static str, u64>,
-    /// Texts that caused a panic or a self-contradiction.
+    /// Texts for which the check panicked or gave a contradictory report.
     pub broken: Vec<String>,
 }
 
-/// The measurement.
+/// Results on recorded answers, worst cases and fuzzed texts.
 #[derive(Debug, Serialize)]
 pub struct Measurement {
-    /// Verdicts of the recorded answers.
+    /// Number of recorded answers by verdict.
     pub recorded: BTreeMap<&'static str, usize>,
-    /// Recorded answers with an expected verdict.
+    /// Number of recorded answers with an expected verdict.
     pub expected: usize,
-    /// Those with that verdict.
+    /// Number of recorded answers that got the expected verdict.
     pub as_expected: usize,
     /// Largest CPU time of a worst case, ms.
     pub worst_ms: f64,
-    /// Each worst case.
+    /// Check of each worst case.
     pub worst_cases: Vec<Timed>,
-    /// Results of the fuzzer.
+    /// Outcomes and cost of fuzzing.
     pub fuzzed: Fuzzed,
 }
 
@@ -124,7 +124,8 @@ fn read(answers: &Path) -> Result<Vec<(RecordedAnswer, TaskRequest)>, LabError> 
     Ok(recorded)
 }
 
-/// A valid answer is accepted at once; a flawed one is rejected or repaired for exactly its flaw.
+/// True if a valid answer is accepted unchanged, and a flawed one is rejected or repaired for exactly the expected
+/// flaw.
 fn is_as_expected(wanted: &str, report: &AnswerReport) -> bool {
     if wanted == "valid" {
         return report.verdict == Verdict::Valid;
@@ -165,7 +166,8 @@ fn fuzz(recorded: &[(RecordedAnswer, TaskRequest)], amount: Amount, seed: Seed, 
         let report = catch_unwind(AssertUnwindSafe(|| check_answer(&text, request)));
         let ms = (clock() - start) * 1e3;
         if ms > fuzzed.slowest_ms && report.is_ok() {
-            // A single timing may be an outlier of the machine; the cost of a text is reproducible.
+            // Timed again, since a single timing may be disturbed by other load; the true cost of a text is
+            // reproducible.
             let again = timed("", &text, request).cpu_ms.min(ms);
             if again > fuzzed.slowest_ms {
                 (fuzzed.slowest_ms, fuzzed.slowest_bytes) = (again, text.len());

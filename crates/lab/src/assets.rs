@@ -33,11 +33,11 @@ const PLACE: DVec3 = DVec3::new(0.5, 0.0, 0.0);
 const DROP_M: f64 = 0.0005;
 /// Time that a state must last, simulated s.
 const WATCH_S: f64 = 2.0;
-/// Physics rate, Hz.
+/// Rate of physics steps, Hz.
 const STEPS_HZ: f64 = 480.0;
-/// Maximum drift, mm.
+/// Maximum displacement of an object at rest within [`WATCH_S`], mm.
 const MAX_DRIFT_MM: f64 = 0.1;
-/// Maximum penetration, mm.
+/// Maximum penetration of an object at rest, mm.
 const MAX_PENETRATION_MM: f64 = 1.0;
 /// Grasps tried before an object counts as not held.
 const GRASPS: usize = 8;
@@ -60,19 +60,19 @@ const TIMINGS: usize = 5;
 /// Test results over all objects.
 #[derive(Clone, Debug, Serialize)]
 pub struct Measured {
-    /// Objects generated.
+    /// Number of objects generated or read.
     pub objects: usize,
     /// Objects that could not be made, compiled or brought to rest.
     pub failed: usize,
     /// CPU time of generating them with their textures, s.
     pub build_cpu_s: f64,
-    /// Number of distinct descriptions.
+    /// Number of distinct descriptions among the objects' cards.
     pub distinct_descriptions: usize,
     /// Largest displacement within 2 s after coming to rest, over all stable poses, mm.
     pub drift_mm_max: f64,
     /// Deepest penetration in the stable poses after coming to rest, mm.
     pub penetration_mm_max: f64,
-    /// Graspable rigid objects.
+    /// Number of graspable rigid objects.
     pub can_grasp: usize,
     /// Graspable objects that a grasp held in all three trials of lifting and shaking, with mass and friction varied by
     /// up
@@ -80,7 +80,7 @@ pub struct Measured {
     pub grasp_verified: usize,
     /// Open containers with sufficient depth.
     pub containers: usize,
-    /// Containers in which each of three balls stayed, see [`MIN_DEPTH`].
+    /// Containers in which each of three balls was still below the rim 2 s after its drop.
     pub container_ok: usize,
     /// Named states of articulated objects.
     pub states: usize,
@@ -123,15 +123,15 @@ struct Tried {
     problems: Vec<String>,
 }
 
-/// Source of the objects.
+/// Source of the objects to test.
 pub enum Objects<'a> {
     /// New objects of all families in turn, or of one family.
     New {
-        /// The families.
+        /// Families to choose from.
         families: &'a Families,
         /// The only family to use.
         chosen: Option<&'a str>,
-        /// Number of objects.
+        /// Number of objects to generate.
         count: usize,
     },
     /// Objects of the packs in a folder.

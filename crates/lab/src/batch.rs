@@ -1,7 +1,7 @@
-//! Many concurrent agents against one slow, faulty model server: wall time, and lost answers.
+//! Many concurrent agents with one slow, faulty model server: wall time, and lost answers.
 //!
-//! The server is real HTTP on this machine. It answers with the oracle's answer after a delay and injects faults;
-//! results are marked `oracle`.
+//! The server listens on a local HTTP port. It returns the oracle's answer after a delay, and injects faults; results
+//! are marked `oracle`.
 
 use genmanip_workspace::worlds;
 use std::cell::RefCell;
@@ -26,77 +26,79 @@ use serde_json::{Map, Value};
 use crate::clock::{cpu_clock, forget_peak_memory, peak_memory_mb, process_clock};
 use crate::{LabError, episodes};
 
-/// Timeout of a request, s.
+/// Timeout of a request to the model, s.
 const TIMEOUT_S: f64 = 5.0;
 
-/// Settings of the measurement.
+/// Load and faults of the measurement.
 #[derive(Clone, Debug)]
 pub struct BatchArguments {
-    /// Number of tasks, the pick-and-place kinds in turn.
+    /// Number of tasks; pick-and-place kinds alternate.
     pub count: usize,
-    /// Number of concurrent episodes.
+    /// Maximum number of concurrent episodes.
     pub at_once: usize,
-    /// Number of cores they share.
+    /// Number of cores that the episodes share.
     pub workers: usize,
-    /// Response time of the server, s.
+    /// Delay of the server's answer, s.
     pub latency_s: f64,
-    /// Share of requests with a fault.
+    /// Share of requests with an injected fault, 0 to 1.
     pub faults: f64,
 }
 
-/// Results.
+/// Throughput and losses of the batch.
 #[derive(Serialize)]
 pub struct Measured {
     /// Seed of tasks, layouts, episodes and faults.
     pub seed: u64,
-    /// Episodes.
+    /// Number of episodes that were run.
     pub episodes: usize,
-    /// Success rate; the model is the oracle.
+    /// Success rate, 0 to 1; the answers are the oracle's.
     pub success: f64,
-    /// Episodes without a result because an answer was lost.
+    /// Number of episodes without a result because an answer was lost.
     pub lost: usize,
     /// Wall time from the first to the last episode, s.
     pub wall_s: f64,
-    /// CPU time of all threads, including the server, s.
+    /// CPU time of all threads, those of the server included, s.
     pub cpu_s: f64,
     /// Lower bound of the wall time, s: all CPU time over the cores, or the longest episode alone.
     pub least_s: f64,
-    /// `wall_s / least_s`.
+    /// Wall time over its lower bound, `wall_s / least_s`.
     pub ratio: f64,
     /// CPU time, s, and number of requests of the episode with the largest lower bound.
     pub longest: (f64, usize),
-    /// Requests, including failed ones.
+    /// Number of requests, failed ones included.
     pub requests: usize,
-    /// Failed requests by kind of fault.
+    /// Number of failed requests by kind of fault.
     pub faults: BTreeMap<&'static str, usize>,
-    /// Peak memory, MiB.
+    /// Peak resident memory of the process, MiB; `None` if unknown.
     pub memory_mb: Option<f64>,
 }
 
 thread_local! {
-    /// CPU time of this thread's current episode.
+    /// CPU clock of the episode that runs on this thread.
     static CLOCK: RefCell<Option<Box<dyn FnMut() -> f64>>> = const { RefCell::new(None) };
 }
 
-/// Cost of one episode.
+/// CPU time and requests of one episode.
 #[derive(Clone, Default)]
 struct Taken {
     cpu_s: f64,
     requests: usize,
-    /// Requests by kind of question.
+    /// Number of requests by kind of question.
     of_stages: HashMap<String, u64>,
 }
 
-/// State shared by agents and server, by episode id.
+/// State shared by agents and server.
 #[derive(Default)]
 struct Table {
-    /// Open questions with their oracle, by episode and kind of question: an episode may ask two at once.
+    /// Open questions with the oracle that answers them, by episode and kind of question: an episode may ask two at the
+    /// same
+    /// time.
     asked: HashMap<(String, String), (Question, Arc<Oracle>)>,
     taken: HashMap<String, Taken>,
     faults: BTreeMap<&'static str, usize>,
 }
 
-/// Runs the episodes.
+/// Runs the episodes concurrently.
 ///
 /// # Errors
 /// If an episode raises an error; a failed episode is a result.
@@ -183,7 +185,7 @@ pub fn measure(
     })
 }
 
-/// Fresh tasks with layouts.
+/// Designed tasks with layouts.
 fn lay_out(
     count: usize,
     resources: Resources,
@@ -206,7 +208,7 @@ fn lay_out(
     Ok(cases)
 }
 
-/// Asks over HTTP, and registers the oracle of the question with the server.
+/// Model client that registers each question and its oracle with the server, and then asks over HTTP.
 struct OverHttp {
     id: String,
     oracle: Arc<Oracle>,
@@ -232,11 +234,11 @@ impl VisionModel for OverHttp {
     }
 }
 
-/// Response of the server to a request: usually the oracle's answer after a delay.
+/// The server's response to a request: usually the oracle's answer after the delay, otherwise a fault.
 fn answer(request: &SeenRequest, table: &Mutex<Table>, arguments: &BatchArguments, seed: Seed) -> Behaviour {
     let started = Instant::now();
     let id = request.body.get("user").and_then(Value::as_str).unwrap_or_default().to_owned();
-    // The schema of the answer is named after the kind of question.
+    // The name of the answer's JSON schema identifies the kind of question.
     let stage = request.body.pointer("/response_format/json_schema/name").and_then(Value::as_str).unwrap_or_default();
     let (asked, nth) = {
         let mut table = lock(table);

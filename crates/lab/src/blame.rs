@@ -1,7 +1,7 @@
 //! Test of failure attribution: one error is injected per episode, the analysis labels the failed episodes without
-//! knowing it, and each is repeated with only the blamed answer replaced.
+//! knowing the error, and each is repeated with only the blamed answer replaced.
 //!
-//! Only episodes that succeed without the error count; otherwise the true cause is unknown.
+//! Episodes that fail without the error too are excluded, since their true cause is unknown.
 
 use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
@@ -22,90 +22,93 @@ use serde::Serialize;
 use crate::clock::cpu_clock;
 use crate::{LabError, episodes};
 
-/// Tasks designed at a time.
+/// Number of tasks designed per batch.
 const BATCH: usize = 20;
-/// Maximum number of episodes per wanted failed one.
+/// Maximum number of episodes per wanted failed episode.
 const MAX_PER_FAILURE: usize = 12;
 
-/// Settings of the measurement.
+/// Agent, tasks and errors of the measurement.
 pub struct BlameArguments {
-    /// The agent; its error injection is set here.
+    /// The agent; its error injection is overwritten here.
     pub choice: AgentChoice,
-    /// Kinds of tasks.
+    /// Kinds of tasks to use.
     pub kinds: Vec<TaskKind>,
-    /// Injected errors.
+    /// Classes of the injected errors.
     pub classes: Vec<FailureClass>,
-    /// Failed episodes per class.
+    /// Wanted number of failed episodes per class.
     pub per_class: usize,
     /// Number of episodes without injected errors; failed ones are repeated too.
     pub natural: usize,
 }
 
-/// Results.
+/// Accuracy of the failure attribution.
 #[derive(Serialize)]
 pub struct Measured {
     /// Seed of tasks, layouts and episodes.
     pub seed: u64,
     /// Name of the agent.
     pub agent: String,
-    /// Maximum decompositions, and picks per sub-task: 1 and 1 is open loop.
+    /// Maximum number of decompositions per task, and of picks per sub-task; `[1, 1]` is open loop.
     pub rounds_and_picks: [usize; 2],
-    /// By class of the injected error.
+    /// Results by class of the injected error.
     pub injected: BTreeMap<&'static str, Injected>,
-    /// Correct labels among all episodes that failed because of an injected error.
+    /// Correct labels, among all episodes that failed because of an injected error.
     pub labels_right: Share,
-    /// Failed episodes without an injected error, by label.
+    /// Repetitions of failed episodes without an injected error, by label.
     pub natural: BTreeMap<&'static str, Replaced>,
-    /// Failed ones among the episodes without an injected error.
+    /// Failed episodes, among those without an injected error.
     pub natural_failed: Share,
-    /// CPU time, s.
+    /// CPU time of the measurement, s.
     pub cpu_s: f64,
 }
 
 /// Episodes with an injected error of one class.
 #[derive(Default, Serialize)]
 pub struct Injected {
-    /// Episodes in which the error could be injected.
+    /// Number of episodes in which the error could be injected.
     pub episodes: usize,
-    /// Those that succeeded nevertheless.
+    /// Number of these that succeeded in spite of it.
     pub recovered: usize,
-    /// Those that fail without the error too, and the number labelled with its class; counted nowhere else.
+    /// Episodes that fail without the error as well: `of` is their number, `count` those labelled with the class of the
+    /// error.
+    /// They are counted in no other field.
     pub fail_anyway: Share,
-    /// Remaining failed ones labelled with the class of the error.
+    /// Failed episodes labelled with the class of the error, among those that succeed without it.
     pub labelled: Share,
-    /// Number by label.
+    /// Number of failed episodes by label.
     pub labels: BTreeMap<&'static str, usize>,
-    /// Outcome of replacing the blamed answer.
+    /// Repetitions of the failed episodes with the blamed answer replaced.
     pub replaced: Replaced,
-    /// Evidence of the mislabelled episodes.
+    /// Evidence of the mislabelled episodes, as text.
     pub mislabelled: Vec<String>,
 }
 
-/// Failed episodes repeated with the blamed answer replaced by the oracle's.
+/// Outcomes of failed episodes repeated with the blamed answer replaced by the oracle's.
 #[derive(Default, Serialize)]
 pub struct Replaced {
-    /// Failed episodes.
+    /// Number of failed episodes.
     pub failed: usize,
-    /// Those without a blamed answer, because the manipulation failed.
+    /// Number without a blamed answer, because the manipulation failed.
     pub no_answer: usize,
-    /// Those in which the blamed answer was already the oracle's.
+    /// Number in which the blamed answer already was the oracle's.
     pub same_answer: usize,
-    /// Those that succeed after the replacement.
+    /// Episodes that succeed after the replacement, among those that were repeated.
     pub flips: Share,
-    /// With cells as plain centres: those that succeed when repeated with cells that snap to the surface seen in them.
+    /// For agents that use plain cell centres: episodes that succeed when repeated with cells snapped to the visible
+    /// surface.
     pub snapped: Share,
 }
 
 /// A rate with its interval.
 #[derive(Clone, Copy, Default, Serialize)]
 pub struct Share {
-    /// Successes.
+    /// Number of successes.
     pub count: usize,
-    /// Trials.
+    /// Number of trials.
     pub of: usize,
-    /// Rate; 0 without trials.
+    /// Success rate, 0 to 1; 0 without trials.
     pub share: f64,
-    /// 95 % interval (Wilson).
+    /// 95 % Wilson interval.
     pub interval: [f64; 2],
 }
 
@@ -118,15 +121,17 @@ impl Share {
     }
 }
 
-/// One episode and the outcome of repeating it.
+/// One episode, and its repetition if it failed.
 struct Played {
     /// True if an error was injected.
     is_flawed: bool,
     /// Label, evidence, and outcome of the replacement; `None` for a success.
     failure: Option<(FailureClass, String, Outcome)>,
-    /// True if the episode fails without the error too.
+    /// True if the episode fails without the injected error as well.
     fails_anyway: bool,
-    /// True if a failed episode succeeds with snapping cells, where the agent uses plain centres.
+    /// For an agent with plain cell centres: true if the failed episode succeeds with cells snapped to the surface.
+    /// `None` for
+    /// other agents.
     snapped: Option<bool>,
 }
 
@@ -136,7 +141,7 @@ enum Outcome {
     Replaced { success: bool },
 }
 
-/// Injects errors, class by class, until enough episodes failed of each; one thread.
+/// Injects errors of each class until enough episodes have failed; one thread.
 ///
 /// # Errors
 /// If an episode raises an error, or the model cannot be reached.
@@ -236,12 +241,12 @@ impl Replaced {
     }
 }
 
-/// The agent with one injected error per episode.
+/// The agent with one error of the class injected per episode.
 fn flawed(choice: &AgentChoice, class: FailureClass) -> AgentChoice {
     let mut choice =
         AgentChoice { dials: ErrorInjection { once: Some(class), ..ErrorInjection::default() }, ..choice.clone() };
     if class == FailureClass::PlanMotion {
-        // Only a path over the grid has motion answers.
+        // Only paths over the grid have motion answers.
         choice.settings.path = PathKind::Grid;
     }
     choice
@@ -255,7 +260,7 @@ fn kinds_for(class: FailureClass, kinds: &[TaskKind]) -> Vec<TaskKind> {
     }
 }
 
-/// One episode, labelled, and repeated if it failed; `None` without a layout, or if the model cannot be reached.
+/// One episode with its label, repeated if it failed; `None` without a layout, or if the model cannot be reached.
 fn play(
     choice: &AgentChoice,
     task: &Task,
@@ -294,7 +299,7 @@ fn play(
     let blamed = blamed.ok_or_else(|| LabError::input("a failed episode was not analysed, which is a defect"))?;
     let class = blamed.class.ok_or_else(|| LabError::input("a failed episode has no class, which is a defect"))?;
     let honest = Arc::new(oracle.honest());
-    // The recorded answers cover only the episode as it was.
+    // Recorded answers exist only for the unchanged episode; repetitions need a model that answers anew.
     let then = match &choice.model {
         ModelChoice::Oracle | ModelChoice::Recorded => Arc::clone(&honest) as Arc<dyn VisionModel>,
         ModelChoice::Chat(_) | ModelChoice::Random => model,

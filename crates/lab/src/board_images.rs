@@ -73,7 +73,7 @@ pub struct RenderedSetup {
     pub rotation_deg: Spread,
 }
 
-/// Settings of the measurement.
+/// Number, views and noise of the sets, and output folder.
 pub struct Settings<'a> {
     /// Sets of each mounting and noise.
     pub count: usize,

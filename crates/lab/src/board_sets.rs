@@ -1,4 +1,4 @@
-//! Sets of views with their truth as files, for other programs.
+//! Files of calibration sets with their true poses, as input for other programs.
 
 use std::path::Path;
 
@@ -8,14 +8,15 @@ use genmanip_real::synthetic::Scene;
 use genmanip_workspace::{WorkspaceError, documents};
 use serde::Serialize;
 
-/// True poses of a set.
+/// True poses of a set, the content of `truth.json`.
 #[derive(Serialize)]
 struct Truth<'a> {
     mount_from_camera: &'a Pose,
     base_from_hand: &'a [Pose],
 }
 
-/// Writes `views.json` and `truth.json` into a folder; without the corners for a board that is to be found in images.
+/// Writes `views.json` and `truth.json` into a folder. For a board that is to be detected in images, the views have no
+/// corners.
 ///
 /// # Errors
 /// When a file cannot be written.

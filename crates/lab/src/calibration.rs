@@ -1,33 +1,33 @@
-//! Calibration of scores as probabilities.
+//! Calibration of scores as success probabilities.
 
 use serde::Serialize;
 
 /// Reliability of predicted probabilities: a grasp with score p should hold in a share p of the trials.
 #[derive(Serialize)]
 pub struct Calibration {
-    /// Brier score: mean squared difference of score and outcome.
+    /// Brier score: mean squared difference of score and outcome (0 or 1); lower is better.
     pub brier: f64,
-    /// Brier score of the constant base rate, which is unknown in advance.
+    /// Brier score of always predicting the base rate, for comparison; the base rate is not known in advance.
     pub brier_of_base_rate: f64,
     /// Equal-width bins of the score; empty ones are omitted.
     pub bins: Vec<Bin>,
 }
 
-/// Grasps with scores in one bin.
+/// Grasps whose score lies in one bin.
 #[derive(Serialize, Default)]
 pub struct Bin {
-    /// Lower end of the bin.
+    /// Lower end of the bin; all bins have equal width.
     pub from: f64,
-    /// Number of grasps.
+    /// Number of grasps in the bin.
     pub count: usize,
-    /// Mean score.
+    /// Mean score of these grasps.
     pub mean_score: f64,
-    /// Share that held.
+    /// Share of these grasps that held, 0 to 1.
     pub held: f64,
 }
 
 impl Calibration {
-    /// Calibration of scores with outcomes, in `bin_count` bins.
+    /// Calibration of pairs of score (0 to 1) and outcome, in `bin_count` bins.
     pub fn of(outcomes: &[(f64, bool)], bin_count: usize) -> Self {
         let outcomes: Vec<(f64, f64)> =
             outcomes.iter().map(|&(score, held)| (score, f64::from(u8::from(held)))).collect();

@@ -1,4 +1,4 @@
-//! One measurement per subcommand.
+//! Subcommands of `genmanip-lab`: from arguments to a measurement and its output.
 
 use genmanip_workspace::task_files;
 use genmanip_workspace::workers;
@@ -105,7 +105,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             printer.data(&measured, &environment::describe(&measured));
         }
         LabCommand::Data(arguments) => {
-            // Synthetic episodes use the layouts of a few tasks in turn.
+            // Synthetic episodes reuse the layouts of 24 tasks in turn.
             let count = if arguments.synthetic { 24 } else { arguments.episodes };
             let tasks = task_files::designed_tasks(count, arguments.seed, Catalogue::builtin())?;
             let temporary = std::env::temp_dir().join(format!("genmanip-lab-data-{}", std::process::id()));
@@ -116,7 +116,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
                 false => data::measure(&tasks, seed, folder, printer),
             };
             if arguments.out.is_none() {
-                // Best effort: remains are in the system's temporary folder.
+                // A folder that cannot be removed lies in the system's temporary folder.
                 let _ = std::fs::remove_dir_all(&temporary);
             }
             let measured = measured?;
@@ -169,7 +169,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let folder = arguments.out.as_ref().unwrap_or(&temporary);
             let learned = learn::measure(&learn_arguments(arguments), Seed::new(arguments.seed), folder, printer);
             if arguments.out.is_none() {
-                // Best effort: remains are in the system's temporary folder.
+                // A folder that cannot be removed lies in the system's temporary folder.
                 let _ = std::fs::remove_dir_all(&temporary);
             }
             let measured = learned?;
@@ -274,12 +274,12 @@ fn segment_of(arguments: &args::SegmentArguments, printer: &Printer) -> Result<(
     Ok(())
 }
 
-/// The given tasks, repeated as requested, or designed ones of all kinds.
+/// Writes cards for human readers into `--out`, or compares the answers of readers with the intended ones.
 fn read_cards(arguments: &args::LabReadersArguments, printer: &Printer) -> Result<(), Failed> {
     let about = match (&arguments.suite, &arguments.ends) {
         (Some(suite), _) => readers::About::Starts(suite),
         (None, Some(ends)) => readers::About::Ends(ends, arguments.count),
-        // clap asks for one of them.
+        // Unreachable: clap requires one of them.
         (None, None) => return Err(WorkspaceError::input("neither --suite nor --ends").into()),
     };
     let seed = Seed::new(arguments.seed);

@@ -1,4 +1,4 @@
-//! Tasks of the rule-based designer: validity, variety, quotas, references.
+//! Tasks of the rule-based designer: validity, variety, quotas and references.
 
 use genmanip_core::{ObjectCard, Seed};
 use genmanip_tasks::designer::{self, DesignReport, DesignSettings};
@@ -7,13 +7,13 @@ use crate::LabError;
 use crate::clock::cpu_clock;
 use genmanip_workspace::text_table;
 
-/// Number of flaws in the text summary; the JSON has all.
+/// Maximum number of flaws in the text summary; the JSON has all.
 const SHOWN: usize = 20;
 
 /// Designs `count` tasks about objects, the six kinds in turn, and validates them.
 ///
 /// # Errors
-/// If the designer gives up.
+/// If the designer finds no further task within its limit of draws.
 pub fn measure(cards: &[ObjectCard], count: usize, seed: Seed) -> Result<DesignReport, LabError> {
     designer::measure(cards, count, seed, &DesignSettings::default(), &mut cpu_clock())
         .map_err(|error| LabError::broken("the designer gave up", error))

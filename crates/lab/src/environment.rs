@@ -31,7 +31,7 @@ const IMAGE_SIZE: u32 = 256;
 /// Cost and reproducibility of the environment.
 #[derive(Clone, Debug, Serialize)]
 pub struct Measured {
-    /// Episodes replayed.
+    /// Number of episodes replayed.
     pub episodes: usize,
     /// Control steps per second of CPU time through the environment, which also observes, records and judges.
     pub control_steps_per_s: f64,

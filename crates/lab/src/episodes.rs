@@ -9,16 +9,16 @@ use crate::LabError;
 
 /// Layouts tried per task; a task without a layout gives no episode.
 const LAYOUTS: u64 = 5;
-/// Tasks composed at most for each one about a given relation.
+/// Maximum number of tasks composed per wanted task about a given relation.
 const MAX_SHARE: usize = 200;
 
-/// Fresh tasks of these kinds in turn, with objects of the built-in catalogue.
+/// New designed tasks, the kinds in turn, with objects of the built-in catalogue.
 pub(crate) fn tasks(kinds: &[TaskKind], count: usize, seed: Seed) -> Result<Vec<Task>, LabError> {
     let batch = design_many(kinds, count, Catalogue::builtin().cards(), seed, &DesignSettings::default());
     Ok(batch.map_err(|error| LabError::broken("the designer gave up", error))?.tasks)
 }
 
-/// The first `count` tasks of the series of [`tasks`] whose goal has a condition of this relation.
+/// The first `count` tasks of the same series as [`tasks`] whose goal has a condition of this relation.
 pub(crate) fn tasks_about(
     relation: Relation,
     kinds: &[TaskKind],
@@ -44,7 +44,7 @@ pub(crate) fn tasks_about(
     Ok(about)
 }
 
-/// Relations of the conditions of all alternatives of a goal, each once.
+/// Relations of the conditions in all alternatives of a goal, without duplicates.
 pub(crate) fn goal_relations(task: &Task) -> Vec<Relation> {
     let is_asked = |relation: &Relation| {
         let mut atoms = task.goal.alternatives.iter().flatten();
@@ -53,7 +53,7 @@ pub(crate) fn goal_relations(task: &Task) -> Vec<Relation> {
     Relation::ALL.into_iter().filter(is_asked).collect()
 }
 
-/// The first attempt at a task with a layout, with its scenario; `None` if there is none.
+/// First of up to [`LAYOUTS`] attempts at a task that has a layout, with its scenario; `None` if none has.
 pub(crate) fn laid_out<'a>(
     task: &'a Task,
     resources: Resources,

@@ -1,4 +1,4 @@
-//! The expert: attempts on fresh layouts until one is verified; nothing is stored.
+//! Yield of the expert: attempts at each task on new layouts until one is verified; nothing is stored.
 
 use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
@@ -13,9 +13,9 @@ use crate::clock::{cpu_clock, peak_memory_mb};
 use genmanip_workspace::Progress;
 use genmanip_workspace::text_table;
 
-/// Failed attempts with evidence kept, per cause and kind; the counts include all.
+/// Maximum number of failed attempts whose evidence is kept, per cause and kind of task; the counts include all.
 const SAMPLES: usize = 5;
-/// Maximum stray contact force, N.
+/// Stray contact force above which an attempt is listed, N.
 const STRAY_BAR_N: f64 = 5.0;
 
 /// Yield of the expert, per kind of task and in total.
@@ -23,55 +23,55 @@ const STRAY_BAR_N: f64 = 5.0;
 pub struct Measured {
     /// Seed of layouts and attempts.
     pub seed: u64,
-    /// Choices of the expert.
+    /// Style of the expert, see `genmanip collect --expert`.
     pub expert: ExpertStyle,
-    /// Attempts at a task before it counts as unsolved.
+    /// Maximum number of attempts at a task before it counts as unsolved.
     pub tries_per_task: u64,
-    /// All tasks.
+    /// Yield over all tasks.
     pub total: Yield,
-    /// By kind of task.
+    /// Yield by kind of task.
     pub kinds: BTreeMap<&'static str, Yield>,
-    /// Peak memory, MiB; null if unknown.
+    /// Peak resident memory of the process, MiB; `None` if unknown.
     pub peak_memory_mb: Option<f64>,
 }
 
-/// Attempts at some tasks: each task is tried until an attempt is verified or its tries are used up.
+/// Yield of attempts at a group of tasks; each task is tried until an attempt is verified or its tries are used up.
 #[derive(Default, Serialize)]
 pub struct Yield {
-    /// Number of attempts.
+    /// Number of attempts at these tasks.
     pub attempts: usize,
-    /// Verified attempts.
+    /// Number of verified attempts at these tasks.
     pub verified: usize,
-    /// Number of tasks.
+    /// Number of tasks tried.
     pub tasks: usize,
-    /// Tasks with a verified attempt.
+    /// Number of tasks with a verified attempt.
     pub tasks_solved: usize,
-    /// Verified demonstrations per core-hour, including layout and planning.
+    /// Verified demonstrations per core-hour of CPU time, layout and planning included.
     pub demos_per_core_hour: f64,
-    /// Failed attempts by cause.
+    /// Number of failed attempts by cause.
     pub causes: BTreeMap<&'static str, usize>,
     /// CPU time of all attempts, s.
     pub cpu_s: f64,
-    /// Largest stray contact force, N.
+    /// Largest stray contact force of any attempt, N.
     pub worst_stray_contact_n: f64,
-    /// Attempts with a stray contact above 5 N.
+    /// Number of attempts with a stray contact force above 5 N.
     pub episodes_above_5_n: usize,
-    /// Those whose only such contact was with the object being released.
+    /// Number of these whose only stray contact above 5 N was with the object being released.
     pub above_5_n_letting_go: usize,
-    /// Partners of these contacts, largest force first.
+    /// Attempts with a stray contact force above 5 N, largest force first.
     pub stray_contacts: Vec<Stray>,
     /// Evidence of the first failed attempts of each cause.
     pub evidence: BTreeMap<&'static str, Vec<String>>,
 }
 
-/// An episode with a stray contact above the limit.
+/// An attempt with a stray contact force above 5 N.
 #[derive(Clone, Serialize)]
 pub struct Stray {
     /// Id of the attempt.
     pub episode: String,
     /// Largest stray contact force, N.
     pub force_n: f64,
-    /// Partners and time of the contact.
+    /// Bodies and time of the contact; `None` if unknown.
     #[serde(flatten)]
     pub contact: Option<StrayContact>,
 }
@@ -115,7 +115,7 @@ pub fn measure(
     })
 }
 
-/// All attempts at a task up to the first verified one.
+/// Attempts at a task, up to the first verified one.
 fn solve(
     task: &Task,
     tries: u64,

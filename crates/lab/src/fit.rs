@@ -25,7 +25,7 @@ const BINS: usize = 5;
 pub struct Report {
     /// Number of trials that the weights were fitted to.
     pub trials: usize,
-    /// The new weights.
+    /// Fitted weights, rounded to two decimals.
     pub weights: Weights,
     /// Reliability of the new weights on their training trials.
     pub fitted: Reliability,
@@ -38,7 +38,7 @@ pub struct Report {
 /// Reliability of predicted probabilities of success.
 #[derive(Serialize)]
 pub struct Reliability {
-    /// Number of trials.
+    /// Number of trials that the predictions are compared with.
     pub trials: usize,
     /// Share of trials whose grasp held.
     pub held: f64,

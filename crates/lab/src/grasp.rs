@@ -21,70 +21,70 @@ use crate::calibration::Calibration;
 use crate::clock::cpu_clock;
 use crate::quantile::quantile;
 
-/// Bins of the reliability diagram.
+/// Number of bins of the reliability diagram.
 const BINS: usize = 10;
 
-/// Settings of the trials.
+/// Clouds, objects and selection rule of the trials.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GraspArguments {
-    /// Source of the target's cloud.
+    /// Source of the target's point cloud.
     pub view: TrialView,
-    /// Selection of the candidate.
+    /// Rule that selects the executed candidate.
     pub pick: CandidateChoice,
-    /// Classes of objects.
+    /// Classes of objects to try.
     pub classes: Vec<TrialClass>,
-    /// Trials per class.
+    /// Number of trials per class.
     pub count: u64,
-    /// File for one line of JSON per trial.
+    /// File to write one line of JSON per trial to; `None` for no file.
     pub out: Option<PathBuf>,
 }
 
-/// Results of the trials.
+/// Success, calibration and cost of the grasps.
 #[derive(Serialize)]
 pub struct Report {
     /// Seed of objects, views and noise.
     pub seed: u64,
-    /// Source of the target's cloud.
+    /// Source of the target's point cloud.
     pub view: TrialView,
-    /// Selection of the candidate.
+    /// Rule that selected the executed candidate.
     pub pick: CandidateChoice,
-    /// By class of objects.
+    /// Totals by class of objects.
     pub classes: BTreeMap<TrialClass, Tally>,
-    /// CPU time of the sampler; of a detector behind a service without that service.
+    /// CPU time of sampling grasps; for a detector behind a service, without the service.
     pub cpu_ms: CpuTimes,
-    /// Calibration of the scores.
+    /// Calibration of the scores as success probabilities.
     pub calibration: Calibration,
     /// Number of failed trials by outcome.
     pub failures: BTreeMap<TrialEnding, usize>,
-    /// CPU time of everything, including physics, s.
+    /// CPU time of the measurement, physics included, s.
     pub cpu_s: f64,
 }
 
-/// Totals of one class.
+/// Totals over the trials of one class.
 #[derive(Serialize, Default)]
 pub struct Tally {
-    /// Number of distinct objects.
+    /// Number of distinct objects tried.
     pub objects: usize,
-    /// Number of trials.
+    /// Number of grasp trials of the class.
     pub attempts: usize,
-    /// Trials with a candidate.
+    /// Number of trials with a candidate.
     pub proposed: usize,
-    /// Trials that held.
+    /// Number of trials whose grasp held.
     pub held: usize,
-    /// Share of the trials that held.
+    /// Share of all trials whose grasp held, 0 to 1.
     pub share: f64,
-    /// Failed trials by outcome.
+    /// Number of failed trials by outcome.
     pub failures: BTreeMap<TrialEnding, usize>,
-    /// Names of objects that were not held, with counts.
+    /// Names of the objects that were not held, with the number of their failed trials.
     pub missed: BTreeMap<String, usize>,
 }
 
-/// CPU time of the sampler alone.
+/// CPU time of sampling grasps for one cloud.
 #[derive(Serialize)]
 pub struct CpuTimes {
-    /// Median, ms.
+    /// Median CPU time per cloud, ms.
     pub median: f64,
-    /// 95th percentile, ms.
+    /// 95th percentile of the CPU time per cloud, ms.
     pub p95: f64,
     /// Median number of points of a cloud.
     pub points: usize,
@@ -145,10 +145,10 @@ pub fn measure(
     Ok(report(seed.value(), view, pick, &done, clock()))
 }
 
-/// A view, selection or class by name.
+/// A value of the command line by name: view, selection rule or class.
 ///
 /// # Errors
-/// If there is none of that name.
+/// If no value has this name.
 pub fn named<T: serde::de::DeserializeOwned>(name: &str) -> Result<T, LabError> {
     serde_json::from_value(name.into())
         .map_err(|error| LabError::input(format!("`{name}` is not a valid choice")).because(error))

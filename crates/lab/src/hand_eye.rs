@@ -1,4 +1,4 @@
-//! Calibrations of random setups with known truth: errors, refusals, coverage of the stated uncertainty.
+//! Hand-eye calibration of random setups with known truth: errors, refusals, and coverage of the stated uncertainty.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,55 +14,56 @@ use crate::board_sets;
 use crate::clock::cpu_clock;
 use crate::quantile::Spread;
 
-/// Fewest and most views of a set.
+/// Minimum and maximum number of views of a set.
 const VIEWS: [usize; 2] = [15, 20];
-/// Noise of images and robot: sharp images and an exact robot; a camera of a D435 and an arm of 0.1 mm and 0.05 degrees.
+/// Noise of images and robot: sharp images and an exact robot; or a D435's images and an arm with errors of 0.1 mm and
+/// 0.05 degrees.
 const NOISES: [(&str, Noise); 2] = [
     ("clean", Noise { corner_px: 0.1, hand_m: 0.0, hand_rad: 0.0 }),
     ("noisy", Noise { corner_px: 0.3, hand_m: 1e-4, hand_rad: 0.05 * std::f64::consts::PI / 180.0 }),
 ];
-/// Standard deviations that an interval of 95 % extends to each side.
+/// Quantile of the normal distribution for a two-sided 95 % interval.
 const Z: f64 = 1.959_963_984_540_054;
 
-/// Results.
+/// Accuracy of the calibration and detection of degenerate sets.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// Sound sets, by mounting and noise.
+    /// Results on sound sets, by mounting and noise.
     pub setups: Vec<SetupReport>,
-    /// Degenerate sets by kind: refused and all.
+    /// Degenerate sets by kind: number refused, and number of all.
     pub degenerate: BTreeMap<Degeneracy, [usize; 2]>,
-    /// Sets from rendered images.
+    /// Results on sets from rendered images; `None` unless requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rendered: Option<RenderedReport>,
-    /// CPU time, s.
+    /// CPU time of the measurement, s.
     pub cpu_s: f64,
 }
 
 /// Results of one mounting and noise.
 #[derive(Clone, Debug, Serialize)]
 pub struct SetupReport {
-    /// Place of the camera.
+    /// Mounting of the camera, by name: on the hand or fixed in the world.
     pub mounting: &'static str,
-    /// Noise.
+    /// Noise of images and robot, by name.
     pub noise: &'static str,
-    /// Sets.
+    /// Number of calibrated sets.
     pub sets: usize,
-    /// Refused ones, with their reasons.
+    /// Reasons of refused calibrations, one per refused set.
     pub refused: Vec<String>,
-    /// Position error of points on the table seen through the result, m.
+    /// Position error of points on the table located with the calibrated camera, m.
     pub table_m: Spread,
-    /// Error of the camera's position, m.
+    /// Error of the camera's position on its mount, m.
     pub position_m: Spread,
-    /// Error of its orientation, degrees.
+    /// Error of the camera's orientation on its mount, degrees.
     pub rotation_deg: Spread,
-    /// Reprojection error of views held out, px.
+    /// Reprojection error in held-out views, px.
     pub held_out_px: Spread,
-    /// Share of coordinates of the position whose stated 95 % interval holds the truth.
+    /// Share of position coordinates whose stated 95 % interval contains the truth, 0 to 1; 0.95 is ideal.
     pub coverage: f64,
 }
 
-/// Calibrates `count` random sets of each mounting and noise, and as many degenerate ones of all kinds together; and
-/// `rendered` sets of each from rendered images. Sound sets are written into a folder.
+/// Calibrates `count` random sets of each mounting and noise, `count` degenerate sets distributed over all kinds, and
+/// `rendered` sets of each mounting and noise from rendered images. Sound sets are also written to `folder`, if given.
 ///
 /// # Errors
 /// When an image cannot be rendered or written.

@@ -25,7 +25,7 @@ const PHASES: [&str; 6] = ["preparing", "placing", "settling", "judging", "reach
 pub struct Measured {
     /// Seed of the layouts.
     pub seed: u64,
-    /// Number of tasks.
+    /// Number of tasks that were laid out or refused.
     pub tasks: usize,
     /// Number of tasks with a layout.
     pub laid_out: usize,
@@ -62,22 +62,22 @@ pub struct Measured {
 /// Median, mean, 95th percentile and maximum.
 #[derive(Clone, Copy, Default, Serialize)]
 pub struct Spread {
-    /// Median.
+    /// Median of the values.
     pub median: f64,
-    /// Mean.
+    /// Mean of the values.
     pub mean: f64,
-    /// 95th percentile.
+    /// 95th percentile of the values.
     pub p95: f64,
-    /// Maximum.
+    /// Maximum of the values.
     pub worst: f64,
 }
 
-/// A slow task.
+/// A task among the slowest.
 #[derive(Serialize)]
 pub struct Slow {
     /// Id of the task.
     pub task: String,
-    /// CPU time, ms.
+    /// CPU time of laying the task out, ms.
     pub cpu_ms: f64,
 }
 

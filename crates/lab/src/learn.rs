@@ -1,5 +1,6 @@
-//! Learned policies from nothing: demonstrations of a distribution of genmanip-learn-10 are collected, a policy is trained
-//! and evaluated on unseen layouts.
+//! Learned policies from scratch: demonstrations of a distribution of genmanip-learn-10 are collected, a policy is
+//! trained
+//! on them, and evaluated on unseen layouts.
 
 use std::fs;
 use std::path::Path;
@@ -25,62 +26,62 @@ use crate::clock::process_clock;
 /// Settings of [`measure`].
 #[derive(Clone, Debug)]
 pub struct LearnArguments {
-    /// Distribution of the suite.
+    /// Name of the distribution in the suite.
     pub distribution: String,
-    /// Inputs and sizes.
+    /// Preset of inputs and network size.
     pub preset: Preset,
-    /// Number of demonstrations.
+    /// Number of verified demonstrations to collect.
     pub demos: usize,
-    /// Number of steps or time of the training.
+    /// Length of training: number of steps, or time.
     pub length: Length,
-    /// Simulator labels in training, where the inputs hold no simulator truth.
+    /// True for an auxiliary loss on simulator labels; only for presets whose inputs contain no simulator truth.
     pub labels: bool,
-    /// Number of unseen layouts.
+    /// Number of unseen layouts to evaluate on.
     pub layouts: usize,
-    /// Cores that are used.
+    /// Number of cores to use.
     pub workers: usize,
 }
 
-/// Results.
+/// Cost and success of the learned policy.
 #[derive(Clone, Debug, Serialize)]
 pub struct Measured {
-    /// Number of demonstrations.
+    /// Number of demonstrations trained on.
     pub demos: usize,
-    /// Number of samples seen in training.
+    /// Number of samples processed in training, repetitions included.
     pub samples: u64,
-    /// CPU time of collecting, s.
+    /// CPU time of collecting the demonstrations, s.
     pub cpu_s_collect: f64,
-    /// CPU time of training, reading the demonstrations included, s.
+    /// CPU time of training, including reading the demonstrations, s.
     pub cpu_s_train: f64,
     /// Wall-clock time of everything, evaluation included, s.
     pub wall_s: f64,
-    /// Number of parameters.
+    /// Number of trainable scalars of the network.
     pub parameters: usize,
-    /// Share of unseen layouts solved at the end.
+    /// Success rate at the end of the episode on unseen layouts, 0 to 1.
     pub success: f64,
-    /// Lower end of its 95 % interval.
+    /// Lower end of the success rate's 95 % interval.
     pub low: f64,
-    /// Upper end.
+    /// Upper end of the success rate's 95 % interval.
     pub high: f64,
-    /// L1 error of normalised actions on training samples.
+    /// Mean L1 error of normalised actions on training samples after the last step.
     pub final_l1: f64,
-    /// True if a short training that is stopped and continued gives the tensors of one that is not.
+    /// True if a short training run that is interrupted and resumed gives the same weights as an uninterrupted one.
     pub resumed_identical: bool,
-    /// Share of training layouts that recorded rows solve as a learned policy's output.
+    /// Success rate on training layouts when the recorded rows are executed like predictions of a learned policy.
     pub replay_success: f64,
 }
 
 /// Suite of the demonstrations and of the unseen layouts.
 const SUITE: &str = "genmanip-learn-10";
-/// Demonstrations that are replayed.
+/// Maximum number of demonstrations that are replayed.
 const REPLAYED: usize = 60;
-/// Steps of the short training that is stopped and continued.
+/// Steps of the short training run that is interrupted and resumed.
 const SHORT: u64 = 60;
 
-/// Measures one distribution in a new folder; the seed is that of the training.
+/// Collects, trains and evaluates in a new folder; `seed` is that of training.
 ///
 /// # Errors
-/// When a stage fails, or the distribution has fewer layouts.
+/// When a stage fails, or the distribution has fewer layouts than requested.
 pub fn measure(
     arguments: &LearnArguments,
     seed: Seed,
@@ -93,7 +94,7 @@ pub fn measure(
     let suite = Distributions::open(&place)?;
     let test =
         SplitChoice { split: Split::Familiar, distribution: Some(distribution.clone()), first: Some(layouts as u64) };
-    // A test that is not possible is refused before anything is collected.
+    // Fails before anything is collected if the split has too few layouts.
     suite.draw(&test)?;
     fs::create_dir(folder).map_err(|error| LabError::file("create", folder, error))?;
     let mut clock = process_clock();
@@ -135,7 +136,7 @@ pub fn measure(
     })
 }
 
-/// True if a short training that is stopped half-way and continued gives the tensors of one in one go.
+/// True if a short training run, interrupted half-way and resumed, gives the same weights as an uninterrupted one.
 fn resumed_identical(
     training: &impl Fn(&str, Length) -> TrainOptions,
     progress: &dyn Progress,
@@ -151,11 +152,11 @@ fn resumed_identical(
     Ok(was_stopped && second.tensors_sha256 == whole.tensors_sha256)
 }
 
-/// Stops a training after a number of steps.
+/// Progress that interrupts training after a number of steps.
 struct StopAfter<'a> {
     inner: &'a dyn Progress,
     steps: u64,
-    /// Steps that are finished; `None` before the training, since reading the demonstrations counts units of its own.
+    /// Number of finished steps; `None` before training, since reading the demonstrations reports units of its own.
     seen: Mutex<Option<u64>>,
     stop: AtomicBool,
 }
@@ -188,7 +189,7 @@ impl Progress for StopAfter<'_> {
     }
 }
 
-/// Success of the policy on layouts of the split `familiar`.
+/// Success rate of the policy on layouts of the split `familiar`.
 fn evaluated(
     policy: &Path,
     (suite, choice): (&Distributions, &SplitChoice),

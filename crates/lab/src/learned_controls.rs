@@ -1,4 +1,4 @@
-//! Controls of a learned policy: success with one thing changed, in pairs with the policy on the same unseen layouts.
+//! Controls of a learned policy: success with one thing changed, compared with the policy on the same unseen layouts.
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -16,46 +16,46 @@ use crate::LabError;
 /// Settings of [`measure`].
 #[derive(Clone, Debug)]
 pub struct ControlArguments {
-    /// Folder of the policy.
+    /// Folder of the learned policy.
     pub policy: PathBuf,
-    /// Run that it was trained on.
+    /// Run that the policy was trained on.
     pub run: PathBuf,
-    /// Suite of task distributions.
+    /// Folder of a suite of task distributions, with the unseen layouts.
     pub suite: PathBuf,
-    /// Name of the only distribution; `None` for all.
+    /// Name of the only distribution to use; `None` for all.
     pub distribution: Option<String>,
     /// Number of unseen layouts of each distribution.
     pub layouts: usize,
-    /// Names of the controls; all if empty.
+    /// Names of the controls to evaluate; all if empty.
     pub only: Vec<String>,
-    /// Cores that are used.
+    /// Number of cores to use.
     pub workers: usize,
 }
 
-/// Results.
+/// Success of the policy and of its controls.
 #[derive(Clone, Debug, Serialize)]
 pub struct Measured {
-    /// Success of the policy.
+    /// Success rate of the unchanged policy.
     pub learned: Rate,
-    /// Its controls.
+    /// Results of the controls.
     pub controls: Vec<Control>,
 }
 
 /// Result of one control.
 #[derive(Clone, Debug, Serialize)]
 pub struct Control {
-    /// Its name.
+    /// Name of the control.
     pub control: String,
-    /// Its success.
+    /// Success rate of the control.
     pub success: Rate,
-    /// The policy against it, in pairs.
+    /// Paired comparison of the policy (first) with the control (second).
     pub comparison: PairedComparison,
 }
 
 /// Evaluates a policy and its [`controls`] on layouts of the split `familiar`.
 ///
 /// # Errors
-/// When policy, run or suite cannot be read, a control is unknown, or an episode broke.
+/// When policy, run or suite cannot be read, a control is unknown, or an episode raises an error.
 pub fn measure(arguments: &ControlArguments, progress: &dyn Progress) -> Result<Measured, LabError> {
     let ControlArguments { policy, run, suite, distribution, layouts, only, workers } = arguments;
     let (stop, settings) = (AtomicBool::new(false), StatisticsSettings::default());

@@ -1,4 +1,5 @@
-//! Cards for readers who see only an image and a sentence, and agreement of their answers with the intended meaning.
+//! Cards for human readers who see only an image and a sentence, and agreement of their answers with the intended
+//! meaning.
 //!
 //! A card is an image of an initial scene with numbered objects, or of an initial scene with the final one below it.
 //! Cards are shuffled and numbered, so that neither name nor order reveals anything. Readers write a JSON file as
@@ -53,24 +54,24 @@ directions: front means farther from the robot. Answer {\"id\": \"000\", \"done\
 /// Input of a reader: `questions.json` beside the images.
 #[derive(Clone, Debug, Serialize)]
 pub struct Questions {
-    /// The question on every card and the format of its answer.
+    /// The question that is on every card, and the JSON format of its answer.
     pub question: &'static str,
-    /// The cards.
+    /// Cards in their shuffled order.
     pub cards: Vec<Card>,
 }
 
-/// A card.
+/// A card: an image with a sentence.
 #[derive(Clone, Debug, Serialize)]
 pub struct Card {
-    /// Its number.
+    /// Number of the card, which its image file is named after.
     pub id: String,
-    /// Instruction.
+    /// Instruction, the sentence on the card.
     pub sentence: String,
     /// File name of its image.
     pub picture: String,
 }
 
-/// The answers of a reader.
+/// Answers file of one reader.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Answers {
@@ -94,25 +95,25 @@ struct Move {
     place: BTreeSet<usize>,
 }
 
-/// Agreement of readers.
+/// Agreement of readers with the intended meaning or the judge.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// Number of cards.
     pub cards: usize,
     /// Agreement of each reader with the intended meaning or the judge.
     pub readers: Vec<Reader>,
-    /// Agreement of all readers together.
+    /// Agreement of the answers of all readers pooled.
     pub agree: Rate,
 }
 
-/// One reader.
+/// Agreement of one reader.
 #[derive(Clone, Debug, Serialize)]
 pub struct Reader {
     /// File of the answers.
     pub file: PathBuf,
-    /// Rate of answers that agree; a card without an answer counts as wrong.
+    /// Share of cards whose answer agrees; a card without an answer counts as wrong.
     pub agree: Rate,
-    /// By kind of task.
+    /// The same share by kind of task.
     pub kinds: BTreeMap<String, Rate>,
     /// Answers that do not agree.
     pub differ: Vec<Difference>,
@@ -123,22 +124,22 @@ pub struct Reader {
 pub struct Difference {
     /// Number of the card.
     pub card: String,
-    /// Id of the scenario or episode.
+    /// Path of the scenario, or id of the episode.
     pub of: String,
-    /// Instruction.
+    /// Instruction on the card.
     pub sentence: String,
-    /// Answer of the reader.
+    /// Answer of the reader, as text.
     pub answered: String,
     /// Intended meaning, or verdict of the judge.
     pub meant: String,
 }
 
-/// Subject of the cards.
+/// Source of the cards.
 #[derive(Clone, Copy, Debug)]
 pub enum About<'a> {
     /// Initial scenes of a suite's scenarios.
     Starts(&'a Path),
-    /// A number of kept episodes of an evaluation, half of them successes if possible.
+    /// This number of kept episodes of the evaluation in a folder, half of them successes if there are enough.
     Ends(&'a Path, usize),
 }
 
@@ -179,7 +180,7 @@ pub fn write(about: About, seed: Seed, out: &Path, progress: &dyn Progress) -> R
     Ok(questions)
 }
 
-/// Compares answers with the correct ones; seed and subject are those of the cards.
+/// Compares answers with the correct ones; `about` and `seed` must be those that the cards were written with.
 ///
 /// # Errors
 /// If the answers or the subjects of the cards cannot be read.
@@ -336,7 +337,7 @@ fn key(subject: &Subject) -> Result<Key, LabError> {
     Ok(Key { kind: kind.name().into(), of, sentence: instruction, right })
 }
 
-/// All ways to fulfil a task, as moves of numbered objects.
+/// All ways to fulfil a task, each the set of moves of objects by their numbers on the card.
 fn ways(scenario: &Scenario) -> Vec<BTreeSet<Move>> {
     let number = |id: &str| scenario.objects.iter().position(|placed| placed.id == id).map_or(0, |index| index + 1);
     let moved = |atom: &Atom| match atom {
@@ -361,7 +362,7 @@ fn listed(moves: &BTreeSet<Move>) -> String {
     moves.iter().map(one).collect::<Vec<_>>().join(", ")
 }
 
-/// Image and sentence of a card.
+/// Annotated image and sentence of a card.
 fn draw(subject: &Subject) -> Result<(RgbImage, String), LabError> {
     match subject {
         Subject::Start(path) => {
@@ -384,7 +385,7 @@ fn draw(subject: &Subject) -> Result<(RgbImage, String), LabError> {
     }
 }
 
-/// Joint positions, gripper width, objects.
+/// Joint positions of the arm, gripper width (m), and states of the objects.
 type Moment = (Vec<f64>, f64, Vec<ObjectState>);
 
 fn start(stage: &Stage) -> Moment {
@@ -398,7 +399,7 @@ fn start(stage: &Stage) -> Moment {
     (stage.robot.home.clone(), stage.robot.gripper.max_width, objects)
 }
 
-/// Camera image with numbered objects and arrows of the robot's directions.
+/// Camera image with the objects' numbers and arrows for the directions as seen from the robot.
 fn view(stage: &Stage, camera: &str, moment: &Moment) -> Result<RgbImage, LabError> {
     let (arm, width, objects) = moment;
     let channels = ImageChannels { rgb: true, depth: true, ids: true, ..ImageChannels::default() };
@@ -424,7 +425,7 @@ fn marked(image: &RgbdImage, masks: &[Mask]) -> Result<RgbImage, LabError> {
     let plain = RgbImage::new(image.width(), image.height(), image.rgb.clone())
         .ok_or_else(|| LabError::input("a view without pixels"))?;
     let mut picture = marks::masks(&plain, masks);
-    // The table top is at z = 0.
+    // 0.0: height of the arrows; the table top is at z = 0.
     marks::arrows(&mut picture, image, 0.0);
     Ok(picture)
 }

@@ -1,4 +1,4 @@
-//! Verdicts of a profile on recorded point clouds, compared with recorded verdicts.
+//! Verdicts of a relation profile on recorded point clouds, compared with recorded verdicts.
 
 use std::path::Path;
 
@@ -10,11 +10,11 @@ use crate::clock::cpu_clock;
 use genmanip_core::limits;
 use genmanip_workspace::documents;
 
-/// Number of disagreements in the text summary; the JSON has all.
+/// Maximum number of disagreements in the text summary; the JSON has all.
 const SHOWN: usize = 20;
 
-/// Judges the recorded cases of a file with clouds in the `.npz` beside it, by profile genmanip-0.9, suite-0.2.3 or
-/// `seed`, this project's own relations.
+/// Judges recorded cases, whose clouds are in the `.npz` archive beside the file, with a profile: `genmanip-0.9`,
+/// `suite-0.2.3`, or `seed` for the relations of this project.
 ///
 /// # Errors
 /// If the profile does not exist, or the files cannot be read or are invalid.

@@ -1,7 +1,7 @@
-//! Cost of rendering: an episode over a crowded table, seen by the two data cameras.
+//! Cost of rendering an episode over a crowded table, seen by the two data cameras.
 //!
-//! The arm moves as in an episode, pauses included, and carries one of the objects; no physics runs, and resting
-//! objects move by a nanometre as they do in a simulation.
+//! The arm moves as in an episode, pauses included, and carries an object. No physics runs, but resting objects move by
+//! about a nanometre per frame, as they do in a simulation.
 
 mod baselines;
 mod flip;
@@ -27,51 +27,52 @@ use genmanip_workspace::text_table;
 pub use baselines::{Baselines, measure as measure_baselines};
 pub use judge::{Flip, judge};
 
-/// Objects on the table, four rows of four, each with a texture.
+/// Number of objects on the table, in four rows of four, each with a texture.
 const OBJECTS: usize = 16;
-/// Maximum side of an object seen from above, m; objects on the grid do not touch.
+/// Maximum side of an object seen from above, m, so that objects on the grid do not touch.
 const MAX_SIDE_M: f64 = 0.12;
-/// Frames between two waypoints, and of a pause while the fingers close or open: about 5 s at 15 Hz.
+/// Number of frames between two waypoints, and of a pause while the fingers close or open: about 5 s in all at 15 Hz.
 const MOVE: usize = 12;
 const PAUSE: usize = 5;
-/// Image sizes, px.
+/// Width and height of the rendered images, px.
 const SIZES: [[u32; 2]; 3] = [[512, 288], [1280, 720], [64, 64]];
-/// Colour, depth and ids.
+/// Rendered channels: colour, depth and ids.
 const CHANNELS: Channels = Channels { rgb: true, depth: true, instance: true, normal: false, parts: false };
 
-/// Results; CPU time of one thread in ms, medians over the frames of the episode.
+/// Cost of rendering: CPU times of one thread, medians over the frames of the episode.
 #[derive(Debug, Serialize)]
 pub struct Report {
-    /// Triangles of the scene at full resolution.
+    /// Number of triangles of the scene at full resolution.
     pub triangles: usize,
-    /// By image size.
+    /// CPU times by image size.
     pub sizes: BTreeMap<String, Cost>,
-    /// Depth and ids without colour at the first size, static camera.
+    /// CPU time of depth and ids without colour, for the static camera at the first size, ms.
     pub geometry_ms: f64,
-    /// Moments per second at the first size, each rendered by both cameras.
+    /// Frames of the episode per second of CPU time at the first size, each rendered by both cameras.
     pub episode_frames_per_s: f64,
     /// Share of the static camera's pixels reused from the previous frame, at the first size.
     pub reuse_share: f64,
     /// True if every image has the bytes of one rendered from scratch.
     pub identical_with_reuse: bool,
-    /// Other renderers on a more crowded table, if requested.
+    /// Comparison with other renderers on a more crowded table; `None` unless requested.
     pub vs: Option<Baselines>,
-    /// FLIP to path-traced images, if requested.
+    /// Difference from path-traced images; `None` unless requested.
     pub flip: Option<Flip>,
 }
 
 /// CPU time per image of one size, ms.
 #[derive(Debug, Serialize)]
 pub struct Cost {
-    /// Static camera, reusing its previous frame; it is rendered first and computes the shadows.
+    /// Static camera, reusing the cache of its previous frame. It is rendered first, so its time includes the shadow
+    /// map.
     pub ms_static: f64,
-    /// Wrist camera, rendered second with the same shadows.
+    /// Wrist camera, rendered second with the same shadow map.
     pub ms_wrist: f64,
-    /// First image of the static camera, with nothing to reuse.
+    /// First image of the static camera, without a cached frame.
     pub ms_first_frame: f64,
 }
 
-/// Renders the episode at all sizes.
+/// Renders the episode at all sizes, and measures the cost.
 ///
 /// # Errors
 /// If the catalogue has too few textured objects, or rendering fails.
@@ -126,7 +127,7 @@ fn draw(
 ) -> Result<Drawn, LabError> {
     let mut renderer = Renderer::new(Arc::clone(assets), RenderVariation::default());
     let mut judge = Renderer::new(Arc::clone(assets), RenderVariation::default());
-    // Textures are prepared on first use, once per process; this is not part of an image's cost.
+    // Textures are prepared on first use, once per process, so the first image is not timed.
     let mut out = [FrameBuffers::default()];
     for camera in cameras {
         judge.render(&[ViewJob::new(&frames[0], camera, CHANNELS)], &mut out).map_err(render_failed)?;
@@ -144,7 +145,7 @@ fn draw(
             }
         }
     }
-    // Not timed: a second renderer would evict the caches of the first.
+    // Compared in a run without timing, since a second renderer would evict the caches of the first.
     let is_identical = !compare || is_identical(&mut renderer, &mut judge, frames, cameras)?;
     let total_ms = times_ms.iter().flatten().sum();
     let first = times_ms[0].remove(0);
@@ -159,7 +160,7 @@ fn draw(
     })
 }
 
-/// True if the images of an episode have the bytes of those that a reference renderer makes from scratch.
+/// True if the images of an episode have the same bytes as those that another renderer makes without reuse.
 fn is_identical(
     renderer: &mut Renderer,
     judge: &mut Renderer,
@@ -207,10 +208,10 @@ fn render_failed(error: genmanip_render::RenderError) -> LabError {
     LabError::broken("the table cannot be rendered", error)
 }
 
-/// Grid of object positions on the table, row by row away from the robot.
+/// Grid of object positions on the table, row by row away from the robot, with random jitter.
 #[derive(Clone, Copy)]
 struct Grid {
-    /// Objects per row, from right to left.
+    /// Number of objects per row, placed from right to left.
     columns: usize,
     from_m: [f64; 2],
     step_m: [f64; 2],
@@ -219,7 +220,7 @@ struct Grid {
 
 const GRID: Grid = Grid { columns: 4, from_m: [0.32, -0.3], step_m: [0.14, 0.2], jitter_m: [0.01, 0.02] };
 
-/// Random objects of the catalogue, optionally only textured ones.
+/// Random objects of the catalogue that fit the grid, only textured ones if `is_textured`.
 fn objects(seed: Seed, is_textured: bool, count: usize) -> Result<Vec<Arc<ObjectModel>>, LabError> {
     let catalogue = Catalogue::builtin();
     let mut rng = seed.rng();
@@ -246,7 +247,7 @@ fn objects(seed: Seed, is_textured: bool, count: usize) -> Result<Vec<Arc<Object
     Ok(objects)
 }
 
-/// Pick, carry and place over the grid of objects, frame by frame.
+/// Frames of a motion that picks an object, carries it over the grid and places it.
 fn episode(
     robot: &Arc<RobotModel>,
     assets: &RenderAssets,
@@ -267,7 +268,7 @@ fn episode(
     let carried = 5 + usize::from(jitter(1.0) > 0.0);
     let (from, to) = (poses[carried].position, DVec3::new(0.45 + jitter(0.05), 0.4 * jitter(1.0).signum(), 0.0));
     let tcp = |at: DVec3, z: f64| Pose::new(at.with_z(z), DQuat::from_rotation_x(std::f64::consts::PI));
-    // Waypoints, the gripper width reached there, and true if the object is carried on the path there.
+    // Waypoints, with the gripper width (m) reached there, and true if the object is carried on the way there.
     let (open, shut) = (robot.gripper.max_width, 0.03);
     let path = [
         (Some(tcp(from, 0.25)), open, false),

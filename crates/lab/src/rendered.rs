@@ -1,4 +1,6 @@
-//! Profile `seed` on clouds from rendered depth and ids, compared with posed geometry.
+//! Relations judged on point clouds from rendered depth and ids (profile `seed`), compared with the same relations
+//! judged
+//! on posed meshes.
 
 use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
@@ -18,47 +20,49 @@ use crate::clock::cpu_clock;
 use genmanip_workspace::Progress;
 use genmanip_workspace::text_table;
 
-/// Margin from its threshold that every measured quantity of a case must have, m.
+/// Minimum distance of every measured quantity of a condition from its threshold, m; conditions closer to a threshold
+/// are
+/// excluded.
 const MARGIN_M: f64 = 0.01;
 
-/// Number of disagreements in the text summary; the JSON has all.
+/// Maximum number of disagreements in the text summary; the JSON has all.
 const SHOWN: usize = 20;
 
-/// Agreement on conditions of one kind.
+/// Agreement of the two judgements on conditions of one kind.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Tally {
-    /// Conditions compared.
+    /// Number of conditions compared.
     pub compared: usize,
-    /// Conditions judged the same.
+    /// Number of compared conditions with the same verdict.
     pub agreed: usize,
-    /// Compared conditions that hold on posed geometry.
+    /// Number of compared conditions that hold on posed meshes.
     pub hold: usize,
-    /// Conditions too close to a threshold.
+    /// Number of conditions excluded for being too close to a threshold.
     pub excluded: usize,
 }
 
-/// Results.
+/// Agreement on all conditions of all scenes.
 #[derive(Debug, Default, Serialize)]
 pub struct Agreement {
-    /// Scenes judged.
+    /// Number of scenes judged; each task gives up to two, before and after its moves.
     pub scenes: usize,
-    /// Tasks without a layout.
+    /// Number of tasks without a layout.
     pub refused: usize,
-    /// Conditions compared.
+    /// Number of conditions compared.
     pub compared: usize,
-    /// Conditions judged the same.
+    /// Number of compared conditions with the same verdict.
     pub agreed: usize,
-    /// Conditions too close to a threshold.
+    /// Number of conditions excluded for being too close to a threshold.
     pub excluded: usize,
-    /// Share of compared conditions judged the same.
+    /// Share of compared conditions with the same verdict, 0 to 1.
     pub agreed_share: f64,
-    /// By kind of condition.
+    /// Agreement by relation, and for `label` and `goal`.
     pub by_relation: BTreeMap<String, Tally>,
-    /// Objects that no camera sees sufficiently.
+    /// Number of objects that no camera sees sufficiently for a cloud.
     pub unseen_objects: usize,
     /// CPU time of rendering and judging a scene, ms.
     pub cpu_ms_per_scene: f64,
-    /// Conditions judged differently.
+    /// Compared conditions with different verdicts, with the explanations of both.
     pub disagreements: Vec<String>,
 }
 
@@ -70,7 +74,7 @@ struct Bench {
     shapes: ShapeCache,
 }
 
-/// Lays `count` scenes of the tasks out in turn, renders them and judges the clouds of three cameras.
+/// Lays out and renders `count` scenes of the tasks, in turn, and judges the clouds of three cameras.
 ///
 /// # Errors
 /// If a scene cannot be rendered.
@@ -128,7 +132,7 @@ impl Bench {
             .map_err(|error| LabError::broken(format!("cannot build the objects of {}", scenario.id), error))
     }
 
-    /// Renders a scene with the robot at home and makes a cloud of each object.
+    /// Renders a scene with the robot at home and makes a point cloud of each object.
     fn clouds(&self, scene: &PosedScene) -> Result<CloudScene, LabError> {
         let drawn = |error| LabError::broken("cannot render the scene", error);
         let models: Vec<_> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
@@ -150,7 +154,7 @@ impl Bench {
         Ok(CloudScene::new(clouds.filter_map(|(object, cloud)| Some((object.id.clone(), cloud?)))))
     }
 
-    /// Every pair with every relation, some triples, and the goal.
+    /// Compares every pair of objects with every relation and label, one *between* triple per object, and the goal.
     fn compare(
         &self,
         scene: &PosedScene,
@@ -223,7 +227,8 @@ impl Agreement {
     }
 }
 
-/// The scene with the objects at goal poses of the first alternative; `None` if there are none.
+/// The scene after the moves of the goal's first alternative, each object at its best goal pose; `None` if there are no
+/// moves or no free poses.
 fn after_moves(scene: &PosedScene, task: &Task, world: &World, seed: Seed) -> Option<PosedScene> {
     let mut after = scene.clone();
     let steps = moves(&task.goal, scene).into_iter().next()?;
@@ -245,7 +250,9 @@ fn relation(subject: &str, relation: Relation, reference: &str) -> Atom {
     Atom::Relation { subject: subject.into(), relation, reference: reference.into(), second_reference: None }
 }
 
-/// Every ordered pair with every relation, and for every object one pair of others that it may be between.
+/// Conditions to compare: every ordered pair with every relation of pairs, and for every object *between* with one
+/// random
+/// pair of others.
 fn atoms(ids: &[&str], seed: Seed) -> Vec<Atom> {
     let mut atoms = Vec::new();
     for (index, subject) in ids.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Large runs: cost of reports, and time to open and resume.
+//! Large runs: cost of reports, and time to open and resume a run.
 
 use genmanip_workspace::documents;
 use genmanip_workspace::workers;
@@ -23,22 +23,22 @@ use serde::Serialize;
 use crate::LabError;
 use crate::clock::{forget_peak_memory, peak_memory_mb, process_clock};
 
-/// Cost of a run with a number of episodes.
+/// Cost of working with a run of this size.
 #[derive(Clone, Debug, Serialize)]
 pub struct Measured {
-    /// Episodes of the run.
+    /// Number of episodes of the run.
     pub episodes: usize,
     /// CPU time of `report`, s.
     pub report_cpu_s: f64,
-    /// Size of its page, bytes.
+    /// Size of the page that `report` writes, bytes.
     pub report_bytes: usize,
-    /// Its peak memory, MiB; `None` if unknown.
+    /// Peak resident memory of `report`, MiB; `None` if unknown.
     pub report_rss_mb: Option<f64>,
     /// CPU time of `report --full`, s.
     pub full_cpu_s: f64,
-    /// Its peak memory, MiB.
+    /// Peak resident memory of `report --full`, MiB; `None` if unknown.
     pub full_rss_mb: Option<f64>,
-    /// CPU time of a second `report --full`, s.
+    /// CPU time of a second `report --full`, when all pages exist, s.
     pub full_again_cpu_s: f64,
     /// Wall time to open the run and check every episode against the index, s.
     pub open_s: f64,
@@ -51,10 +51,10 @@ pub struct Measured {
 /// Marker file of a folder with copies.
 const MARK: &str = "synthetic.json";
 
-/// Copies the finished episodes of a run into `out` until there are `episodes`, and measures the copy.
-///
-/// The copies are further attempts at the run's tasks, using as many tasks as give the exact number. A copy has its own
-/// id, scenario and files.
+/// Copies the finished episodes of a run into `out` until there are `episodes`, and measures the copied run.
+/// The copies are further attempts at the run's tasks, from as many tasks as give exactly this number. Each copy has
+/// its
+/// own id, scenario and files.
 ///
 /// # Errors
 /// If the run has no finished episode, `out` is not empty, or a copy cannot be written, read or rendered.
@@ -62,7 +62,7 @@ pub fn measure(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress)
     copy(run, episodes, out, progress)?;
     let (folder, known) = RunFolder::open(out)?;
     let store = folder.store()?;
-    // Report early results early: the rest takes long.
+    // Log each figure as soon as it is known, since the rest takes long.
     let timed = |what: &str, since: Instant| {
         let seconds = since.elapsed().as_secs_f64();
         progress.note(&format!("{what}: {seconds:.2} s"));

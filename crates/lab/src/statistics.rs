@@ -1,4 +1,4 @@
-//! Simulated coverage of intervals and type I error of tests.
+//! Simulated coverage of confidence intervals and type I error of tests.
 
 use std::collections::BTreeMap;
 
@@ -12,57 +12,57 @@ use serde::Serialize;
 
 use crate::clock::cpu_clock;
 
-/// Success rates for which coverage is measured.
+/// True success rates for which coverage is measured.
 const RATES: [f64; 13] = [0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98];
-/// Success rates of two policies.
+/// True success rates of the two policies of a pair; all combinations are measured.
 const PAIRS: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
-/// Number of scenarios of a kind, and of the suite.
+/// Numbers of scenarios: those of one kind, and those of a suite.
 const SCENARIOS: [usize; 2] = [50, 200];
-/// Episodes per scenario, if there are several.
+/// Number of episodes per scenario, where there are several.
 const EPISODES: usize = 5;
 /// Intra-scenario correlation of successes.
 const ALIKE: [f64; 3] = [0.0, 0.3, 0.7];
-/// Resamples of the bootstrap: fewer than in use, since it runs once per repetition.
+/// Bootstrap resamples: fewer than by default, since the bootstrap runs once per repetition.
 const RESAMPLES: usize = 400;
-/// Divisor of the repetitions for methods that need a bootstrap.
+/// Divisor of the number of repetitions for methods that need a bootstrap.
 const BOOTSTRAP_SHARE: usize = 10;
 
-/// Results.
+/// Coverage and type I errors of all methods.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// Repetitions of each setting.
+    /// Number of simulated evaluations per setting.
     pub repetitions: usize,
-    /// Success rates of the grid.
+    /// True success rates of the grid.
     pub rates: Vec<f64>,
-    /// Coverage of 95 % intervals, by method.
+    /// Coverage of 95 % intervals by method.
     pub coverage: BTreeMap<&'static str, Coverage>,
-    /// Type I error of tests at level 5 %: maximum over the grid, by test.
+    /// Type I error of tests at level 5 %, the maximum over the grid, by test.
     pub type_one_error: BTreeMap<&'static str, Worst>,
-    /// CPU time, s.
+    /// CPU time of the measurement, s.
     pub cpu_s: f64,
 }
 
-/// Coverage over a grid.
+/// Coverage of one method over the grid: share of intervals that contain the true value.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Coverage {
-    /// Number of grid settings.
+    /// Number of settings of the grid.
     pub settings: usize,
-    /// Mean over the grid.
+    /// Mean coverage over the grid, 0 to 1.
     pub mean: f64,
-    /// Minimum over the grid.
+    /// Minimum coverage over the grid, 0 to 1.
     pub min: f64,
-    /// Setting of the minimum.
+    /// Setting with the minimum coverage.
     pub min_at: String,
 }
 
-/// Maximum over a grid.
+/// Largest type I error of one test over the grid.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Worst {
-    /// Number of grid settings.
+    /// Number of settings of the grid.
     pub settings: usize,
-    /// The largest share.
+    /// Largest share of false rejections, 0 to 1.
     pub value: f64,
-    /// Setting of the maximum.
+    /// Setting with the largest share.
     pub at: String,
 }
 
@@ -85,7 +85,7 @@ impl Worst {
     }
 }
 
-/// Repeats simulated evaluations with known success rates.
+/// Simulates evaluations with known success rates, `repetitions` times per setting.
 pub fn measure(repetitions: usize, seed: Seed) -> Report {
     let mut clock = cpu_clock();
     let started = clock();
@@ -103,7 +103,7 @@ pub fn measure(repetitions: usize, seed: Seed) -> Report {
     report
 }
 
-/// Coverage of intervals of one policy's success rate.
+/// Adds the coverage of intervals of a single success rate.
 fn rates(report: &mut Report, settings: &StatisticsSettings, seed: Seed) {
     for scenarios in SCENARIOS {
         for (episodes, alike) in [(1, 0.0)].into_iter().chain(ALIKE.map(|alike| (EPISODES, alike))) {
@@ -124,16 +124,15 @@ fn rates(report: &mut Report, settings: &StatisticsSettings, seed: Seed) {
     }
 }
 
-/// Number of successes among the episodes of one scenario. With the square root of the correlation as probability, an
-/// episode repeats a shared draw, otherwise it draws independently: successes then have that correlation and the mean
-/// `rate`.
+/// Number of successes among the episodes of one scenario, with mean rate `rate` and intra-scenario correlation
+/// `alike`: each episode copies a shared draw with probability `sqrt(alike)`, and otherwise draws independently.
 fn successes(rng: &mut impl Rng, episodes: usize, rate: f64, alike: f64) -> usize {
     let shared = rng.random_bool(rate);
     let copies = alike.sqrt();
     (0..episodes).filter(|_| if rng.random_bool(copies) { shared } else { rng.random_bool(rate) }).count()
 }
 
-/// Differences of two policies, and tests of them.
+/// Adds the coverage of intervals of the difference of two policies, and the type I error of tests for a difference.
 fn pairs(report: &mut Report, settings: &StatisticsSettings, seed: Seed) {
     let alpha = 1.0 - settings.coverage;
     for scenarios in SCENARIOS {
@@ -180,8 +179,8 @@ fn pairs(report: &mut Report, settings: &StatisticsSettings, seed: Seed) {
     }
 }
 
-/// Differences of success in the episodes of one scenario. Half of the scenarios are equally hard for both policies,
-/// with one draw for all their episodes; in the others every episode draws independently.
+/// Differences of success (-1, 0, 1) in the episodes of one scenario. In half of the scenarios, one shared draw
+/// decides all episodes of both policies, which correlates them; in the others every episode draws independently.
 fn differences(rng: &mut impl Rng, episodes: usize, first: f64, second: f64) -> Vec<i8> {
     let shared = rng.random_bool(0.5).then(|| rng.random::<f64>());
     let draw = |rng: &mut dyn FnMut() -> f64, rate: f64| i8::from(shared.unwrap_or_else(rng) < rate);

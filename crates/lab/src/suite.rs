@@ -22,15 +22,17 @@ use crate::clock::cpu_clock;
 pub struct Report {
     /// Number of scenarios that were checked.
     pub scenarios: usize,
-    /// Number by kind.
+    /// Number of scenarios by kind of task.
     pub per_type: BTreeMap<String, usize>,
     /// Success rate of the expert, clustered by scenario.
     pub expert_success: Rate,
-    /// Success weighted by path length, relative to the shortest path of the certificates.
+    /// Success weighted by path length (SPL), relative to the shortest path of the certificates; `None` if unknown.
     pub spl: Option<Mean>,
-    /// Largest relative deviation of a balanced trait from its even share.
+    /// Largest relative deviation of a balanced trait's frequency from an even share.
     pub worst_marginal: f64,
-    /// Designs rejected because the goal was clear without the property that defines its kind.
+    /// Number of designs rejected while the suite was built, because the goal was clear without the property that
+    /// defines
+    /// their kind.
     pub necessity_rejected: usize,
     /// CPU time of checking the suite, s.
     pub check_s: f64,

@@ -1,4 +1,4 @@
-//! Mismatches between sentence and goal, planted in designed tasks, and how many the check of answers names.
+//! Mismatches between sentence and goal, planted in designed tasks, and how many of them the answer check finds.
 
 use genmanip_core::{Atom, ObjectCard, Relation, Seed, Task, TaskKind};
 use genmanip_tasks::answer::{AnswerReport, FlawKind, TaskRequest, Verdict, check_answer};
@@ -8,25 +8,25 @@ use serde::Serialize;
 
 use crate::LabError;
 
-/// Result of [`measure`].
+/// Detected mismatches, and false rejections.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct WordingReport {
-    /// Answers whose goal was changed, so that the sentence asks for another one.
+    /// Number of answers with a changed goal, which the sentence does not ask for.
     pub planted: usize,
-    /// Of them, answers that were rejected for it.
+    /// Number of these that were rejected for this mismatch.
     pub named: usize,
-    /// Unchanged answers.
+    /// Number of unchanged answers.
     pub sound: usize,
-    /// Of them, answers that were rejected.
+    /// Number of unchanged answers that were rejected.
     pub refused: usize,
-    /// Instructions and changed goals of mismatches that were not named.
+    /// Instruction and changed goal of each mismatch that was not found.
     pub missed: Vec<String>,
 }
 
-/// Designs `count` tasks, and changes the goal of each in one way: another object, another place, or another relation.
+/// Designs `count` tasks, and changes the goal of each in one of these: the object, the place, or the relation.
 ///
 /// # Errors
-/// If the designer gives up.
+/// If the designer finds no further task within its limit of draws.
 pub fn measure(cards: &[ObjectCard], count: usize, seed: Seed) -> Result<WordingReport, LabError> {
     let tasks = design_many(&TaskKind::ALL, count, cards, seed, &DesignSettings::default())
         .map_err(|error| LabError::broken("the designer gave up", error))?
@@ -38,7 +38,7 @@ pub fn measure(cards: &[ObjectCard], count: usize, seed: Seed) -> Result<Wording
         let rng = &mut seed.fork("wording").fork_index(index as u64).rng();
         let mut changed = changes(task);
         changed.shuffle(rng);
-        // A change that breaks another rule of the format says nothing about the sentence.
+        // A change that also breaks another rule of the format does not test the check of the sentence.
         let planted = changed
             .into_iter()
             .map(|task| (checked(&task), task))
@@ -70,7 +70,7 @@ fn checked(task: &Task) -> AnswerReport {
     check_answer(&as_answer(task).to_string(), &request)
 }
 
-/// The task with one condition of its goal changed, in all ways.
+/// All tasks that differ from this one in one condition of the goal.
 fn changes(task: &Task) -> Vec<Task> {
     let ids: Vec<&String> = task.scene_graph.nodes.iter().map(|node| &node.id).collect();
     let mut changed = Vec::new();

@@ -1,4 +1,4 @@
-//! Ablation of the agent: the same scenarios with one setting changed at a time, compared in pairs.
+//! Ablation of the agent: one setting changed at a time, compared on the same episodes.
 
 use std::sync::atomic::AtomicBool;
 
@@ -12,7 +12,7 @@ use crate::policies::PolicyFactory;
 use genmanip_workspace::Progress;
 use genmanip_workspace::WorkspaceError;
 
-/// Settings that can be ablated, with their values; the first word is the name of the policy's argument.
+/// Arguments of the agent policy that can be ablated, with their values.
 pub const ABLATIONS: [(&str, &[&str]); 6] = [
     ("ctof", &["yes"]),
     ("path", &["grid"]),
@@ -22,45 +22,45 @@ pub const ABLATIONS: [(&str, &[&str]); 6] = [
     ("preset", &["paper"]),
 ];
 
-/// The table.
+/// Table of an ablation.
 #[derive(Debug, Serialize)]
 pub struct Ablation {
-    /// Name of the scenarios.
+    /// Name of the suite or run.
     pub suite: String,
-    /// True if any row used simulator state.
+    /// True if any row's agent read simulator truth.
     pub oracle: bool,
-    /// The agent as it is, then one change at a time.
+    /// The unchanged agent (baseline), then one row per change.
     pub rows: Vec<Row>,
 }
 
-/// One agent on all scenarios.
+/// Results of one variant of the agent on all scenarios.
 #[derive(Debug, Serialize)]
 pub struct Row {
     /// Changed setting, e.g. `path=grid`; empty for the baseline.
     pub change: String,
-    /// Its evaluation among those of the suite.
+    /// Label of its evaluation.
     pub label: String,
-    /// Episodes that were run.
+    /// Number of episodes that were run.
     pub episodes: usize,
-    /// Share that succeeded, with its 95 % interval (Wilson).
+    /// Success rate, 0 to 1.
     pub success: f64,
-    /// See `success`.
+    /// 95 % Wilson interval of the success rate.
     pub success_interval: [f64; 2],
-    /// Mean score.
+    /// Mean score, 0 to 1.
     pub score: f64,
-    /// Success minus that of the agent as it is, on the episodes that both ran; `None` for that one.
+    /// Success rate minus that of the baseline, on the episodes that both ran; `None` for the baseline.
     pub difference: Option<Mean>,
-    /// Episodes that only this one solves, and only the agent as it is.
+    /// Number of episodes that only this variant solves, and that only the baseline solves; `None` for the baseline.
     pub only: Option<[usize; 2]>,
-    /// p value of that difference (McNemar's exact test).
+    /// Two-sided p-value of the difference (exact McNemar test); `None` for the baseline.
     pub p_value: Option<f64>,
 }
 
-/// Evaluates the agent as `arguments` say (`vlm=…,masks=…`), and again with each of the dials turned; evaluations that are
-/// finished are not run again.
+/// Evaluates the agent with `arguments` (`vlm=…,masks=…`), and again with each other value of the named settings
+/// (`dials`). Finished evaluations are reused.
 ///
 /// # Errors
-/// Those of [`evaluate`]; an unknown dial, and one that the arguments already set.
+/// Those of [`evaluate`]; an unknown setting, and one that `arguments` already fixes.
 pub fn ablate(
     suite: &Suite,
     arguments: &str,
@@ -89,7 +89,7 @@ pub fn ablate(
     }))
 }
 
-/// The changes, none first.
+/// All changes as `NAME=VALUE`; the first is empty, for the baseline.
 fn changes(arguments: &str, dials: &[String]) -> Result<Vec<String>, WorkspaceError> {
     let known: Vec<&str> = ABLATIONS.iter().map(|(name, _)| *name).collect();
     if let Some(unknown) = dials.iter().find(|dial| !known.contains(&dial.as_str())) {
@@ -132,7 +132,7 @@ fn row(change: String, label: &str, results: &[EpisodeResult], base: &[EpisodeRe
     })
 }
 
-/// The table in words.
+/// The table as text.
 pub fn describe(ablation: &Ablation) -> String {
     let head = ["change", "episodes", "success", "95 %", "score", "difference", "only this, only as it is", "p"];
     let mut rows = vec![head.map(String::from).to_vec()];
@@ -172,7 +172,7 @@ mod tests {
             let error = changes(arguments, &[dial.into()]).unwrap_err().to_string();
             assert!(error.contains(expected), "{error}");
         }
-        // Every value is one that the policy takes.
+        // Every value must be accepted by the policy.
         for change in &all {
             PolicyFactory::resolve(&format!("agent:{change}")).unwrap();
         }

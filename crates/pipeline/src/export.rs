@@ -1,6 +1,7 @@
-//! Data sets of a run beside the one that `collect` writes: other actions, rates, cameras or formats.
+//! Export of further datasets of a run, in addition to the one that `collect` writes: other actions, rates, cameras or
+//! formats.
 //!
-//! Images at another rate are rendered from the recorded states and kept in the store for the next export.
+//! Images at another rate are rendered from the recorded states and stored for the next export.
 
 use genmanip_workspace::worlds;
 use std::path::{Path, PathBuf};
@@ -22,27 +23,27 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::WorkspaceError;
 
 named_enum! {
-    /// A format of data sets.
+    /// Format of a dataset.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     pub enum Format {
         /// LeRobotDataset v3.0.
         #[default]
         Lerobot = "lerobot",
-        /// LeRobotDataset v2.1, with what GR00T and openpi read beside it; without depth.
+        /// LeRobotDataset v2.1, with the additional files that GR00T and openpi read; without depth.
         LerobotV21 = "lerobot-v2.1",
-        /// zarr version 2, as Diffusion Policy's replay buffer reads it.
+        /// Zarr version 2, as Diffusion Policy's replay buffer reads it.
         Zarr = "zarr",
-        /// HDF5 as robomimic reads it, a file per episode; without depth.
+        /// HDF5 as robomimic reads it, one file per episode; without depth.
         Hdf5 = "hdf5",
-        /// MCAP with Foxglove's schemas, a file per episode, for viewers.
+        /// MCAP with Foxglove's schemas, one file per episode, for viewers.
         Mcap = "mcap",
-        /// The layout of the paper's recordings, a folder per episode.
+        /// Folder layout of the recordings that the paper published, one folder per episode.
         Paper = "paper",
     }
 }
 
 impl Format {
-    /// Extra columns that the format has a place for.
+    /// Extra columns that the format supports.
     fn columns(self) -> &'static [ExtraColumns] {
         match self {
             Self::Lerobot => &[ExtraColumns::Sim, ExtraColumns::Boxes, ExtraColumns::Masks],
@@ -51,7 +52,7 @@ impl Format {
         }
     }
 
-    /// Writes the selected episodes, whose images are in the store.
+    /// Writes the selected episodes; their images must be in the store.
     ///
     /// # Errors
     /// As [`lerobot::export`].
@@ -78,22 +79,22 @@ impl Format {
 /// Options of [`export`].
 #[derive(Clone, Debug)]
 pub struct ExportOptions {
-    /// Format of the data set.
+    /// Format of the dataset.
     pub format: Format,
-    /// Columns, rate and cameras of the rows; no cameras, no images.
+    /// Columns, rate and cameras of the rows; without cameras, no images are exported.
     pub rows: ExportSettings,
-    /// True to export failed attempts too, labelled as failed.
+    /// True to export failed attempts as well, labelled as failed.
     pub keep_failed: bool,
-    /// Folder of the data set; `None` for `exports/` of the run.
+    /// Folder of the dataset; `None` for a folder in `exports/` of the run.
     pub out: Option<PathBuf>,
     /// Number of rendering threads.
     pub workers: usize,
 }
 
-/// Exports the verified episodes of a run as a data set; `None` if stopped before the end.
+/// Exports the verified episodes of a run as a dataset; `None` if interrupted.
 ///
 /// # Errors
-/// When there is no run, nothing to export, the target belongs to somebody else, or the disk refuses.
+/// When there is no run or nothing to export, the target folder holds something else, or a file cannot be written.
 pub fn export(
     path: &Path,
     options: &ExportOptions,
@@ -147,7 +148,8 @@ pub fn export(
     Ok(Some(exported))
 }
 
-/// Cameras in the name of an export: none for the usual ones, so that exports of other cameras lie beside it.
+/// Suffix for the name of an export: empty for the default cameras, so that exports with other cameras do not replace
+/// it.
 fn cameras_name(cameras: &[String]) -> String {
     match cameras {
         usual if usual == ExportSettings::default().cameras => String::new(),
@@ -156,7 +158,7 @@ fn cameras_name(cameras: &[String]) -> String {
     }
 }
 
-/// Refuses columns that a format has no place for.
+/// Fails for columns that the format does not support.
 fn check_columns(format: Format, rows: &ExportSettings) -> Result<(), WorkspaceError> {
     let unwritten = COLUMNS.into_iter().rev();
     let mut unwritten =
@@ -166,8 +168,8 @@ fn check_columns(format: Format, rows: &ExportSettings) -> Result<(), WorkspaceE
     Err(WorkspaceError::input(format!("{} has no place for {what}", format.name())).with_hint(hint))
 }
 
-/// Refuses cameras that the world of an episode does not have, before anything is drawn; what is damaged is named by
-/// whatever reads it whole.
+/// Fails for cameras that the world of an episode does not have, before anything is rendered. Damaged episodes are
+/// skipped here, and reported by the export itself.
 pub(crate) fn check_cameras(
     store: &EpisodeStore,
     ids: impl IntoIterator<Item = impl AsRef<str>>,
@@ -190,8 +192,8 @@ pub(crate) fn check_cameras(
     Ok(())
 }
 
-/// Renders the images missing from the store, from the recorded states and with the run's appearance randomisation;
-/// segmentation masks too if `with_masks`.
+/// Renders the images (and segmentation masks if `with_masks`) that are missing from the store, from the recorded
+/// states and with the run's appearance randomisation.
 pub(crate) fn draw_missing(
     store: &EpisodeStore,
     ids: &[String],
@@ -219,7 +221,7 @@ pub(crate) fn draw_missing(
                     draw_masks(store, &episode, pictures)?;
                 }
             }
-            // The export names it.
+            // The export itself reports damaged episodes.
             Err(error) if error.is_damage() => {}
             Err(error) => return Err(replay::unreadable(id, error)),
         }
@@ -240,7 +242,7 @@ fn draw_masks(store: &EpisodeStore, episode: &Episode, pictures: &ImageSettings)
 
 fn draw(store: &EpisodeStore, episode: &Episode, pictures: &ImageSettings) -> Result<(), WorkspaceError> {
     let id = &episode.result.id;
-    // Those that are there are drawn again, since the tracks of a rate are kept together.
+    // All cameras of a rate are rendered again, since their tracks are stored together.
     let is_wanted = |name: &&String| {
         pictures.cameras.contains(*name) || store.has_tracks(id, pictures.fps, std::slice::from_ref(*name))
     };

@@ -1,16 +1,16 @@
-//! The folder of a run: what it holds and where.
+//! Folder of a run: its files, their owners, and access to them.
 //!
 //! ```text
-//! run.json          what the run depends on; a folder never mixes two runs
-//! shard.json        part of the run that lies here; absent for a whole run
+//! run.json          record of everything that the run depends on; a folder never mixes two runs
+//! shard.json        the part of the run in this folder; absent for a whole run
 //! scenarios/        one file per laid-out attempt
 //! episodes/         the episode store
-//! dataset/          LeRobotDataset v3.0, with its depth sibling dataset-depth/
-//! exports/          further data sets, by `export`
+//! dataset/          LeRobotDataset v3.0, with the depth images in dataset-depth/
+//! exports/          further datasets, written by `export`
 //! evaluation/       one file per policy
-//! timings.json      wall-clock figures, apart from everything that is reproducible
-//! index.jsonl       summary of each episode, so that its files need not be read; renewed where it is stale
-//! report.html, report/   of `report` and `report --full`
+//! timings.json      wall-clock figures, separate from all reproducible files
+//! index.jsonl       summary of each episode, so that its files need not be read; updated when stale
+//! report.html, report/   pages of `report` and `report --full`
 //! damaged/          episodes that `collect --repair` set aside
 //! ```
 
@@ -40,13 +40,13 @@ use genmanip_workspace::task_spool::{Spool, Tasks};
 pub struct Run<L = Tasks> {
     /// Seed of all attempts.
     pub seed: Seed,
-    /// Attempts per task; 0 if the run goes on until it has a number of verified demonstrations.
+    /// Attempts per task; 0 if the run continues until a number of demonstrations are verified.
     pub episodes_per_task: usize,
-    /// The tasks.
+    /// Tasks of the run, in order.
     pub tasks: L,
-    /// Settings of every stage.
+    /// Settings of all stages of the pipeline.
     pub settings: PipelineSettings,
-    /// Physics engine.
+    /// Name and version of the physics engine.
     pub engine: String,
     /// Version of this program.
     pub genmanip_version: String,
@@ -79,26 +79,26 @@ impl LongDocument for RunRecord {
 }
 
 impl Run {
-    /// A run of this program with the engine it is linked to.
+    /// A run by this program, with its version and that of the physics engine.
     pub fn new(tasks: Tasks, episodes_per_task: usize, settings: PipelineSettings, seed: Seed) -> Self {
         let (engine, genmanip_version) = Self::versions();
         Self { seed, episodes_per_task, tasks, settings, engine, genmanip_version }
     }
 
-    /// Physics engine and version of this program.
+    /// Versions of the physics engine and of this program.
     pub(crate) fn versions() -> (String, String) {
         (genmanip_sim::engine_version(), env!("CARGO_PKG_VERSION").into())
     }
 
-    /// Writes its record, task by task.
+    /// Writes the record of the run (`run.json`), task by task.
     ///
     /// # Errors
-    /// Those of `out`, and when a task cannot be read again.
+    /// Errors of `out`, and when a spooled task cannot be read again.
     pub fn write(&self, out: impl Write) -> io::Result<()> {
         write_tagged(out, RunRecord::SCHEMA, self)
     }
 
-    /// Reads a record that a run wrote itself, task by task.
+    /// Reads the record that a run has written, task by task.
     fn read(path: &Path) -> Result<Self, WorkspaceError> {
         let file = files::open_no_follow(path, limits::RUN).map_err(|error| documents::unreadable(path, error))?;
         let (mut spool, mut refused) = (Spool::in_folder(&std::env::temp_dir()), None);
@@ -121,11 +121,12 @@ impl Run {
         Ok(Self { seed, episodes_per_task, tasks: spool.finish(), settings, engine, genmanip_version })
     }
 
-    /// Hash of its record, 32 hexadecimal digits. Shards and data sets name it, which tells them from those of
-    /// other runs.
+    /// Hash of the record, 32 hexadecimal digits. Shards and datasets store it, so that they are not mistaken for those
+    /// of
+    /// another run.
     ///
     /// # Errors
-    /// When a task cannot be read again.
+    /// When a spooled task cannot be read again.
     pub fn hash(&self) -> Result<String, WorkspaceError> {
         let mut hasher = Hashing(Sha256::new());
         self.write(&mut hasher).map_err(|error| WorkspaceError::broken("cannot read the tasks again", error))?;
@@ -135,7 +136,7 @@ impl Run {
     /// Hash of a record on disk, see [`Run::hash`].
     ///
     /// # Errors
-    /// When it cannot be read.
+    /// When the file cannot be read.
     pub(crate) fn hash_of(record: &Path) -> Result<String, WorkspaceError> {
         let unreadable = |error| WorkspaceError::of_file("read", record, error);
         let mut hasher = Hashing(Sha256::new());
@@ -166,12 +167,12 @@ impl Write for Hashing {
     }
 }
 
-/// Wall-clock figures; never part of anything that is compared.
+/// Wall-clock figures, which are never part of a comparison.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Timings {
-    /// Seconds per phase.
+    /// Wall-clock time by phase, s.
     pub phases: BTreeMap<String, f64>,
-    /// Seconds per attempt.
+    /// Wall-clock time by id of the attempt, s.
     pub attempts: BTreeMap<String, f64>,
 }
 
@@ -179,21 +180,22 @@ impl Document for Timings {
     const SCHEMA: &'static str = "genmanip.timings/1";
 }
 
-/// A run on disk.
+/// Folder of a run on disk.
 pub struct RunFolder {
     path: PathBuf,
     timings: Mutex<Timings>,
 }
 
 impl RunFolder {
-    /// Begins a run, or continues the very same one.
+    /// Begins a run, or continues one with an equal record.
     ///
-    /// If several programs begin one folder at the same time, exactly one creates its record; the others continue the
-    /// same run, or fail with the first difference.
+    /// If several programs begin a run in the same folder at the same time, exactly one creates the record. The others
+    /// continue that run if theirs is equal, or fail with the first difference.
     ///
     /// # Errors
-    /// [`WorkspaceError::AnotherRun`]; when the folder holds files of a run without its record, has links inside, or
-    /// cannot be written.
+    /// [`WorkspaceError::AnotherRun`] for a different run; also when the folder holds files of a run without its
+    /// record,
+    /// contains symbolic links, or cannot be written to.
     pub fn begin(path: &Path, run: &Run) -> Result<Self, WorkspaceError> {
         let file = path.join(RECORD);
         if !is_there(&file) {
@@ -215,8 +217,8 @@ impl RunFolder {
         Ok(folder)
     }
 
-    /// Begins a shard, or continues it. Shards in one parent folder share one record through hard links, where the file
-    /// system has them, since a record holds all tasks of the run.
+    /// Begins or continues a shard. Shards in one parent folder share one record through hard links, where the file
+    /// system supports them, since the record holds all tasks of the run.
     ///
     /// # Errors
     /// As [`RunFolder::begin`].
@@ -235,17 +237,19 @@ impl RunFolder {
                 if std::fs::hard_link(&shared, &file).is_ok() {
                     return Ok(Self::at(path));
                 }
-                // Without hard links the record is written below; if another program was quicker, it is there.
+                // Without hard links, the record is written below; if another program has written it meanwhile, it is
+                // used.
             }
         }
         Self::begin(path, run)
     }
 
-    /// Records in `shard.json` which part of the run lies here, or checks that it is this one. `None` is the whole run,
-    /// for which nothing is written.
+    /// Records in `shard.json` which part of the run is in this folder, or checks that it is this part. Nothing is
+    /// written for `None`, the whole run.
     ///
     /// # Errors
-    /// [`WorkspaceError::AnotherRun`] when it is another part; when `shard.json` cannot be read or written.
+    /// [`WorkspaceError::AnotherRun`] if the folder holds another part; an error if `shard.json` cannot be read or
+    /// written.
     pub(crate) fn claim(&self, shard: Option<Shard>) -> Result<(), WorkspaceError> {
         let describe = |shard: Option<Shard>| shard.map_or("the whole run".to_owned(), |shard| shard.to_string());
         let other = |found: Option<Shard>| {
@@ -259,17 +263,17 @@ impl RunFolder {
             (None, Some(shard)) => {
                 let manifest = Manifest { shard, run: Run::hash_of(&self.join(RECORD))? };
                 let created = files::create(&path, manifest.to_json().as_bytes());
-                // If another program created it first, its content is checked.
+                // If another program has created the file meanwhile, its content is checked.
                 if created.map_err(|error| unwritable(&path, error))? { Ok(()) } else { self.claim(Some(shard)) }
             }
             _ => Ok(()),
         }
     }
 
-    /// Shard that a folder holds; `None` for a whole run.
+    /// Shard in a folder; `None` for a whole run.
     ///
     /// # Errors
-    /// When `shard.json` is there and is no such document.
+    /// When `shard.json` exists and is no such document.
     pub(crate) fn manifest(path: &Path) -> Result<Option<Manifest>, WorkspaceError> {
         let file = path.join(SHARD);
         is_there(&file).then(|| documents::read_document_no_follow(&file, limits::IDENTITY)).transpose()
@@ -278,24 +282,25 @@ impl RunFolder {
     /// Opens a part of a run whose record is known.
     ///
     /// # Errors
-    /// When the folder has links inside.
+    /// When the folder contains symbolic links.
     pub(crate) fn open_part(path: &Path) -> Result<Self, WorkspaceError> {
         check_links(path)?;
         Ok(Self::at(path))
     }
 
-    /// Removes unfinished files of killed programs from all folders of the run but the episode store.
+    /// Removes unfinished files of killed programs from all folders of the run except the episode store.
     ///
     /// # Errors
-    /// When it cannot be removed.
+    /// When a file cannot be removed.
     pub(crate) fn sweep(&self) -> Result<(), WorkspaceError> {
         ["", "scenarios", "evaluation"].iter().try_for_each(|name| sweep(&self.path.join(name)))
     }
 
-    /// Opens a run made before.
+    /// Opens an existing run.
     ///
     /// # Errors
-    /// [`WorkspaceError::NoRun`], when `run.json` is no such document, or the folder has links inside.
+    /// [`WorkspaceError::NoRun`] without `run.json`; also when it is no such document, or the folder contains symbolic
+    /// links.
     pub fn open(path: &Path) -> Result<(Self, Run), WorkspaceError> {
         let file = path.join(RECORD);
         if !is_there(&file) {
@@ -306,26 +311,26 @@ impl RunFolder {
     }
 
     fn at(path: &Path) -> Self {
-        // Timings that cannot be read are no reason to refuse a run.
+        // Unreadable timings are ignored, since nothing depends on them.
         let timings =
             documents::read_document_no_follow(&path.join("timings.json"), limits::TIMINGS).unwrap_or_default();
         Self { path: path.to_owned(), timings: Mutex::new(timings) }
     }
 
-    /// Path of the run.
+    /// Path of the run's folder.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// A path inside the run.
+    /// Path of a file or folder in the run's folder.
     pub fn join(&self, name: &str) -> PathBuf {
         self.path.join(name)
     }
 
-    /// Its episodes.
+    /// Episode store of the run, created if necessary.
     ///
     /// # Errors
-    /// When the folder of episodes holds something else or cannot be written.
+    /// When the folder `episodes` holds something else, or cannot be written to.
     pub fn store(&self) -> Result<EpisodeStore, WorkspaceError> {
         let root = self.join("episodes");
         EpisodeStore::create(&root).map_err(|error| {
@@ -335,7 +340,7 @@ impl RunFolder {
         })
     }
 
-    /// Survey of all attempts in the store; files of those that the run's index knows are not read.
+    /// Survey of all attempts in the store; files of attempts that the index covers are not read.
     ///
     /// # Errors
     /// When the store cannot be listed.
@@ -353,21 +358,21 @@ impl RunFolder {
         self.timings.lock().unwrap_or_else(PoisonError::into_inner).phases.insert(phase.to_owned(), seconds);
     }
 
-    /// Adds to the wall-clock time of a phase, s: a run that was interrupted sums all its parts.
+    /// Adds to the wall-clock time of a phase, s, so that an interrupted run sums the times of its calls.
     pub fn add_phase_time(&self, phase: &str, seconds: f64) {
         let mut timings = self.timings.lock().unwrap_or_else(PoisonError::into_inner);
         *timings.phases.entry(phase.to_owned()).or_default() += seconds;
     }
 
-    /// The figures so far.
+    /// Wall-clock figures so far.
     pub fn timings(&self) -> Timings {
         self.timings.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Writes the figures.
+    /// Writes the wall-clock figures to `timings.json`.
     ///
     /// # Errors
-    /// [`WorkspaceError::File`].
+    /// [`WorkspaceError::File`] if the file cannot be written.
     pub fn save_timings(&self) -> Result<(), WorkspaceError> {
         documents::write_file(&self.join("timings.json"), self.timings().to_json().as_bytes())
     }
@@ -376,10 +381,10 @@ impl RunFolder {
 /// File with the record of the run.
 const RECORD: &str = "run.json";
 
-/// File that names the shard.
+/// File with the shard that the folder holds.
 const SHARD: &str = "shard.json";
 
-/// Files and folders that a run writes besides its record.
+/// Files and folders that a run writes, besides its record.
 const OWN: [&str; 12] = [
     SHARD,
     "episodes",
@@ -395,10 +400,10 @@ const OWN: [&str; 12] = [
     "report",
 ];
 
-/// Refuses a folder that holds files of a run, but no record.
+/// Fails for a folder that holds files of a run, but no record.
 fn check_unowned(path: &Path) -> Result<(), WorkspaceError> {
     match OWN.iter().find(|name| is_there(&path.join(name))) {
-        // The record may have been made by another program in between; then what lies here is that run's.
+        // Another program may have created the record meanwhile; the files are then those of its run.
         Some(name) if !is_there(&path.join(RECORD)) => {
             let what = format!("{} holds `{name}`, but no {RECORD} of a run that made it", path.display());
             Err(WorkspaceError::input(what).with_hint("choose an empty --out folder, or move what is there away"))
@@ -411,7 +416,7 @@ fn is_there(path: &Path) -> bool {
     std::fs::symlink_metadata(path).is_ok()
 }
 
-/// A run keeps everything in its own folder: what is written through a link would end up in somebody else's.
+/// Fails if the folder contains symbolic links: writing through one would change files outside of the run's folder.
 fn check_links(path: &Path) -> Result<(), WorkspaceError> {
     let inside = OWN.iter().chain([&RECORD]).map(|name| path.join(name));
     let kept = list_folders(&path.join("evaluation")).into_iter().flat_map(|label| [label.join("episodes"), label]);
@@ -422,17 +427,17 @@ fn check_links(path: &Path) -> Result<(), WorkspaceError> {
     }
 }
 
-/// Entries of a folder; empty if it does not exist.
+/// Paths of the entries of a folder; empty if it does not exist.
 fn list_folders(path: &Path) -> Vec<PathBuf> {
     std::fs::read_dir(path)
         .map(|entries| entries.filter_map(|entry| Some(entry.ok()?.path())).collect())
         .unwrap_or_default()
 }
 
-/// The first difference between two runs, in words.
+/// Description of the first difference between two runs.
 ///
 /// # Errors
-/// When a task cannot be read again.
+/// When a spooled task cannot be read again.
 pub(crate) fn difference(known: &Run, asked: &Run) -> Result<String, WorkspaceError> {
     if known.seed != asked.seed {
         return Ok(format!("its seed is {}, not {}", known.seed, asked.seed));
@@ -460,7 +465,7 @@ pub(crate) fn difference(known: &Run, asked: &Run) -> Result<String, WorkspaceEr
     Ok(settings.unwrap_or_else(|| "with other settings".into()))
 }
 
-/// First difference of two values, see [`first_difference`].
+/// Description of the first difference between two values, see [`first_difference`]; `None` if they are equal.
 fn differs<T: PartialEq + Serialize>(place: &str, known: &T, asked: &T) -> Option<String> {
     if known == asked {
         return None;

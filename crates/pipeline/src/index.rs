@@ -1,8 +1,9 @@
-//! Index of a run's attempts, `index.jsonl`: outcomes without reading the episodes' files.
+//! Index of a run's attempts, `index.jsonl`, which gives their outcomes without reading the episodes' files.
 //!
-//! A header, then a line per sound attempt, sorted by id. A line is valid while the attempt's files have the recorded
-//! sizes and are older than the index; other attempts are inspected again and the index is rewritten. Its bytes depend
-//! on the attempts alone; its date is that of the file.
+//! A header, then a line per intact attempt, sorted by id. A line is valid while the attempt's files have the recorded
+//! sizes and are older than the index; other attempts are inspected again, and the index is rewritten. Its content
+//! depends
+//! on the attempts alone; the time to compare with is the file's modification time.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -22,20 +23,20 @@ use genmanip_workspace::workers;
 /// File of the index in the folder of a run.
 pub(crate) const INDEX: &str = "index.jsonl";
 
-/// A sound attempt.
+/// An attempt whose files are intact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IndexedAttempt {
-    /// Its id.
+    /// Id of the attempt.
     pub id: String,
-    /// Id of its task.
+    /// Id of the attempt's task.
     pub task_id: String,
-    /// True if frames were kept.
+    /// True if the frames of the episode were stored.
     pub recorded: bool,
-    /// True if it has a scenario.
+    /// True if the attempt has a scenario file.
     pub has_scenario: bool,
-    /// Outcome.
+    /// Outcome of the attempt.
     pub outcome: Outcome,
-    /// Inventory of its files; `None` while it holds unfinished files.
+    /// Inventory of the attempt's files; `None` while there are unfinished files.
     parts: Option<FileInventory>,
 }
 
@@ -46,39 +47,39 @@ impl IndexedAttempt {
         Self { id: result.id, task_id: result.task_id, recorded, has_scenario, outcome, parts }
     }
 
-    /// True if it holds no unfinished files.
+    /// True if the attempt has no unfinished files.
     pub(crate) fn is_settled(&self) -> bool {
         self.parts.is_some()
     }
 }
 
-/// The attempts of a store, and what else lies there.
+/// Attempts in a store, with damaged ones and foreign entries.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Survey {
-    /// Attempts that look sound, sorted by id.
+    /// Attempts whose files are intact as far as inspected, sorted by id.
     pub sound: Vec<IndexedAttempt>,
-    /// Ids of damaged ones, with what is wrong.
+    /// Ids of damaged attempts, with a description of the damage.
     pub damaged: Vec<(String, String)>,
-    /// Names of other entries of the store; they are neither read nor changed.
+    /// Names of other entries of the store, which are ignored.
     pub strangers: Vec<String>,
-    /// Number of attempts inspected because the index did not cover them.
+    /// Number of attempts that were inspected because the index did not cover them.
     pub looked_at: usize,
 }
 
 impl Survey {
-    /// Messages for the user, one line each.
+    /// Messages for the user about damaged attempts and foreign entries, one line each.
     pub fn notes(&self) -> Vec<String> {
         let stranger = |name: &String| format!("{name} in the episodes is no episode; it is ignored");
         let damaged = |(id, why): &(String, String)| format!("episode {id} is damaged and left out: {why}");
         self.strangers.iter().map(stranger).chain(self.damaged.iter().map(damaged)).collect()
     }
 
-    /// Of the store of the run at `path`, with the help of its index, which is brought up to date where it can be.
+    /// Survey of the store of the run at `path`. It uses the run's index, and updates it where the folder is writable.
     ///
     /// # Errors
     /// When the store cannot be listed.
     pub(crate) fn of(path: &Path, store: &EpisodeStore) -> Result<Self, WorkspaceError> {
-        // What is written from now on is younger than the index made here.
+        // Files written from now on are younger than the index.
         let now = files::now_in(path).ok();
         let listing = store.list().map_err(|error| WorkspaceError::broken("cannot list the episodes", error))?;
         let file = path.join(INDEX);
@@ -103,19 +104,19 @@ impl Survey {
             }
         }
         if let (false, Some(now)) = (is_current && known.is_empty(), now) {
-            // Whoever only reads a run may have no right to write there; then the next one looks at it again.
+            // Without permission to write, the index remains stale, and the next survey inspects these attempts again.
             let _ = files::write_as_of(&file, &bytes(&survey.sound), Some(now));
         }
         Ok(survey)
     }
 }
 
-/// The first line.
+/// Header, the first line of the index.
 #[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Head {
     schema: String,
     genmanip_version: String,
-    /// Of all that follows: nobody but this program writes here.
+    /// SHA-256 of all lines after the header, to detect changes by other programs.
     sha256: String,
 }
 
@@ -148,7 +149,7 @@ impl Default for Index {
 }
 
 impl Index {
-    /// The index in a file; `None` when it is missing, of another version or not as it was written.
+    /// Content of an index file; `None` if it is missing, of another version, or was changed.
     fn read(path: &Path) -> Option<Self> {
         let made = std::fs::symlink_metadata(path).ok()?.modified().ok()?;
         let bytes = files::read_no_follow(path, limits::INDEX).ok()?;

@@ -1,4 +1,4 @@
-//! Laying tasks out into scenario files, with drawings that explain them.
+//! Layouts of tasks as scenario files, with diagrams that explain them.
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -26,29 +26,30 @@ use genmanip_workspace::worlds;
 pub struct LayoutOutput {
     /// Folder of the scenario files.
     pub folder: PathBuf,
-    /// Also a drawing of each, or of why there is none.
+    /// True to write a diagram of each layout, or of the reason why there is none.
     pub explain: bool,
 }
 
-/// One layout: where its file is, or why there is none.
+/// Row of one layout: its file, or the reason why there is none.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LaidOut {
     /// Id of the task.
     pub task: String,
-    /// File of the scenario.
+    /// Path of the scenario file; `None` without a layout.
     pub scenario: Option<String>,
-    /// Why there is none.
+    /// Reason why there is no layout; `None` if there is one.
     pub refused: Option<String>,
-    /// File of the drawing, if one was asked for.
+    /// Path of the diagram; `None` if none was requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub picture: Option<String>,
 }
 
 /// Lays each task out `count` times and writes the scenarios; the result does not depend on the number of workers.
 ///
-/// Finished layouts are listed in `layouts.jsonl` of the folder, from which a killed call resumes. A layout of another
-/// task, world, seed or other settings under the same name is reported and made anew. `each` receives the rows in
-/// order, as soon as they are finished.
+/// Finished layouts are listed in `layouts.jsonl` of the folder, from which an interrupted call resumes. A layout of
+/// another task, world, seed or settings under the same name is reported and made again. `each` receives the rows in
+/// order,
+/// as soon as they are finished.
 ///
 /// # Errors
 /// When a file cannot be written. A task that cannot be laid out is a row, not an error.
@@ -101,14 +102,14 @@ pub fn lay_out(
     Ok(rows)
 }
 
-/// Hash of all that a layout is made from.
+/// Hash of everything that determines a layout.
 fn key(attempt: &Attempt, shared: &str) -> String {
     let task = attempt.task.to_json();
     let about = format!("{}\n{}\n{task}\n{shared}", attempt.id(), attempt.seed);
     hexadecimal(&Sha256::digest(about)[..16])
 }
 
-/// The row of a layout that was made before; `None` when a file of it is gone.
+/// Row of a layout that is finished; `None` if one of its files is missing.
 fn finished(attempt: &Attempt, output: &LayoutOutput, entry: &Entry) -> Option<LaidOut> {
     let path = output.folder.join(format!("{}.json", attempt.id()));
     let picture = path.with_extension("svg");
@@ -155,7 +156,7 @@ fn one(
     }
 }
 
-/// The rows as a table; above [`MAX_ROWS`], unless `each` is asked for, how many there are and those refused.
+/// The rows as a table. Above [`MAX_ROWS`], unless `each` is true, only their number and the refused ones.
 pub fn table(rows: &[LaidOut], each: bool) -> String {
     let line = |row: &LaidOut| {
         vec![row.task.clone(), row.scenario.clone().or_else(|| row.refused.clone()).unwrap_or_default()]

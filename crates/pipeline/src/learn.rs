@@ -1,7 +1,8 @@
-//! Learning policies from the demonstrations of a run.
+//! Training of policies on the demonstrations of a run.
 //!
-//! `crates/policy` sees arrays only; episodes become arrays here. Without the feature `learn` every function refuses with
-//! the command that installs it.
+//! `crates/policy` knows arrays only; this module converts episodes to arrays. Without the feature `learn`, every
+//! function
+//! fails with the command that installs it.
 
 mod options;
 

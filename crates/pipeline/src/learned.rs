@@ -1,6 +1,7 @@
-//! Learned policies in episodes: their inputs and the execution of their predictions.
+//! Learned policies in episodes: their inputs, and the execution of predicted actions.
 //!
-//! Training and acting share this code. Without the feature `learn` loading refuses with the command that installs it.
+//! Training and evaluation share this code. Without the feature `learn`, loading fails with the command that installs
+//! it.
 
 #[cfg(feature = "learn")]
 pub(crate) mod inputs;

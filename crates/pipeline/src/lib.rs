@@ -2,16 +2,16 @@
 //!
 //! - [`folder`]: contents of a run folder; a folder never mixes two runs, and an interrupted run continues.
 //! - [`Survey`]: the episodes in the store of a run, from its index.
-//! - [`collect`]: demonstrations, their images and the dataset; [`merge`] joins the shards of a run.
+//! - [`collect`]: demonstrations, their images and the dataset; [`merge`] merges the shards of a run.
 //! - [`export`] and [`rerender`]: further datasets of a run, with the recorded or another appearance.
 //! - [`evaluate`]: policies on scenarios; [`policies`] is the registry of policies by name with arguments.
-//! - [`offered`]: policies that other programs ask over a protocol.
+//! - [`offered`]: policies that this program serves to other programs.
 //! - [`ablate`]: the agent with one setting changed at a time.
 //! - [`suites`]: building and perturbing benchmark suites, the two steps that run policies.
-//! - [`sessions`]: environments that other programs step, action by action.
+//! - [`sessions`]: environments that other programs drive one action at a time.
 //! - [`report`]: input of the HTML page and the page itself.
 //! - [`learn`]: policies trained on the demonstrations of a run.
-//! - [`layouts`], [`plan`]: tasks laid out into scenario files, single motions of the arm.
+//! - [`layouts`], [`plan`]: layouts of tasks as scenario files, and single motions of the arm.
 //!
 //! Every stage is a function from input, settings and seed to a result or a [`genmanip_workspace::WorkspaceError`];
 //! it reports to a [`genmanip_workspace::Progress`] and prints nothing.

@@ -1,4 +1,4 @@
-//! Merges the shards of a run into the run that one machine would have made.
+//! Merging of a run's shards into the run that one machine would have collected.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -13,15 +13,15 @@ use genmanip_workspace::shard::{Manifest, Shard};
 /// Maximum number of missing items in a message.
 const NAMED: usize = 12;
 
-/// Brings the shards of a run together in a folder and writes its dataset: the same bytes as of a run in one go,
-/// wall-clock figures apart.
+/// Merges the shards of a run in a folder and writes its dataset. The bytes are those of a run without shards, except
+/// for wall-clock figures.
 ///
-/// `shards` are folders of shards, or folders that hold them. Episodes are linked where the disk allows that, and copied
-/// elsewhere; the shards stay as they are. What no shard holds is an error, or with `finish` made here.
-/// [`CollectOptions::shard`] has no meaning here.
+/// `shards` are folders of shards, or folders that contain them. Episodes are hard-linked where the disk supports it
+/// and copied otherwise; the shards are not changed. Attempts that no shard holds are an error, or are made here if
+/// `finish` is true. [`CollectOptions::shard`] is ignored.
 ///
 /// # Errors
-/// When something is no shard, or one of another run; when two are the same, or pieces are missing.
+/// When a folder is no shard or belongs to another run, when two shards are the same, or when attempts are missing.
 pub fn merge(
     shards: &[PathBuf],
     out: &Path,
@@ -75,23 +75,23 @@ pub fn merge(
     collect(out, run, CollectOptions { shard: None, ..options }, progress, stop)
 }
 
-/// A folder with what it says it holds.
+/// A shard's folder with its manifest.
 struct Part {
     path: PathBuf,
     manifest: Manifest,
 }
 
-/// Attempts that a shard holds.
+/// Finished attempts of a shard.
 struct Found {
     shard: Shard,
     folder: RunFolder,
-    /// Ids of its finished attempts.
+    /// Ids of the intact finished attempts.
     sound: Vec<String>,
     damaged: BTreeMap<String, String>,
 }
 
 impl Part {
-    /// Lists the attempts of a shard; rejects attempts that belong to other shards.
+    /// Lists the attempts of a shard; an attempt that belongs to another shard is an error.
     fn look(&self, run: &Run) -> Result<Found, WorkspaceError> {
         let shard = self.manifest.shard;
         let own: BTreeSet<String> = share(run, Some(shard)).collect();
@@ -106,7 +106,7 @@ impl Part {
     }
 }
 
-/// The shards in folders, ordered, each once and all of one run.
+/// All shards in these folders, ordered by index; each must occur once and all must belong to one run.
 fn open_all(paths: &[PathBuf]) -> Result<Vec<Part>, WorkspaceError> {
     let mut parts = Vec::new();
     for path in paths {
@@ -147,7 +147,7 @@ fn open(path: PathBuf) -> Result<Part, WorkspaceError> {
     Ok(Part { path, manifest })
 }
 
-/// Folders of shards in a folder.
+/// Paths of the shards directly inside a folder.
 fn folders_in(path: &Path) -> Result<Vec<PathBuf>, WorkspaceError> {
     let entries = std::fs::read_dir(path).map_err(|error| WorkspaceError::file("list", path, error))?;
     let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
@@ -162,11 +162,11 @@ fn folders_in(path: &Path) -> Result<Vec<PathBuf>, WorkspaceError> {
     Ok(shards)
 }
 
-/// Missing shards, then missing attempts of the shards found, in words.
+/// Texts for a message: missing shards, then missing attempts of the shards found.
 fn missing(run: &Run, count: usize, found: &[Found]) -> Vec<String> {
     let there: BTreeSet<usize> = found.iter().map(|part| part.shard.index()).collect();
     let absent = (0..count).filter(|index| !there.contains(index)).filter_map(|index| Shard::new(index, count).ok());
-    // A shard may have nothing to do.
+    // A shard without attempts need not exist.
     let absent = absent.filter(|shard| share(run, Some(*shard)).next().is_some());
     let mut words: Vec<String> = absent.map(|shard| shard.to_string()).collect();
     for part in found {

@@ -1,5 +1,6 @@
-//! Episodes that were not run, since their policy made a mistake or did not answer: their messages, and how many in a
-//! row stop a run.
+//! Episodes that were not run, because their policy made a mistake or was unreachable: messages, and the number in a
+//! row
+//! that ends a run.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -8,11 +9,11 @@ use genmanip_workspace::WorkspaceError;
 
 use crate::policy_spec::mistaken;
 
-/// Number of episodes in a row that were not run after which the others are not tried: a policy that raises or a server
-/// that is gone would fail them all.
+/// Number of consecutive episodes that were not run after which the remaining ones are not tried: a policy that raises
+/// an exception, or an unreachable server, would fail for all.
 const MOST_IN_A_ROW: usize = 3;
 
-/// Counter of the episodes in a row, as they end, that were not run.
+/// Counter of consecutive episodes that were not run, in the order in which they end.
 pub(crate) struct Series<'a> {
     policy: &'a str,
     keep_going: bool,
@@ -20,12 +21,12 @@ pub(crate) struct Series<'a> {
 }
 
 impl<'a> Series<'a> {
-    /// An empty series of episodes of `policy`, which stops nothing if `keep_going`.
+    /// A counter at 0 for episodes of `policy`; with `keep_going`, it never ends a run.
     pub fn new(policy: &'a str, keep_going: bool) -> Self {
         Self { policy, keep_going, in_a_row: Mutex::default() }
     }
 
-    /// Ends the series: an episode was run.
+    /// Resets the counter: an episode was run.
     pub fn was_run(&self) {
         self.in_a_row.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
@@ -33,7 +34,7 @@ impl<'a> Series<'a> {
     /// Adds an episode that was not run.
     ///
     /// # Errors
-    /// From the third in a row on, with the first of them.
+    /// From the third consecutive episode on, an error about the first of them; never with `keep_going`.
     pub fn was_not_run(&self, episode: &NotRun) -> Result<(), WorkspaceError> {
         let mut in_a_row = self.in_a_row.lock().unwrap_or_else(PoisonError::into_inner);
         in_a_row.push(episode.clone());
@@ -44,7 +45,7 @@ impl<'a> Series<'a> {
     }
 }
 
-/// Error of a run that was stopped; `first` is the first episode of the series.
+/// Error that ends a run; `first` is the first of the consecutive episodes.
 fn stopped(policy: &str, first: &NotRun) -> WorkspaceError {
     let what = format!("policy {policy}: {MOST_IN_A_ROW} episodes in a row were not run, the first is {}", first.id);
     let go_on = "what was finished is kept: start again to continue, with --keep-going to try every episode";
@@ -56,7 +57,7 @@ fn stopped(policy: &str, first: &NotRun) -> WorkspaceError {
     WorkspaceError::input(format!("{what}: {}", first.reason)).with_hint(go_on)
 }
 
-/// Error of a policy that ran no episode; `first` is the first that was not run.
+/// Error for a policy of which no episode was run; `first` is the first of its episodes.
 pub(crate) fn no_episode(policy: &str, first: &NotRun) -> WorkspaceError {
     let what = format!("policy {policy} ran no episode, {} was not run", first.id);
     if first.mistake {
@@ -66,7 +67,7 @@ pub(crate) fn no_episode(policy: &str, first: &NotRun) -> WorkspaceError {
         .with_hint("check that the service it asks is running, and that arguments such as `preset` fit it, then repeat the command; nothing was counted")
 }
 
-/// Note on the episodes that were not run, if there are any.
+/// Note on the episodes that were not run; `None` without any.
 pub(crate) fn note(not_run: &[NotRun]) -> Option<String> {
     let (first, others) = not_run.split_first()?;
     let more = if others.is_empty() { String::new() } else { format!(" (and {} more)", others.len()) };

@@ -1,4 +1,4 @@
-//! Policies that this program serves to other programs.
+//! Policies that this program can serve to other programs.
 
 use std::sync::Arc;
 
@@ -8,20 +8,20 @@ use genmanip_workspace::WorkspaceError;
 
 use crate::learned;
 
-/// A policy without a simulator: it sees what its clients send.
+/// A policy for use outside the simulator, on the observations that its clients send.
 pub struct OfferedPolicy {
-    /// Robot that it moves.
+    /// Robot that the policy controls.
     pub robot: Arc<RobotModel>,
-    /// Observations and actions.
+    /// Observations and actions of the policy.
     pub spec: PolicySpec,
     /// Creates an instance for one client.
     pub make: Arc<dyn Fn() -> Box<dyn Policy> + Send + Sync>,
 }
 
-/// A policy to be served, by `learned:FOLDER`.
+/// A policy to serve, given as `learned:FOLDER`.
 ///
 /// # Errors
-/// When there is no such policy, its robot is unknown, or it reads simulator ground truth, which no client has.
+/// When there is no such policy, its robot is unknown, or it reads simulator ground truth, which clients do not have.
 pub fn offered(policy: &str) -> Result<OfferedPolicy, WorkspaceError> {
     let folder = policy.strip_prefix("learned:").map(|folder| folder.strip_prefix("folder=").unwrap_or(folder));
     let Some(folder) = folder.filter(|folder| !folder.is_empty()) else {

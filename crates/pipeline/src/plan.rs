@@ -1,4 +1,4 @@
-//! One motion of the arm in a scenario: to a grasp, to a point or to joint positions.
+//! Planning of one motion of the arm in a scenario: to a grasp, to a point or to joint positions.
 
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Pose, Seed};
@@ -13,83 +13,86 @@ use serde::Serialize;
 use genmanip_viz::motion_images::MotionView;
 use genmanip_workspace::WorkspaceError;
 
-/// Settings of the grasp search: a dozen reachable grasps, each with the nearer of two half-turns of the gripper.
+/// Settings of the grasp search: a dozen reachable grasps, each in the nearer of the two wrist orientations half a turn
+/// apart.
 fn feasibility() -> FeasibilitySettings {
     FeasibilitySettings { wanted: 12, half_turn: HalfTurn::Nearer, ..FeasibilitySettings::reach_only() }
 }
 
-/// Turns about the vertical that are tried for an arm with fewer than six joints.
+/// Number of yaw angles tried for an arm with fewer than six joints, which cannot reach every orientation.
 const TURNS: u32 = 72;
 
 /// Target of the motion, as given by the user.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Target {
-    /// To a grasp of this object: its uid or name.
+    /// A grasp of the object with this uid or name.
     Object(String),
-    /// To a point between the fingertips, metres, the hand pointing down and turned by a yaw, rad.
+    /// A point that the tool centre between the fingertips reaches, with the hand pointing down.
     Point {
         /// x, y, z in the robot's base frame, m.
         position_m: Vec<f64>,
-        /// Turn of the hand about the vertical, rad.
+        /// Yaw of the hand about the vertical, rad.
         yaw_rad: f64,
     },
-    /// To joint positions, rad.
+    /// Joint positions, rad or m.
     Joints(Vec<f64>),
 }
 
 /// Request for a motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionRequest {
-    /// Target.
+    /// Target of the motion.
     pub target: Target,
-    /// Joint positions to start from, rad; the robot's home without.
+    /// Initial joint positions, rad or m; the robot's home if `None`.
     pub from: Option<Vec<f64>>,
-    /// Opening of the gripper, m; a grasp brings its own.
+    /// Opening of the gripper, m; ignored for a grasp, which has its own.
     pub gripper_width_m: f64,
 }
 
-/// Planned motion, or the reason that there is none.
+/// Planned motion, or the reason why there is none.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlannedMotion {
     /// Id of the scenario.
     pub scenario: String,
-    /// The target in words.
+    /// Description of the target.
     pub goal: String,
-    /// True if there is a path.
+    /// True if a path was found.
     pub solved: bool,
-    /// Reason that there is no path.
+    /// Reason why there is no path; `None` if there is one.
     pub failure: Option<String>,
-    /// Processor time of planning and timing together.
+    /// CPU time of planning and time parametrisation, ms.
     pub planning_ms: f64,
-    /// Sum of the Euclidean joint-space steps.
+    /// Length of the path: sum of the Euclidean distances between waypoints in joint space, rad.
     pub path_length_rad: f64,
-    /// Time the motion takes.
+    /// Duration of the trajectory, s.
     pub duration_s: f64,
-    /// Corners of the path, joint positions in rad.
+    /// Waypoints of the path, joint positions in rad.
     pub waypoints: Vec<Vec<f64>>,
-    /// Opening of the gripper on the way.
+    /// Opening of the gripper during the motion, m.
     pub gripper_width_m: f64,
-    /// Time between two joint positions of the trajectory.
+    /// Time between two states of the trajectory, s.
     pub dt_s: f64,
-    /// Joint positions at the control rate, rad.
+    /// Trajectory: joint positions at the control rate, rad.
     pub trajectory: Vec<Vec<f64>>,
-    /// Goal configuration in collision, rad; for the diagram.
+    /// A goal configuration in collision, rad, for the diagram; `None` if planning succeeded or there is none.
     #[serde(skip)]
     pub blocked: Option<Vec<f64>>,
 }
 
-/// Target in configuration space or as grasps.
+/// Target of the search: configurations or grasps.
 enum Goal {
-    /// One of these configurations; those of an arm with few joints may have any turn about the vertical.
+    /// Any of these configurations. With `any_yaw`, they may have any rotation of the hand about the vertical, as for
+    /// an arm
+    /// with few joints.
     Configurations { configs: Vec<Vec<f64>>, any_yaw: bool },
-    /// The first free grasp of an object, by its index.
+    /// The first collision-free grasp of an object, given by its index.
     Grasp { object: usize, grasps: Vec<FeasibleGrasp> },
 }
 
-/// Plans one motion from rest to rest; `clock` says how much processor time has passed, s.
+/// Plans one motion from rest to rest; `clock` returns the CPU time used so far, s.
 ///
 /// # Errors
-/// When the request does not fit robot or scenario. A target that cannot be reached is a result.
+/// When the request does not fit the robot or the scenario. An unreachable target is a result, not an error.
 pub fn plan(
     stage: &Stage,
     planner: &Planner,
@@ -136,7 +139,7 @@ pub fn plan(
 }
 
 impl PlannedMotion {
-    /// In one line.
+    /// Summary in one line.
     pub fn headline(&self) -> String {
         match &self.failure {
             None => format!(
@@ -150,7 +153,7 @@ impl PlannedMotion {
         }
     }
 
-    /// Trajectory as an image or a video shows it.
+    /// The trajectory as input for an image or a video.
     pub fn drawn<'a>(&'a self, stage: &'a Stage, planner: &Planner) -> MotionView<'a> {
         MotionView {
             stage,
@@ -173,7 +176,7 @@ impl Target {
     }
 }
 
-/// The paths one after the other (free motion, then for a grasp the straight approach), and the gripper's opening.
+/// Paths in sequence (free motion, then for a grasp the straight approach), and the opening of the gripper, m.
 fn paths(
     goal: &Goal,
     gripper_width_m: f64,
@@ -206,13 +209,13 @@ fn paths(
     Err(problem)
 }
 
-/// An object where it is at the start; it is not lifted here, so its pieces are left out.
+/// An object at its initial pose. Its collision pieces are omitted, since it is not lifted here.
 fn picked_object(stage: &Stage, index: usize) -> PickedObject<'_> {
     let placed = &stage.scenario.objects[index];
     PickedObject { name: &placed.id, world_from_object: placed.pose, pieces: &[] }
 }
 
-/// Joint positions at the control rate, from rest to rest on each path.
+/// Trajectory at the control rate over all paths, with rest at the end of each path.
 fn timed(planner: &Planner, paths: &[Path], start: &[f64]) -> Vec<Vec<f64>> {
     let mut configs = vec![start.to_vec()];
     for path in paths {
@@ -248,7 +251,7 @@ fn goal(target: &Target, stage: &Stage, planner: &Planner, start: &[f64], seed: 
     Ok(Goal::Grasp { object: index, grasps: query.grasps(candidates.into_iter()).collect() })
 }
 
-/// The tcp at a point, the hand pointing down.
+/// Configurations with the tcp at a point (m, base frame) and the hand pointing down.
 fn above(position_m: &[f64], yaw_rad: f64, planner: &Planner, start: &[f64]) -> Result<Goal, WorkspaceError> {
     let &[x, y, z] = position_m else {
         return Err(WorkspaceError::input(format!("--to has {} numbers", position_m.len()))
@@ -270,7 +273,7 @@ fn above(position_m: &[f64], yaw_rad: f64, planner: &Planner, start: &[f64]) -> 
     Ok(Goal::Configurations { configs: goals, any_yaw })
 }
 
-/// Joint positions as the user gave them.
+/// Validated joint positions of an option; `None` if it was not given.
 fn joints(option: &str, given: Option<&[f64]>, stage: &Stage) -> Result<Option<Vec<f64>>, WorkspaceError> {
     let (Some(given), expected) = (given, stage.robot.arm_dof()) else { return Ok(None) };
     if given.len() != expected || !given.iter().all(|q| q.is_finite()) {

@@ -1,7 +1,8 @@
-//! The one registry of policies: by name, with arguments.
+//! Registry of all policies, by name and arguments.
 //!
-//! `NAME` or `NAME:key=value,key=value` becomes a [`PolicyFactory`], which makes one policy per episode.
-//! Another policy is one more entry of [`POLICIES`].
+//! `NAME` or `NAME:key=value,key=value` becomes a [`PolicyFactory`], which makes one policy per episode. A new policy
+//! is
+//! added as an entry of [`POLICIES`].
 
 mod arguments;
 mod label;
@@ -37,7 +38,7 @@ use watched::{BeforeTurn, Watched};
 use crate::policy_spec::check_robot;
 pub use crate::policy_spec::{mistaken, read_spec};
 
-/// All policies there are, in the order in which they are listed.
+/// All policies of the registry, in the order of lists for users.
 pub const POLICIES: [PolicyEntry; 12] = [
     PolicyEntry {
         name: "expert",
@@ -206,7 +207,7 @@ fn learned(given: &Given) -> Result<Prepared, WorkspaceError> {
             .with_hint("expected learned:FOLDER, a policy as `genmanip train` writes it"));
     };
     let learned = learned::load(&folder)?;
-    // Its end is an estimate: the episodes end where its goal holds.
+    // Its predicted end is only an estimate, so its episodes end once the goal holds.
     Ok(Prepared::new(move |episode: &PolicyContext| learned.act_on(episode.stage)).never_finishing())
 }
 
@@ -291,49 +292,51 @@ fn python(given: &Given) -> Result<Prepared, WorkspaceError> {
     Ok(Prepared::new(move |episode: &PolicyContext| remote::python(&processes, episode.cores)))
 }
 
-/// One policy of the registry.
+/// A policy of the registry.
 pub struct PolicyEntry {
-    /// The name on the command line and in results.
+    /// Name on the command line and in results.
     pub name: &'static str,
-    /// One-line description.
+    /// Description in one line.
     pub about: &'static str,
-    /// Arguments.
+    /// Arguments that the policy accepts.
     pub arguments: &'static [PolicyArgument],
-    /// True if it needs an episode that was recorded on the same scenario.
+    /// True if it needs an episode recorded on the same scenario.
     pub needs_record: bool,
-    /// True if it runs when no policy is named; policies that call services do not.
+    /// True if it is run when no policy is named; policies that call services are not.
     pub is_usual: bool,
-    /// Checks the arguments, once.
+    /// Function that validates the arguments; called once per factory.
     prepare: fn(&Given) -> Result<Prepared, WorkspaceError>,
 }
 
-/// Inputs from which a policy is made for one episode.
+/// Inputs for making a policy for one episode.
 #[derive(Clone, Copy)]
 pub struct PolicyContext<'a> {
-    /// The scenario made ready; only policies that declare it may look at its truth.
+    /// Stage of the episode; only policies that declare it may read simulator truth from it.
     pub stage: &'a Stage,
-    /// Episode recorded on the same scenario, if any.
+    /// Episode recorded on the same scenario; `None` without one.
     pub recorded: Option<&'a Episode>,
     /// Planner of the robot.
     pub planner: &'a Arc<Planner>,
-    /// Grasps that were tried beforehand.
+    /// Library of verified grasps.
     pub grasps: &'a GraspLibrary,
     /// Settings of the run.
     pub settings: &'a PipelineSettings,
-    /// Cores that the episodes share; a policy that waits for a service lends its own meanwhile.
+    /// Cores shared by concurrent episodes; a policy that waits for a service releases its core meanwhile. `None` if
+    /// the
+    /// number of episodes is not limited by cores.
     pub cores: Option<&'a Arc<Cores>>,
 }
 
 type Make = Box<dyn Fn(&PolicyContext) -> Result<Box<dyn Policy>, WorkspaceError> + Send + Sync>;
 
-/// A policy whose arguments were checked.
+/// A policy with validated arguments.
 struct Prepared {
     make: Make,
-    /// Of the service that it asks and that may cost money.
+    /// Usage account of the service that it calls and that may cost money; `None` for other policies.
     account: Option<Arc<UsageAccount>>,
-    /// True if it never says that it is finished.
+    /// True if the policy never ends an episode itself.
     never_finishes: bool,
-    /// True if it acts by what was recorded elsewhere.
+    /// True if the policy acts on recordings made elsewhere, such as recorded model answers.
     is_recorded: bool,
 }
 
@@ -347,7 +350,7 @@ impl Prepared {
     }
 }
 
-/// Makes one policy per episode.
+/// Factory of a policy, which makes an instance per episode.
 pub struct PolicyFactory {
     name: String,
     label: String,
@@ -357,10 +360,10 @@ pub struct PolicyFactory {
 }
 
 impl PolicyFactory {
-    /// From `NAME` or `NAME:key=value,key=value`.
+    /// Factory from `NAME` or `NAME:key=value,key=value`.
     ///
     /// # Errors
-    /// [`WorkspaceError::UnknownName`] for the policy or one of its arguments; what is wrong with a value.
+    /// [`WorkspaceError::UnknownName`] for an unknown policy or argument; an error that explains an invalid value.
     pub fn resolve(text: &str) -> Result<Self, WorkspaceError> {
         let (name, arguments) = text.split_once(':').unwrap_or((text, ""));
         let known = POLICIES.each_ref().map(|entry| entry.name);
@@ -372,10 +375,11 @@ impl PolicyFactory {
         Ok(Self { name, label, needs_record: entry.needs_record, named_folders, prepared })
     }
 
-    /// A policy of the calling program, under a name of its own; `make` is called once per episode, from any thread.
+    /// Factory of a policy of the calling program, with a name of its own. `make` is called once per episode, from any
+    /// thread.
     ///
     /// # Errors
-    /// A name that cannot stand in the name of a file.
+    /// For a name that cannot be part of a file name, or is too long.
     pub fn of(
         name: &str,
         make: impl Fn(&PolicyContext) -> Result<Box<dyn Policy>, WorkspaceError> + Send + Sync + 'static,
@@ -390,37 +394,41 @@ impl PolicyFactory {
         Ok(Self { name, label, needs_record: false, named_folders, prepared: Prepared::new(make) })
     }
 
-    /// The usual policies with their defaults, without those that need a record where there is none.
+    /// Factories of the policies that are run by default, with default arguments; those that need a recorded episode
+    /// only if
+    /// `is_recorded`.
     ///
     /// # Errors
-    /// None, as long as the defaults are sound.
+    /// Never, since the default arguments are valid.
     pub fn all(is_recorded: bool) -> Result<Vec<Self>, WorkspaceError> {
         let usable = POLICIES.iter().filter(|entry| entry.is_usual && (is_recorded || !entry.needs_record));
         usable.map(|entry| Self::resolve(entry.name)).collect()
     }
 
-    /// Name of the policy, as results say it.
+    /// Name of the policy, as in results.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Label of its evaluations, fit for the name of a file: the name with those arguments that differ from their
-    /// defaults and change results, the same on every machine.
+    /// Label of the policy's evaluations, usable as a file name: the name with those arguments that differ from their
+    /// defaults and change results. It is the same on every machine.
     pub fn label(&self) -> &str {
         &self.label
     }
 
-    /// Arguments that the label names but does not identify, as `NAME=FOLDER`.
+    /// Arguments whose label does not identify their content, as `NAME=FOLDER`.
     pub(crate) fn named_folders(&self) -> &[String] {
         &self.named_folders
     }
 
-    /// True if it needs an episode that was recorded on the same scenario.
+    /// True if the policy needs an episode recorded on the same scenario.
     pub fn needs_record(&self) -> bool {
         self.needs_record
     }
 
-    /// True if it acts by records, which may lack a scenario: one that is not run says nothing about the others.
+    /// True if the policy acts on recordings. They may lack a scenario, so an episode that is not run says nothing
+    /// about the
+    /// others.
     pub(crate) fn is_recorded(&self) -> bool {
         self.needs_record || self.prepared.is_recorded
     }
@@ -428,14 +436,14 @@ impl PolicyFactory {
     /// The policy for one episode.
     ///
     /// # Errors
-    /// When it cannot work on this episode; [`WorkspaceError::Unreachable`] when it runs elsewhere and cannot be reached,
-    /// [`WorkspaceError::Mistaken`] when its program made a mistake.
+    /// When the policy does not support this episode; [`WorkspaceError::Unreachable`] when it runs elsewhere and is
+    /// unreachable; [`WorkspaceError::Mistaken`] when its program made a mistake.
     pub fn make(&self, episode: &PolicyContext) -> Result<Box<dyn Policy>, WorkspaceError> {
         (self.prepared.make)(episode)
     }
 
-    /// The error as the episode loop reports it: not run if the policy cannot be reached or made a mistake, else an
-    /// unsupported contract.
+    /// The error in the form that the episode loop reports: not run, if the policy is unreachable or made a mistake;
+    /// otherwise an unsupported contract.
     pub(crate) fn refusal(&self, error: WorkspaceError) -> RolloutError {
         match error {
             WorkspaceError::Unreachable { policy, reason } => RolloutError::NotRun { policy, reason, mistake: false },
@@ -448,15 +456,15 @@ impl PolicyFactory {
         }
     }
 
-    /// The same policy as one that never says that it is finished.
+    /// The same policy, marked as never ending an episode itself.
     #[must_use]
     pub fn never_finishing(mut self) -> Self {
         self.prepared = self.prepared.never_finishing();
         self
     }
 
-    /// The same policy, watched: `before_turn` gets the time of the episode, s, before each turn, and its label stays. When
-    /// it returns false, the episode ends there and counts as not run.
+    /// The same policy with a callback: `before_turn` gets the simulated time of the episode, s, before each decision.
+    /// If it returns false, the episode ends and counts as not run. The label is unchanged.
     #[must_use]
     pub fn watched(mut self, before_turn: impl Fn(f64) -> bool + Send + Sync + 'static) -> Self {
         let (make, before_turn): (_, BeforeTurn) = (self.prepared.make, Arc::new(before_turn));
@@ -466,13 +474,14 @@ impl PolicyFactory {
         self
     }
 
-    /// True if it never says that it is finished: unless told otherwise, its episodes end once the goal has held for
-    /// the settling time.
+    /// True if the policy never ends an episode itself. Unless other rules are given, its episodes end once the goal
+    /// has
+    /// held for the settling time.
     pub fn never_finishes(&self) -> bool {
         self.prepared.never_finishes
     }
 
-    /// Requests and cost of its service so far, if it calls one that may cost money.
+    /// Usage account of the policy's service, with requests and cost so far; `None` unless it may cost money.
     pub fn account(&self) -> Option<&Arc<UsageAccount>> {
         self.prepared.account.as_ref()
     }
@@ -484,7 +493,7 @@ impl fmt::Debug for PolicyFactory {
     }
 }
 
-/// The policies and their arguments, a line each.
+/// Text that lists the policies and their arguments, one per line.
 pub fn describe() -> String {
     let mut text = String::new();
     for entry in &POLICIES {
@@ -496,11 +505,11 @@ pub fn describe() -> String {
     text
 }
 
-/// The arguments of a policy: given ones, and defaults for the others.
+/// Arguments of a policy: the given ones, and defaults for the others.
 struct Given {
     policy: &'static str,
     arguments: &'static [PolicyArgument],
-    /// In the order of the entry, with whether it differs from its default.
+    /// Name, value, and true if it differs from the default; in the order of the entry's arguments.
     values: Vec<(&'static str, String, bool)>,
 }
 
@@ -509,7 +518,7 @@ impl Given {
         let defaults = entry.arguments.iter().map(|argument| (argument.name, argument.default.to_owned(), false));
         let mut given = Self { policy: entry.name, arguments: entry.arguments, values: defaults.collect() };
         for (place, part) in text.split(',').enumerate().filter(|(_, part)| !part.is_empty()) {
-            // `python:MODULE:CLASS` and `learned:FOLDER` read better than with the name of the argument.
+            // Shorthand: `python:MODULE:CLASS` and `learned:FOLDER` need no argument name.
             if let (0, "python" | "learned", false) = (place, entry.name, part.contains('=')) {
                 given.values[0] = (given.values[0].0, part.to_owned(), true);
                 continue;
@@ -562,7 +571,7 @@ impl Given {
         Some(self.text(name)).filter(|path| !path.is_empty()).map(PathBuf::from)
     }
 
-    /// The policy with those arguments that differ from their defaults.
+    /// Label of the policy, with those arguments that differ from their defaults.
     fn label(&self) -> String {
         let differing = self.arguments.iter().zip(&self.values).filter(|(_, (.., differs))| *differs);
         let arguments = differing
@@ -570,7 +579,7 @@ impl Given {
         label(&format!("{}{}", self.policy, arguments.collect::<String>()))
     }
 
-    /// Values that the label names but does not identify.
+    /// Arguments whose label does not identify their content, as `NAME=VALUE`.
     fn named_folders(&self) -> Vec<String> {
         let named = self.arguments.iter().zip(&self.values);
         let named = named.filter(|(argument, (.., differs))| *differs && argument.in_label == InLabel::Name);

@@ -1,4 +1,4 @@
-//! Specification of a policy in another language, from JSON: every mistake with its place and remedy.
+//! Contract of a policy in another language, read from JSON; every mistake is reported with its key and remedy.
 
 use genmanip_core::names::near_misses;
 use genmanip_core::{ActionSpec, CameraRequest, GripperSpec, ImageChannels, Observation, PolicySpec, RotationEncoding};
@@ -13,9 +13,9 @@ const ACTION_KEYS: [&str; 6] = ["space", "delta_from", "frame", "rotation", "gri
 const GRIPPER_KEYS: [&str; 2] = ["encoding", "binary_threshold"];
 const CAMERA_KEYS: [&str; 3] = ["name", "size", "channels"];
 const CHANNELS: [&str; 5] = ["rgb", "depth", "points", "normals", "ids"];
-/// Most actions of a chunk, and most pixels of a side of an image.
+/// Maximum number of actions of a chunk, and of pixels of an image side.
 const MAX_COUNT: u64 = 100_000;
-/// Maximum length of a wrong value in a message, characters.
+/// Maximum length of a wrong value quoted in a message, characters.
 const SHOWN: usize = 60;
 
 /// Policy contract given by a program in another language; absent keys are those of native actions at 15 Hz.
@@ -51,10 +51,10 @@ pub fn read_spec(name: &str, given: &Value) -> Result<PolicySpec, String> {
     if mistakes.0.is_empty() { Ok(spec) } else { Err(mistakes.0.join("\n")) }
 }
 
-/// Checks that actions of a robot suit a stage.
+/// Checks that actions for a robot suit a stage.
 ///
 /// # Errors
-/// If it has another robot.
+/// If the stage has another robot.
 pub(crate) fn check_robot(robot: &str, stage: &Stage) -> Result<(), WorkspaceError> {
     if robot == stage.robot.name {
         return Ok(());
@@ -63,20 +63,20 @@ pub(crate) fn check_robot(robot: &str, stage: &Stage) -> Result<(), WorkspaceErr
         .with_hint(format!("scenario {} has robot `{}`", stage.scenario.id, stage.robot.name)))
 }
 
-/// A mistake of a policy, whose text may end with a line that starts with `hint:`.
+/// Error for a mistake of a policy; the text may end with a line that starts with `hint:`.
 pub fn mistaken(policy: &str, mistake: &str) -> WorkspaceError {
     let (what, hint) = mistake.split_once("\nhint: ").unwrap_or((mistake, SPEC_HELP));
     WorkspaceError::Mistaken { policy: policy.into(), what: what.into(), hint: hint.into() }
 }
 
-/// Place where the interface of a policy is described.
+/// Hint that names the documentation of the policy interface.
 const SPEC_HELP: &str = "docs/guides/evaluate.md lists all keys of the spec, and what reset and act get and return";
 
 #[derive(Default)]
 struct Mistakes(Vec<String>);
 
 impl Mistakes {
-    /// An object without unknown keys; a mistake otherwise.
+    /// The object, if the value is one without unknown keys; otherwise a mistake is added.
     fn object<'a>(&mut self, at: &str, value: &'a Value, known: &[&str], such: &str) -> Option<&'a Map<String, Value>> {
         let Value::Object(object) = value else {
             self.0.push(expected(at, &format!("a dictionary such as {such}"), value));
@@ -222,7 +222,7 @@ impl Mistakes {
     }
 }
 
-/// A variant of an enum by its name.
+/// Value of an enum from the name of a variant.
 fn variant<T: DeserializeOwned>(at: &str, value: &Value) -> Result<T, String> {
     match value {
         Value::String(_) => serde_json::from_value(value.clone()).map_err(|error| format!("`{at}`: {error}")),

@@ -1,4 +1,4 @@
-//! Policies on servers, as the registry makes them.
+//! Policies on servers and in other processes, for the policy registry.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,38 +14,38 @@ use genmanip_rollout::{Cores, Stage};
 use crate::policy_spec::{check_robot, mistaken, read_spec};
 use genmanip_workspace::WorkspaceError;
 
-/// Environment variable that holds the server's API key, if it wants one.
+/// Environment variable with the API key of the server; needed only by servers that demand one.
 const KEY: &str = "OPENPI_API_KEY";
-/// Name of the preset of servers that describe their policy, as `genmanip serve policy` does.
+/// Name of the preset for servers that describe their policy themselves, as `genmanip serve policy` does.
 const DESCRIBED: &str = "genmanip";
-/// Names of the cameras unless others are given.
+/// Default names of the cameras: exterior and wrist.
 pub(crate) const CAMERAS: [&str; 2] = ["static", "wrist"];
-/// A policy waits no longer than this for a server that is there, s.
+/// Maximum waiting time of a policy for an answer of a reachable server, s.
 pub(crate) const MAX_WAIT_S: f64 = 3600.0;
 
-/// Arguments of an openpi policy server.
+/// Arguments of the policy `openpi`, as text.
 pub(crate) struct Named<'a> {
     pub url: &'a str,
     pub preset: &'a str,
     pub exterior: &'a str,
     pub wrist: &'a str,
-    /// Number of executed actions of a chunk, or empty for the preset's.
+    /// Number of executed actions per chunk; empty for that of the preset.
     pub execute: &'a str,
     pub timeout_s: f64,
 }
 
-/// A policy server behind openpi's protocol.
+/// A policy server with openpi's protocol.
 pub(crate) enum Server {
-    /// Observations and actions of a preset.
+    /// A server with the observations and actions of a preset.
     Preset(OpenpiSettings),
-    /// Observations and actions that the server describes.
+    /// A server that describes its observations and actions.
     Described { url: String, execute_steps: Option<usize>, timeouts: Timeouts },
 }
 
-/// Settings for a server.
+/// Validated settings of a server.
 ///
 /// # Errors
-/// A URL that is none, an unknown preset, cameras where the server names them, and a number of steps that is none.
+/// For an invalid URL, an unknown preset, cameras for a server that names its own, and an invalid number of steps.
 pub(crate) fn server(named: &Named) -> Result<Server, WorkspaceError> {
     let input = |what: String, hint: &str| Err(WorkspaceError::input(what).with_hint(hint));
     let Named { url, preset, exterior, wrist, execute, timeout_s } = *named;
@@ -78,10 +78,10 @@ pub(crate) fn server(named: &Named) -> Result<Server, WorkspaceError> {
 }
 
 impl Server {
-    /// The policy for one episode, which lends its core while it waits for the server.
+    /// The policy for one episode; it releases its core to other episodes while it waits for the server.
     ///
     /// # Errors
-    /// When a server that describes its policy is unreachable, or the policy moves another robot.
+    /// When a server that describes its policy is unreachable, or the policy is for another robot.
     pub(crate) fn policy(&self, stage: &Stage, cores: Option<&Arc<Cores>>) -> Result<Box<dyn Policy>, WorkspaceError> {
         match self {
             Self::Preset(settings) => Ok(lending(OpenpiPolicy::new(settings.clone(), Arc::clone(&stage.robot)), cores)),
@@ -98,10 +98,10 @@ impl Server {
     }
 }
 
-/// Settings for a model server of vla-eval.
+/// Validated settings of a model server of vla-eval.
 ///
 /// # Errors
-/// A URL that is none, and an unknown preset.
+/// For an invalid URL, and an unknown preset.
 pub(crate) fn vla_eval_settings(
     url: &str,
     preset: &str,
@@ -116,7 +116,7 @@ pub(crate) fn vla_eval_settings(
     Ok(VlaEvalSettings { url: url.into(), preset, exterior: exterior.into(), wrist: wrist.into(), timeouts })
 }
 
-/// The policy for one episode, which lends its core while it waits for the server.
+/// The policy for one episode; it releases its core to other episodes while it waits for the server.
 pub(crate) fn vla_eval(
     settings: &VlaEvalSettings,
     robot: &Arc<RobotModel>,
@@ -132,10 +132,10 @@ fn lending(policy: impl Policy + 'static, cores: Option<&Arc<Cores>>) -> Box<dyn
     }
 }
 
-/// Processes for a class of a Python module.
+/// Pool of Python processes that run a policy class, given as `MODULE:CLASS`.
 ///
 /// # Errors
-/// A class that cannot be one.
+/// For a text that is not `MODULE:CLASS`.
 pub(crate) fn processes(class: &str, python: &str, patience_s: f64) -> Result<Arc<Processes>, WorkspaceError> {
     let is_name = |text: &str| !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || c == '_');
     let is_class = |(module, name): (&str, &str)| module.split('.').all(is_name) && is_name(name);
@@ -147,7 +147,8 @@ pub(crate) fn processes(class: &str, python: &str, patience_s: f64) -> Result<Ar
     Ok(Processes::new(ProcessSettings { class: class.into(), python: python.into(), answer }))
 }
 
-/// The policy for one episode, which lends its core while it waits for its process; it is called as its class.
+/// The policy for one episode, named after its class; it releases its core to other episodes while it waits for its
+/// process.
 pub(crate) fn python(
     processes: &Arc<Processes>,
     cores: Option<&Arc<Cores>>,
@@ -182,7 +183,7 @@ impl<P: Policy> Policy for Lending<P> {
     }
 }
 
-/// Rejects a URL that is not a websocket address.
+/// Fails for a URL that is not a websocket address (`ws://…`).
 fn check_url(policy: &str, url: &str) -> Result<(), WorkspaceError> {
     match url.strip_prefix("ws://") {
         Some(rest) if !rest.is_empty() => Ok(()),

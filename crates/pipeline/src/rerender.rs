@@ -1,4 +1,4 @@
-//! Re-rendering of a data set: rows, actions and physics stay; images get another appearance.
+//! Re-rendering of a dataset: images get another appearance; rows, actions and physics are unchanged.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -21,20 +21,20 @@ use genmanip_workspace::worlds;
 pub struct RerenderOptions {
     /// Index of the appearance of each episode; 0 is the one that `collect` renders with the same randomisation.
     pub look: u64,
-    /// Randomised aspects of the appearance.
+    /// Randomised aspects of the appearance; empty for the default appearance.
     pub vary: Vec<AppearanceFactor>,
-    /// Cameras instead of the data set's; none to keep them.
+    /// Cameras to render instead of the dataset's; empty to keep those.
     pub cameras: Vec<String>,
     /// Number of rendering threads.
     pub workers: usize,
 }
 
-/// Writes a data set of the same episodes, rows and settings as `dataset`, rendered in another appearance; `None` if
-/// stopped before the end. The next call reuses the images rendered so far.
+/// Writes a dataset with the same episodes, rows and settings as `dataset`, rendered with another appearance. `None` if
+/// interrupted; the next call reuses the images rendered so far.
 ///
 /// # Errors
-/// When the data set is not one of this program with its record, the place is taken, an episode was recorded with other
-/// objects, or the disk refuses.
+/// When the dataset was not written by this program with recorded episodes, the target exists, an episode was recorded
+/// with other objects, or a file cannot be written.
 pub fn rerender(
     dataset: &Path,
     options: &RerenderOptions,
@@ -92,12 +92,12 @@ pub fn rerender(
     let written = lerobot::export(&store, &Selection::Ids(ids), &robot, &settings, out).map_err(|error| {
         WorkspaceError::broken("cannot write the dataset", error).or_hint("the pictures are kept; start again")
     })?;
-    // Where it cannot be removed it is found again.
+    // A folder that cannot be removed is reused by the next call with the same inputs.
     let _ = fs::remove_dir_all(&drawing);
     Ok(Some(written))
 }
 
-/// Working folder of the images: hidden, beside the data set, named by a hash of the inputs.
+/// Working folder for the images: hidden, beside the dataset, named by a hash of the inputs.
 fn drawing_folder(
     out: &Path,
     record: &EpisodeStore,

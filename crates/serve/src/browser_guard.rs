@@ -1,16 +1,17 @@
-//! Refusal of requests that a web page of another site sends through a user's browser.
+//! Protection against web pages of other sites that send requests through a user's browser (CSRF and DNS rebinding).
 //!
-//! Services have no authentication, and any page may send simple requests to loopback addresses. Browsers say which
-//! page a request comes from (`Origin`) and which name they resolved (`Host`); other clients send no `Origin`.
+//! The services have no authentication, and any page may send simple requests to loopback addresses. A browser states
+//! the origin of the page (`Origin`) and the host name that it resolved (`Host`); other clients send no `Origin`.
 
 use axum::http::HeaderMap;
 use axum::http::header::{HOST, ORIGIN};
 
-/// Reason to refuse a request, from its headers; none for clients that are not browsers and for pages of this server.
+/// Reason to refuse a request, from its headers; `None` for clients that are not browsers and for pages of this server.
 ///
-/// - `Origin` must be this server's own: no page of another site may call it.
-/// - A server on a loopback address answers to loopback names only: a foreign name that resolves to it (DNS rebinding)
-///   would make every page of that name one of this server's.
+/// - `Origin` must be that of this server, so that no page of another site can call it.
+/// - A server on a loopback address answers only to loopback host names. Otherwise, pages of a foreign name that
+/// resolves to
+///   the address (DNS rebinding) would count as pages of this server.
 pub fn refusal(headers: &HeaderMap, listens_on_loopback: bool) -> Option<String> {
     let text = |name| headers.get(name).map(|value| value.to_str().unwrap_or("not text"));
     let host = text(HOST).unwrap_or_default();
@@ -22,7 +23,7 @@ pub fn refusal(headers: &HeaderMap, listens_on_loopback: bool) -> Option<String>
     (!own).then(|| format!("a page of {origin:?} may not use this service; call it from a program instead"))
 }
 
-/// Host name without its port; IPv6 addresses without brackets.
+/// Host without port and without the brackets of an IPv6 address.
 fn host_name(host: &str) -> &str {
     match host.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
         Some((address, _)) => address,

@@ -20,26 +20,27 @@ use crate::env::EnvEndpoint;
 use crate::jobs::Ended;
 use crate::request_error::RequestError;
 
-/// An endpoint.
+/// Service that a server offers, with its resources.
 #[derive(Clone, Debug)]
 pub enum Endpoint {
-    /// Segmentation by colour and depth.
+    /// Segmentation of RGB-D images.
     Segment(RgbdSegmenter),
-    /// Grasp sampling from points, for the gripper of a planner.
+    /// Grasp sampling on point clouds, for the gripper of a planner's robot.
     Grasp(Arc<Planner>),
-    /// Pick-and-place planning from an image, joint positions and an instruction, as jobs.
+    /// Pick-and-place planning from an image, joint positions and an instruction, as asynchronous jobs.
     Agent(AgentEndpoint),
     /// Environment sessions.
     Env(Arc<EnvEndpoint>),
 }
 
-/// The agent endpoint; creates an agent per job.
+/// Resources of the agent service; every job gets an agent of its own.
 #[derive(Clone)]
 pub struct AgentEndpoint {
     /// Planner of the arm.
     pub planner: Arc<Planner>,
-    /// Creates an agent with [`AgentSettings::for_one_image`](genmanip_agent::AgentSettings::for_one_image), and its
-    /// transcript.
+    /// Factory of an agent with [`AgentSettings::for_one_image`](genmanip_agent::AgentSettings::for_one_image), and of
+    /// the
+    /// recorder of its transcript.
     pub make: Arc<dyn Fn() -> Result<(Agent, TranscriptRecorder), String> + Send + Sync>,
 }
 
@@ -49,7 +50,7 @@ impl fmt::Debug for AgentEndpoint {
     }
 }
 
-/// Computation of a job.
+/// Computation of a job, to be run on a blocking thread.
 pub(crate) type Work = Box<dyn FnOnce() -> Ended + Send>;
 
 impl Endpoint {
@@ -94,7 +95,7 @@ impl Endpoint {
         }
     }
 
-    /// Validates a request and returns its job.
+    /// Validates a request and returns the computation of its job.
     pub(crate) fn work(&self, body: &[u8]) -> Result<Work, RequestError> {
         let Self::Agent(endpoint) = self else {
             return Err(RequestError::Unsuited("this endpoint is synchronous".into()));
@@ -130,7 +131,7 @@ fn segmented(segmenter: &RgbdSegmenter, request: &SegmentRequest) -> Result<Vec<
     let (image, ignore, within) = request.read().map_err(RequestError::Malformed)?;
     let question = SegmentQuestion { image: &image, ignore: &ignore, within: within.as_ref() };
     let masks = segmenter.segment(&question).map_err(|error| RequestError::Unsuited(error.to_string()))?;
-    // The built-in masks are ordered but have no score.
+    // The built-in segmenter orders its masks, but gives no scores.
     let scored = |mask: &Mask| ScoredMask { segmentation: RunLengths::of(mask), score: None };
     serialized(&SegmentReply { masks: masks.iter().map(scored).collect() })
 }

@@ -1,4 +1,4 @@
-//! Environment sessions over HTTP, one request per action.
+//! Environment sessions over HTTP: one request per action.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -15,10 +15,10 @@ use serde::Deserialize;
 
 use crate::request_error::RequestError;
 
-/// Idle time after which a session may be closed for a new one.
+/// Idle time after which a session may be closed to make room for a new one.
 const IDLE: Duration = Duration::from_secs(600);
 
-/// The environment endpoint: a bounded number of sessions on the same scenes.
+/// Environment service: a bounded number of sessions on the same scenes.
 #[derive(Debug)]
 pub struct EnvEndpoint {
     scenes: Arc<SceneSource>,
@@ -32,7 +32,7 @@ struct Open {
     sessions: BTreeMap<u64, (Arc<Mutex<Slot>>, Instant)>,
 }
 
-/// A session and its saved state.
+/// A session, with its saved state if there is one.
 #[derive(Debug)]
 struct Slot {
     session: Session,
@@ -83,12 +83,12 @@ pub(crate) enum EnvRequest {
 }
 
 impl EnvEndpoint {
-    /// Creates the endpoint with at most `max_sessions` sessions.
+    /// A service with at most `max_sessions` open sessions (at least one).
     pub fn new(scenes: Arc<SceneSource>, max_sessions: usize) -> Self {
         Self { scenes, max_sessions: max_sessions.max(1), open: Mutex::default() }
     }
 
-    /// Processes a request; both sides are MessagePack.
+    /// Processes a request; request and response are MessagePack.
     pub(crate) fn answer(&self, body: &[u8]) -> Result<Vec<u8>, RequestError> {
         let request = wire::read(body).map_err(RequestError::Malformed)?;
         let request: EnvRequest = serde_path_to_error::deserialize(request)
@@ -175,7 +175,7 @@ impl EnvEndpoint {
         Ok(number)
     }
 
-    /// Accesses a session exclusively.
+    /// Runs `work` on a session, exclusively; an error for an unknown session.
     fn with<T>(
         &self,
         number: u64,
@@ -201,7 +201,7 @@ impl EnvEndpoint {
     }
 }
 
-/// Error message with causes and hint.
+/// Error message with its causes and its hint.
 fn full_message(error: &WorkspaceError) -> String {
     let mut text = error.to_string();
     let mut next = std::error::Error::source(error);
@@ -216,7 +216,7 @@ fn map(entries: Vec<(&str, Value)>) -> Value {
     Value::Map(entries.into_iter().map(|(key, value)| (Value::from(key), value)).collect())
 }
 
-/// Encodes an observation with the Python package's names.
+/// Encodes an observation with the field names of the Python package.
 fn encoded_observation(observation: &Observation) -> Value {
     let state = Observation::NAMES
         .map(|(name, key)| (name, Array::vector(observation.state.get(key).cloned().unwrap_or_default()).value()));
@@ -256,7 +256,7 @@ fn array(shape: &[usize], numbers: Numbers) -> Value {
     Array { shape: shape.to_vec(), numbers }.value()
 }
 
-/// Position and unit quaternion, w first.
+/// A pose as position (3, m) and unit quaternion (4, w first).
 fn pose(pose: &Pose) -> [f64; 7] {
     let (p, q) = (pose.position, pose.rotation);
     [p.x, p.y, p.z, q.w, q.x, q.y, q.z]

@@ -1,4 +1,4 @@
-//! Asynchronous jobs: started, polled, and fetched.
+//! Asynchronous jobs that clients start, poll, and whose results they fetch.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -12,18 +12,18 @@ use genmanip_agent::Acted;
 
 /// Maximum number of waiting and running jobs; further ones are rejected.
 pub(crate) const MAX_OPEN: usize = 64;
-/// Maximum number of ended jobs kept with their images; the oldest are dropped.
+/// Maximum number of finished jobs kept with their images; the oldest are dropped.
 pub(crate) const MAX_ENDED: usize = 32;
-/// Maximum wait for the end of a job in a poll (s).
+/// Maximum time that one poll waits for the end of a job, s.
 pub(crate) const MAX_WAIT_S: f64 = 60.0;
 
 /// State of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum State {
-    /// Waiting for other jobs.
+    /// Waiting until other jobs have ended.
     Waiting,
-    /// Running.
+    /// Planning.
     Running,
     /// Ended with a result, which may be a planning failure.
     Done,
@@ -31,35 +31,35 @@ pub(crate) enum State {
     Failed,
 }
 
-/// Response about a job.
+/// Response to a poll.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub(crate) struct JobView {
     /// Job id.
     pub job: String,
-    /// State.
+    /// State of the job.
     pub state: State,
-    /// Planned motions, or the reason for the failure.
+    /// Planned motions, or the planning failure; absent before the end and for a failed job.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acted: Option<Acted>,
-    /// Transcript of all questions and answers: a document `genmanip.agent_transcript`.
+    /// Transcript of all questions and answers, a document `genmanip.agent_transcript`; absent before the end.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transcript: Option<serde_json::Value>,
-    /// Names of the images shown to the model, at `…/pictures/NAME` of the job.
+    /// Names of the images shown to the model; each is served at `…/pictures/NAME` of the job.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub pictures: Vec<String>,
-    /// Error message.
+    /// Error message; absent unless the job failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
 }
 
-/// Result of a job.
+/// Result of a finished job.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Ended {
-    /// Planned motions, or the reason for the failure.
+    /// Planned motions, or the planning failure; `None` for a failed job.
     pub acted: Option<Acted>,
-    /// Error message, if it failed.
+    /// Error message; `None` unless the job failed.
     pub error: Option<String>,
-    /// The transcript as a document.
+    /// Transcript of all questions and answers, a document `genmanip.agent_transcript`.
     pub transcript: serde_json::Value,
     /// PNG images by name.
     pub pictures: Vec<(String, Arc<Vec<u8>>)>,
@@ -82,7 +82,7 @@ struct Job {
 }
 
 impl Jobs {
-    /// Creates a job; `None` if too many are open.
+    /// Creates a job and returns its number; `None` if [`MAX_OPEN`] jobs are open.
     pub(crate) fn begin(&self) -> Option<u64> {
         let mut table = self.lock();
         if table.jobs.values().filter(|job| job.ended.is_none()).count() >= MAX_OPEN {
@@ -112,11 +112,11 @@ impl Jobs {
         }
     }
 
-    /// Returns a job's state once it has ended or the wait is over; `None` for an unknown job.
+    /// State of a job, as soon as it has ended or `wait` is over; `None` for an unknown job.
     pub(crate) async fn view(&self, number: u64, wait: Duration) -> Option<JobView> {
         let mut state = self.lock().jobs.get(&number)?.state.subscribe();
         let ended = |state: &State| matches!(state, State::Done | State::Failed);
-        // On timeout or if the job was dropped meanwhile, the current state is returned below.
+        // After a timeout, or if the job was dropped meanwhile, the code below decides the answer.
         let _ = tokio::time::timeout(wait, state.wait_for(ended)).await;
         let table = self.lock();
         let job = table.jobs.get(&number)?;
@@ -131,7 +131,7 @@ impl Jobs {
         })
     }
 
-    /// An image of an ended job.
+    /// An image of an ended job, PNG; `None` if there is no such job or image.
     pub(crate) fn picture(&self, number: u64, name: &str) -> Option<Arc<Vec<u8>>> {
         let table = self.lock();
         let ended = table.jobs.get(&number)?.ended.as_ref()?;

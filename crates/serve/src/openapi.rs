@@ -38,7 +38,8 @@ pub fn openapi(endpoint: &Endpoint) -> Value {
     })
 }
 
-/// Environment operation; `ask` selects the request, whose description lists the response.
+/// Operation of the environment service. `ask` selects the request, whose description in [`EnvRequest`] lists the
+/// response.
 fn environment() -> Value {
     let mut asked = operation::<EnvRequest, Value>("Control an environment; requests and responses are MessagePack");
     for content in ["/requestBody/content", "/responses/200/content"] {
@@ -50,7 +51,7 @@ fn environment() -> Value {
     asked
 }
 
-/// Operations to start a job, poll it, and fetch its images.
+/// Operations to start a job, to poll it, and to fetch its images.
 fn jobs(path: &str) -> Value {
     let mut begin = operation::<ActRequest, Value>("Plan one pick and one placement without executing them");
     let responses = &mut begin["responses"];

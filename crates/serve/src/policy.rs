@@ -1,4 +1,4 @@
-//! A policy over openpi's protocol: WebSocket connections, each a sequence of observations and action chunks.
+//! Server of a policy with openpi's protocol: WebSocket connections, each alternating observations and action chunks.
 
 use std::fmt;
 use std::io::{self, Read};
@@ -21,23 +21,24 @@ use crate::server::{ServeError, ServeSettings};
 
 /// Maximum number of open connections; further ones are closed.
 const MAX_CONNECTIONS: usize = 64;
-/// Timeout of the handshake, and of sending a response.
+/// Timeout of the handshake and of sending a response.
 const HANDSHAKE: Duration = Duration::from_secs(10);
-/// Most that is read past after a refused request, bytes.
+/// Maximum number of bytes read and discarded after a refused request.
 const MAX_READ_PAST: u64 = 64 << 20;
 /// Idle time after which a connection is closed.
 const IDLE: Duration = Duration::from_secs(600);
 
-/// The policy endpoint; creates a policy per connection.
+/// Policy to serve; every connection gets a policy of its own.
 #[derive(Clone)]
 pub struct PolicyEndpoint {
     /// Name of the robot.
     pub robot: String,
-    /// Number of joints of its arm.
+    /// Number of joints of the robot's arm.
     pub arm_dof: usize,
-    /// Observations and actions; the policy reads no simulator ground truth.
+    /// Observations and actions of the policy; no simulator ground truth.
     pub spec: PolicySpec,
-    /// Creates a policy whose actions depend on instruction and observation alone: the protocol has no episodes.
+    /// Factory of policies whose actions depend only on instruction and observation, since the protocol has no
+    /// episodes.
     pub make: Arc<dyn Fn() -> Box<dyn Policy> + Send + Sync>,
 }
 
@@ -47,14 +48,14 @@ impl fmt::Debug for PolicyEndpoint {
     }
 }
 
-/// A running policy server, stopped on drop; open connections end with the program.
+/// A running policy server. It stops accepting connections on drop; open ones last until the program ends.
 pub struct PolicyServer {
     address: SocketAddr,
     stop: Arc<AtomicBool>,
     serving: Option<std::thread::JoinHandle<()>>,
 }
 
-/// Shared state of connections.
+/// State shared by all connections.
 struct Shared {
     endpoint: PolicyEndpoint,
     max_request_bytes: usize,
@@ -63,7 +64,7 @@ struct Shared {
 }
 
 impl PolicyServer {
-    /// Starts the server on its own threads.
+    /// Starts the server on threads of its own.
     ///
     /// # Errors
     /// Fails if the address is unavailable.
@@ -84,7 +85,7 @@ impl PolicyServer {
                 if stopped.load(Ordering::Relaxed) {
                     return;
                 }
-                // One reference is this loop's own.
+                // One reference is held by this loop itself.
                 if let (Ok(stream), 1..=MAX_CONNECTIONS) = (stream, Arc::strong_count(&shared)) {
                     let shared = Arc::clone(&shared);
                     std::thread::spawn(move || shared.serve(stream));
@@ -94,12 +95,12 @@ impl PolicyServer {
         Ok(Self { address, stop, serving: Some(serving) })
     }
 
-    /// Listening address.
+    /// Address that the server listens on.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Waits until the server stops.
+    /// Blocks until the server stops.
     pub fn wait(mut self) {
         if let Some(serving) = self.serving.take() {
             let _ = serving.join();
@@ -108,10 +109,10 @@ impl PolicyServer {
 }
 
 impl Drop for PolicyServer {
-    /// Accepts no further connections.
+    /// Stops accepting connections.
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
-        // Wakes the listener.
+        // A connection wakes the listener, which then sees the flag.
         let _ = TcpStream::connect_timeout(&self.address, HANDSHAKE);
         if let Some(serving) = self.serving.take() {
             let _ = serving.join();
@@ -120,7 +121,8 @@ impl Drop for PolicyServer {
 }
 
 impl Shared {
-    /// Serves a connection to its end; `None` when the client is gone. Web pages of other sites are refused.
+    /// Serves a connection until it ends; `None` if the client disconnects. Requests of web pages of other sites are
+    /// refused.
     #[allow(clippy::result_large_err)] // the signature of the handshake is tungstenite's
     fn serve(&self, stream: TcpStream) -> Option<()> {
         stream.set_nodelay(true).ok()?;
@@ -139,12 +141,13 @@ impl Shared {
         let mut socket = accept_hdr_with_config(stream, guard, Some(limits)).ok()?;
         socket.get_ref().set_read_timeout(Some(IDLE)).ok()?;
         if let Err(message) = self.converse(&mut socket) {
-            // As openpi's server reports a failure: its text, then the end of the connection.
+            // openpi's server reports a failure in the same way: its text, then the end of the connection.
             socket.send(Message::text(message)).ok()?;
             let reason = "the error is in the message before".into();
             socket.close(Some(CloseFrame { code: CloseCode::Error, reason })).ok()?;
-            // Until the client has closed its side too. What it is still sending is read past: closed before that, the
-            // connection would be reset, and the message lost.
+            // Read and discard until the client has closed its side as well: closing earlier would reset the
+            // connection, and
+            // the message would be lost.
             while socket.read().is_ok() {}
             let stream = socket.get_ref();
             stream.set_read_timeout(Some(HANDSHAKE)).ok()?;
@@ -153,12 +156,12 @@ impl Shared {
         Some(())
     }
 
-    /// Answers requests until the client leaves.
+    /// Answers observations until the client disconnects.
     fn converse(&self, socket: &mut WebSocket<TcpStream>) -> Result<(), String> {
         let PolicyEndpoint { robot, spec, arm_dof, make } = &self.endpoint;
         let mut policy = make();
         let send = |socket: &mut WebSocket<TcpStream>, value: &Value| {
-            // A client that is gone needs no message.
+            // A failure to send means that the client has disconnected.
             socket.send(Message::binary(wire::encoded(value))).is_ok()
         };
         if !send(socket, &served::metadata(robot, spec)) {
@@ -192,14 +195,14 @@ impl Shared {
     }
 }
 
-/// Bounded number of concurrent computations.
+/// Counting semaphore that bounds the number of concurrent computations.
 struct Workers {
     free: Mutex<usize>,
     freed: Condvar,
 }
 
 impl Workers {
-    /// Runs a computation when a worker is free.
+    /// Runs a computation as soon as a worker is free.
     fn compute<T>(&self, work: impl FnOnce() -> T) -> T {
         let free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
         let mut free = self.freed.wait_while(free, |free| *free == 0).unwrap_or_else(PoisonError::into_inner);
@@ -210,7 +213,7 @@ impl Workers {
     }
 }
 
-/// A worker in use; free again on drop, also after a panic.
+/// A worker in use, released on drop (also after a panic).
 struct Turn<'a>(&'a Workers);
 
 impl Drop for Turn<'_> {

@@ -1,6 +1,6 @@
-//! Errors of requests.
+//! Errors of requests to an endpoint.
 
-/// Error of a request.
+/// Reason why an endpoint cannot process a request.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RequestError {
     /// The request does not match the API description.

@@ -24,17 +24,17 @@ use crate::jobs::{Ended, Jobs, MAX_OPEN, MAX_WAIT_S};
 use crate::request_error::RequestError;
 use crate::{Endpoint, openapi};
 
-/// Timeout for receiving a request; 64 MiB over a slow local network take less.
+/// Timeout for receiving a request; 64 MiB arrive earlier even over a slow local network.
 const RECEIVE_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Server settings.
+/// Address and limits of a server.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ServeSettings {
-    /// Listening address; port 0 picks a free one. There is no authentication, so keep to this machine.
+    /// Listening address; port 0 picks a free one. Use a loopback address, since there is no authentication.
     pub address: SocketAddr,
     /// Maximum request size in bytes.
     pub max_request_bytes: usize,
-    /// Maximum number of concurrent computations; others wait.
+    /// Maximum number of concurrent computations; further ones wait.
     pub workers: usize,
 }
 
@@ -54,9 +54,9 @@ pub enum ServeError {
     /// The address is unavailable.
     #[error("cannot listen at {address}: {message}")]
     Listen {
-        /// The address.
+        /// Requested address.
         address: SocketAddr,
-        /// System message.
+        /// Message of the operating system.
         message: String,
     },
 }
@@ -69,7 +69,7 @@ pub struct Server {
     serving: Option<std::thread::JoinHandle<()>>,
 }
 
-/// Shared state of request handlers.
+/// State shared by the request handlers.
 struct Shared {
     endpoint: Endpoint,
     max_request_bytes: usize,
@@ -78,7 +78,7 @@ struct Shared {
 }
 
 impl Server {
-    /// Starts the server on its own threads.
+    /// Starts the server on threads of its own.
     ///
     /// # Errors
     /// Fails if the address is unavailable.
@@ -92,7 +92,7 @@ impl Server {
         Self::of(settings.address, |address| router(shared, address.ip().is_loopback()))
     }
 
-    /// Starts a server of any routes on its own threads; they are made for the address that it got.
+    /// Starts a server with these routes on threads of its own. `routes` is called with the address that it listens on.
     ///
     /// # Errors
     /// Fails if the address is unavailable.
@@ -101,7 +101,7 @@ impl Server {
         let socket = TcpListener::bind(address).map_err(listen)?;
         socket.set_nonblocking(true).map_err(listen)?;
         let address = socket.local_addr().map_err(listen)?;
-        // One thread for connections; computations have their own threads.
+        // One thread serves all connections; computations run on blocking threads.
         let runtime: Runtime =
             runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().map_err(listen)?;
         let socket = {
@@ -113,18 +113,18 @@ impl Server {
             let _ = stopped.await;
         });
         let serving = std::thread::spawn(move || {
-            // Only a broken listener causes an error, and there is nobody to report it to.
+            // Only a broken listener causes an error, which cannot be reported to anybody.
             let _ = runtime.block_on(service.into_future());
         });
         Ok(Self { address, stop: Some(stop), serving: Some(serving) })
     }
 
-    /// Listening address.
+    /// Address that the server listens on.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Waits until the server stops.
+    /// Blocks until the server stops.
     pub fn wait(mut self) {
         if let Some(serving) = self.serving.take() {
             let _ = serving.join();
@@ -133,7 +133,7 @@ impl Server {
 }
 
 impl Drop for Server {
-    /// Finishes pending requests.
+    /// Finishes pending requests, then stops the server.
     fn drop(&mut self) {
         if let Some(stop) = self.stop.take() {
             let _ = stop.send(());
@@ -190,7 +190,7 @@ async fn answer(State(shared): State<Arc<Shared>>, request: Request) -> Response
     }
 }
 
-/// Validates a request, starts its job and returns the URL to poll.
+/// Validates a request and starts its job; the response names the URL to poll.
 async fn begin_job(State(shared): State<Arc<Shared>>, request: Request) -> Response {
     let body = match receive_body(request, shared.max_request_bytes).await {
         Ok(body) => body,
@@ -217,7 +217,7 @@ async fn begin_job(State(shared): State<Arc<Shared>>, request: Request) -> Respo
     (StatusCode::ACCEPTED, Json(json!({"job": number.to_string(), "state_at": state}))).into_response()
 }
 
-/// Query of a job poll.
+/// Query of a poll.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct WaitQuery {
@@ -254,7 +254,7 @@ fn unknown_job(job: &str) -> String {
     format!("no job {job}: it is unknown, or {} later ones have ended since", crate::jobs::MAX_ENDED)
 }
 
-/// Receives the whole body.
+/// Receives the whole body of a request, up to `limit` bytes.
 async fn receive_body(request: Request, limit: usize) -> Result<Vec<u8>, Response> {
     let too_large = || error_response(StatusCode::PAYLOAD_TOO_LARGE, format!("larger than {limit} bytes"));
     let announced = |headers: &HeaderMap| headers.get(CONTENT_LENGTH)?.to_str().ok()?.parse::<usize>().ok();
@@ -274,7 +274,7 @@ async fn receive_body(request: Request, limit: usize) -> Result<Vec<u8>, Respons
     }
 }
 
-/// Runs a computation on its own thread when a worker is free; a panic costs one response, not the server.
+/// Runs a computation on a blocking thread as soon as a worker is free; a panic fails only this request.
 async fn compute<T: Send + 'static>(shared: &Shared, work: impl FnOnce() -> T + Send + 'static) -> Result<T, String> {
     let _turn = shared.worker_permits.acquire().await.map_err(|_| "the server is shutting down".to_owned())?;
     let done = tokio::task::spawn_blocking(work).await;

@@ -1,4 +1,5 @@
-//! Scenarios that the studio shows: of files, folders, runs and suites, and tasks that it lays out first.
+//! Collection of the scenarios that the studio shows: from files, folders, runs and suites, and from tasks that it lays
+//! out first.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -17,40 +18,42 @@ use serde::Deserialize;
 
 use crate::edit::{EditLog, EditedScenario};
 
-/// Tasks that are designed when nothing is named and the folder is empty: one of each kind.
+/// Number of tasks designed when no path is given and the studio's folder is empty: one of each kind.
 const DESIGNED: usize = 6;
-/// Folders between the studio's folder and a copy: of a run and an episode.
+/// Depth at which copies lie below the studio's folder: RUN/EPISODE.
 const COPY_DEPTH: usize = 2;
-/// File of the scenario of a recorded episode.
+/// File name of the scenario in the folder of a recorded episode.
 const RECORDED: &str = "scenario.json";
-/// Most scenarios of a call.
+/// Maximum number of scenarios that one call of the studio may show.
 const MAX_SCENARIOS: usize = 20_000;
 
 /// A scenario that the studio shows.
 #[derive(Clone, Debug)]
 pub struct Listed {
-    /// Key in addresses.
+    /// Key of the scenario in URLs.
     pub key: String,
-    /// Its file.
+    /// File of the scenario.
     pub path: PathBuf,
     /// Collection that it belongs to, e.g. `suite genmanip-200-rc`.
     pub source: String,
-    /// Folder for its copy if it is read-only, below that of the studio, e.g. the name of its suite.
+    /// Folder for the copy if the scenario is read-only, relative to the studio's folder, e.g. the name of its suite;
+    /// `None`
+    /// if it is edited in place.
     pub copies: Option<PathBuf>,
     /// The scenario as it was when the studio started.
     pub summary: Summary,
 }
 
-/// A scenario in a list.
+/// Row of a scenario in a list.
 #[derive(Clone, Debug)]
 pub struct Summary {
     /// Id of the scenario.
     pub id: String,
-    /// Kind of its task.
+    /// Kind of the scenario's task.
     pub kind: genmanip_core::TaskKind,
-    /// Instruction.
+    /// Instruction of the scenario's task.
     pub instruction: String,
-    /// Number of objects.
+    /// Number of objects, distractors included.
     pub objects: usize,
 }
 
@@ -59,13 +62,14 @@ pub struct Summary {
 pub struct Collection {
     listed: BTreeMap<String, Listed>,
     paths: BTreeSet<PathBuf>,
-    /// Files that could not be read, one message each.
+    /// Messages about files that could not be read, one per file.
     pub left_out: Vec<String>,
 }
 
 impl Collection {
-    /// Scenarios of the paths that a user names: files, folders of them, runs, suites by name or folder; tasks are laid
-    /// out into `out`, whose own scenarios are listed too.
+    /// Collects the scenarios of the given paths: files, folders of files, runs, and suites by name or folder. Tasks
+    /// are
+    /// laid out into `out`; scenarios that are already in `out` are listed too.
     ///
     /// # Errors
     /// When a path is none of these, or a task cannot be laid out.
@@ -87,12 +91,12 @@ impl Collection {
         Ok(own)
     }
 
-    /// A scenario by key.
+    /// Scenario with a key; `None` if there is none.
     pub fn get(&self, key: &str) -> Option<&Listed> {
         self.listed.get(key)
     }
 
-    /// Key of the scenario of a file.
+    /// Key of the scenario in a file; `None` if the file is not listed.
     pub fn key_of(&self, path: &Path) -> Option<String> {
         self.listed.values().find(|listed| listed.path == path).map(|listed| listed.key.clone())
     }
@@ -102,7 +106,7 @@ impl Collection {
         self.listed.values()
     }
 
-    /// Adds a scenario that was read; returns its key, also if its file is there already.
+    /// Adds a scenario and returns its key; a file that is already listed keeps its key.
     pub fn add(&mut self, path: &Path, source: &str, copies: Option<&Path>, scenario: &Scenario) -> String {
         if let Some(known) = self.key_of(path) {
             return known;
@@ -157,7 +161,7 @@ impl Collection {
         Ok(())
     }
 
-    /// Scenarios of the episodes of a run, or those that it was given.
+    /// Adds the scenarios of a run's episodes, or those that the run was started with if it has none.
     fn add_run(&mut self, path: &Path, name: &str) -> Result<(), WorkspaceError> {
         let (folder, _) = RunFolder::open(path)?;
         let before = self.listed.len();
@@ -184,7 +188,7 @@ impl Collection {
     /// Scenarios in the studio's folder and in the folders of copies inside it.
     fn add_edited(&mut self, folder: &Path, depth: usize) {
         for file in sorted_names(folder).into_iter().map(|name| folder.join(name)) {
-            // A suite of reviewed scenarios holds copies of them.
+            // A suite built from reviewed scenarios holds further copies of them, so it is skipped.
             if file.is_dir() && depth > 0 && !file.join("suite.json").is_file() {
                 self.add_edited(&file, depth - 1);
             } else if file.extension().is_some_and(|ending| ending == "json") && !self.paths.contains(&file) {
@@ -198,7 +202,7 @@ impl Collection {
     }
 
     fn add_tasks(&mut self, tasks: &[Task], out: &Path, progress: &dyn Progress) -> Result<(), WorkspaceError> {
-        // What was edited is never laid out anew.
+        // A task whose scenario file exists is not laid out again: it may have been edited.
         let file = |task: &Task| out.join(format!("{}-000.json", task.id));
         let is_edited = |task: &Task| EditLog::path_of(&file(task)).is_file();
         let (edited, others): (Vec<Task>, Vec<Task>) = tasks.iter().cloned().partition(is_edited);
@@ -269,20 +273,22 @@ impl Summary {
     }
 }
 
-/// Folder for the copy of a file that is never edited in place: one of a suite, a run, or a recorded episode.
+/// Folder for the copy of a file that is never edited in place (one of a suite, a run or a recorded episode), relative
+/// to
+/// the studio's folder; `None` for other files.
 fn copies_of(file: &Path) -> Option<PathBuf> {
     let names: Vec<_> = std::path::absolute(file).ok()?.iter().map(|name| name.to_owned()).collect();
     let name = |from_end: usize| names.get(names.len().checked_sub(from_end)?);
     if name(1)? == RECORDED {
-        // RUN/episodes/ID/scenario.json
+        // The path is RUN/episodes/ID/scenario.json; the copy's folder is RUN/ID.
         return Some(Path::new(name(4)?).join(name(2)?)).filter(|folder| folder.is_relative());
     }
     EditedScenario::read_only_reason(file).and_then(|_| Some(PathBuf::from(name(3)?)))
 }
 
-/// Scenario of a file; `None` if it holds something else.
+/// Scenario in a file; `None` if the file holds another type of document.
 fn scenario_in(path: &Path) -> Result<Option<Scenario>, WorkspaceError> {
-    /// The key that names a document's type; its other keys are skipped.
+    /// Key that names the type of a document; all other keys are skipped.
     #[derive(Deserialize)]
     struct Head {
         schema: String,

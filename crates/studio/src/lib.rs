@@ -1,16 +1,16 @@
-//! The studio: edits of scenarios as a log of operations, and verdicts on what each edit does to the task.
+//! The studio: edits of scenarios as a log of operations, and verdicts on the consequences of each edit for the task.
 //!
 //! - [`edit`] changes a scenario by [`edit::Operation`]s, each with an inverse, and keeps them in an append-only log
 //!   beside the scenario's file.
-//! - [`review`] keeps reviews in an append-only log, says what they amount to and who reviews what next, and writes a
-//!   balanced suite of the approved scenarios.
-//! - [`log_file`] is the append-only file of both logs.
+//! - [`review`] keeps reviews in an append-only log, derives the standing of each scenario and the next work of each
+//!   reviewer, and writes a balanced suite of the approved scenarios.
+//! - [`log_file`] is the append-only file that both logs use.
 //! - [`new_scenario`] makes a scenario from one sentence.
 //! - [`verdict`] judges an edited scenario in stages with the checks of `layout` and `tasks`, and offers repairs as
 //!   operations.
 //! - [`run`] runs policies on scenarios and plays their episodes back.
-//! - [`scene`] writes meshes as binary glTF and describes what stands where.
-//! - [`collections`] finds the scenarios of files, runs and suites; [`server`] offers them to the page in `web/`.
+//! - [`scene`] encodes meshes as binary glTF, and describes the bodies of a scene with their poses.
+//! - [`collections`] lists the scenarios of files, runs and suites; [`server`] offers them to the page in `web/`.
 
 pub mod collections;
 pub mod edit;

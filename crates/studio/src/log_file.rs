@@ -12,35 +12,35 @@ use genmanip_workspace::documents::{read_bytes, unwritable};
 use serde::Serialize;
 use serde_json::Value;
 
-/// Error of a log; file and memory are unchanged.
+/// Error of a log; the file and the state in memory are unchanged.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
     /// A line cannot be read.
     #[error("line {line} of the log: {message}: {}", path.display())]
     Damaged {
-        /// The log.
+        /// Path of the log.
         path: PathBuf,
         /// Number of the line, from 1.
         line: usize,
-        /// The fault.
+        /// Description of the fault.
         message: String,
     },
     /// The log was changed by another program.
     #[error("{} was changed by another program", path.display())]
     ChangedOutside {
-        /// The log.
+        /// Path of the log.
         path: PathBuf,
     },
     /// Another program has the log open.
     #[error("{} is being written by another program", path.display())]
     Busy {
-        /// The log.
+        /// Path of the log.
         path: PathBuf,
     },
-    /// An earlier failure left the log in doubt; read it again.
+    /// An earlier failure to write may have made file and memory differ; read the log again.
     #[error("writing stopped after an error: {}", path.display())]
     Stopped {
-        /// The log.
+        /// Path of the log.
         path: PathBuf,
     },
     /// The log cannot be read or written.
@@ -62,25 +62,25 @@ impl From<LogError> for WorkspaceError {
     }
 }
 
-/// The file of a log: as read, and open for appending once something is written.
+/// File of a log: read at first, and opened for appending by [`LogFile::open`].
 #[derive(Debug)]
 pub struct LogFile {
     path: PathBuf,
-    /// Bytes of whole lines.
+    /// Length of the complete lines, bytes.
     whole: u64,
-    /// Bytes of the file, with a torn last line.
+    /// Length of the file, an incomplete last line included, bytes.
     found: u64,
-    /// The locked file; `None` until the first line is appended.
+    /// The locked file; `None` until it is opened for appending.
     file: Option<File>,
 }
 
 impl LogFile {
-    /// A log that does not exist yet.
+    /// A log without a file yet.
     pub fn new(path: PathBuf) -> Self {
         Self { path, whole: 0, found: 0, file: None }
     }
 
-    /// Reads a log and its lines; a torn last line is left out.
+    /// Reads a log and its lines; an incomplete last line (a torn write) is ignored.
     ///
     /// # Errors
     /// [`LogError::File`] and [`LogError::Damaged`].
@@ -97,22 +97,22 @@ impl LogFile {
         Ok((Self { path, whole: whole as u64, found: bytes.len() as u64, file: None }, lines))
     }
 
-    /// The file.
+    /// Path of the log.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Creates the log with its first line; another program's log is never replaced.
+    /// Creates the log with its first line; an existing file is never replaced.
     ///
     /// # Errors
-    /// [`LogError::ChangedOutside`] if there is one now, and [`LogError::File`].
+    /// [`LogError::ChangedOutside`] if the file exists by now, and [`LogError::File`].
     pub fn create(&mut self, header: &impl Serialize) -> Result<(), LogError> {
         let bytes = line_of(header);
         let created = files::create(&self.path, &bytes).map_err(|error| unwritable(&self.path, error))?;
         if !created {
             return Err(LogError::ChangedOutside { path: self.path.clone() });
         }
-        // The entry of the folder, too, must survive a power failure.
+        // Sync the folder as well, so that its new entry survives a power failure.
         if let Some(folder) = self.path.parent().and_then(|folder| File::open(folder).ok()) {
             let _ = folder.sync_all();
         }
@@ -125,12 +125,12 @@ impl LogFile {
         self.whole > 0
     }
 
-    /// True if the file is longer or shorter than when it was last read or written.
+    /// True if the length of the file differs from the one when it was last read or written.
     pub fn has_changed(&self) -> bool {
         std::fs::metadata(&self.path).map_or(0, |metadata| metadata.len()) != self.found
     }
 
-    /// Opens and locks the log, and cuts a torn last line off.
+    /// Opens and locks the log for appending, and truncates an incomplete last line.
     ///
     /// # Errors
     /// [`LogError::Busy`] if another program has it open; [`LogError::ChangedOutside`] if it was changed since it was
@@ -166,7 +166,7 @@ impl LogFile {
         self.file = None;
     }
 
-    /// Appends a line and syncs it; if that fails, the log is as before.
+    /// Appends a line and syncs it to the disk; if that fails, the log is restored.
     ///
     /// # Errors
     /// [`LogError::File`]; [`LogError::Stopped`] if the log is not open or could not be restored.
@@ -189,7 +189,7 @@ impl LogFile {
         }
     }
 
-    /// Cuts the log to its first `length` bytes.
+    /// Truncates the log to its first `length` bytes.
     ///
     /// # Errors
     /// [`LogError::Stopped`].
@@ -202,14 +202,14 @@ impl LogFile {
         Ok(())
     }
 
-    /// Bytes of the whole lines.
+    /// Length of the complete lines, bytes.
     pub fn length(&self) -> u64 {
         self.whole
     }
 }
 
 fn line_of(line: &impl Serialize) -> Vec<u8> {
-    // Maps have text keys, so that this cannot fail.
+    // Serialising cannot fail, since all maps have text keys.
     let mut bytes = serde_json::to_vec(line).unwrap_or_default();
     bytes.push(b'\n');
     bytes

@@ -1,4 +1,5 @@
-//! A new scenario from one sentence: the words are resolved, a task is composed as by `task new --text`, and laid out.
+//! New scenario from one sentence: its noun phrases are resolved, a task is composed as by `task new --text`, and laid
+//! out.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,41 +15,41 @@ use genmanip_workspace::designed_tasks::compose_into;
 use genmanip_workspace::{NoProgress, WorkspaceError, task_files};
 use serde::Serialize;
 
-/// Most objects that are listed for a phrase.
+/// Maximum number of objects listed for a phrase.
 const MAX_CANDIDATES: usize = 24;
-/// Longest sentence, bytes.
+/// Maximum length of a sentence, bytes.
 const MAX_SENTENCE: usize = 400;
-/// Folder of the tasks below that of the scenarios.
+/// Folder of the composed tasks, below that of the scenarios.
 const TASKS: &str = "tasks";
-/// Scenarios of the same words that are tried for a free name.
+/// Maximum number of seeds tried until one gives an unused file name.
 const MAX_SEEDS: u64 = 1000;
-/// Scenes that are tried where some cannot be laid out; chosen: each takes seconds.
+/// Maximum number of scenes tried if they cannot be laid out. Chosen by hand, since each takes seconds.
 const MAX_REFUSED: usize = 3;
 
-/// Objects that a noun phrase may mean.
+/// A noun phrase with the objects that it may mean.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PhraseChoice {
-    /// The words.
+    /// Words of the phrase.
     pub phrase: String,
-    /// True if the phrase names these; false if none fits and these share a word with it.
+    /// True if the candidates fit the phrase; false if no object does and they only share a word with it.
     pub is_known: bool,
-    /// The objects, the likeliest first.
+    /// Objects of the catalogue, most likely first.
     pub candidates: Vec<Candidate>,
 }
 
-/// An object of the catalogue that is meant, perhaps.
+/// An object that a phrase may mean.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Candidate {
     /// Uid in the catalogue.
     pub uid: String,
-    /// Display name.
+    /// Name of the object for people.
     pub name: String,
 }
 
-/// The noun phrases of a sentence with the objects that each may mean.
+/// Noun phrases of a sentence, each with the objects that it may mean.
 ///
 /// # Errors
-/// When the sentence is not understood.
+/// When the sentence cannot be parsed.
 pub fn choices(sentence: &str) -> Result<Vec<PhraseChoice>, WorkspaceError> {
     let phrases = phrases_of_sentence(check(sentence)?, cards()).map_err(not_understood)?;
     let candidate = |card: &&ObjectCard| Candidate { uid: card.uid.clone(), name: card.name.clone() };
@@ -61,12 +62,12 @@ pub fn choices(sentence: &str) -> Result<Vec<PhraseChoice>, WorkspaceError> {
     Ok(choice.collect())
 }
 
-/// Composes a task for a sentence and lays it out into a folder; returns the file of the scenario.
+/// Composes a task for a sentence and lays it out into a folder; returns the path of the scenario's file.
 ///
-/// `chosen` names the uid of the object that a phrase means; others are drawn among those that fit.
+/// `chosen` gives the uid of the intended object by phrase; for other phrases, one of the fitting objects is drawn.
 ///
 /// # Errors
-/// When the sentence is not understood, no scene suits it, or a file cannot be written.
+/// When the sentence cannot be parsed, no layout is found, or a file cannot be written.
 pub fn create(sentence: &str, chosen: &BTreeMap<String, String>, folder: &Path) -> Result<PathBuf, WorkspaceError> {
     let sentence = check(sentence)?;
     let phrases = phrases_of_sentence(sentence, cards()).map_err(not_understood)?;
@@ -82,7 +83,7 @@ pub fn create(sentence: &str, chosen: &BTreeMap<String, String>, folder: &Path) 
         let rows = compose_into(&folder.join(TASKS), sentence, 1, &allowed, Seed::new(seed), &NoProgress);
         let file = match rows {
             Ok(rows) => rows.into_iter().next().and_then(|row| row.file),
-            // The same words with other objects were asked for before.
+            // The file name is taken by the same words with other objects: try the next seed.
             Err(WorkspaceError::Input { .. }) => continue,
             Err(error) => return Err(error),
         };
@@ -110,7 +111,7 @@ pub fn create(sentence: &str, chosen: &BTreeMap<String, String>, folder: &Path) 
     Err(taken().with_hint("edit one of them, or name another --out"))
 }
 
-/// Objects that a sentence may name: those of the designer.
+/// Objects that a sentence can name: those that the designer uses.
 fn cards() -> &'static [ObjectCard] {
     Catalogue::builtin().cards()
 }

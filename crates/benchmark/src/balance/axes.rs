@@ -7,10 +7,10 @@ use genmanip_core::{Atom, JointKind, Task};
 
 use crate::suites::candidates::{need, traits};
 
-/// Values by axis.
+/// Values of a task by name of the axis.
 pub type Axes = BTreeMap<String, Vec<String>>;
 
-/// Largest number of steps with a value of its own.
+/// Number of steps from which all tasks share one value (`4` means four or more).
 const MOST_STEPS: usize = 4;
 
 /// Values of a task on all axes that it has: those of a suite's entry ([`crate::suite_format::balanced_traits`]), and
@@ -18,9 +18,9 @@ const MOST_STEPS: usize = 4;
 /// - `kind`: kind of the task.
 /// - `goal`: `single` condition, `conjunction`, or `alternatives`.
 /// - `steps`: conditions of the shortest alternative.
-/// - `clutter`: number of objects that the goal does not name, in three ranges.
-/// - `need`: everyday need that a common-sense task states.
-/// - `joint`: kinds of the joints that the goal moves, of articulated objects.
+/// - `clutter`: number of objects that the goal does not name, in three ranges (up to 2, 3-4, 5 or more).
+/// - `need`: sentence of a common-sense task that states an everyday need.
+/// - `joint`: kinds of the joints whose states the goal requires, for articulated objects.
 pub fn axes(task: &Task, catalogue: &Catalogue) -> Axes {
     let alternatives = &task.goal.alternatives;
     let goal = match alternatives.as_slice() {
@@ -49,7 +49,7 @@ pub fn axes(task: &Task, catalogue: &Catalogue) -> Axes {
     if !joints.is_empty() {
         axes.insert("joint".into(), joints.into_iter().map(String::from).collect());
     }
-    // A task without relations, such as to open a drawer, says nothing about them.
+    // An axis without a value is omitted: a task without relations, such as opening a drawer, has no `relation`.
     axes.retain(|_, values| !values.is_empty());
     axes
 }

@@ -1,4 +1,4 @@
-//! Choice of a balanced suite, with a reason for every candidate.
+//! Choice of a balanced suite from candidates, with a reason for every candidate.
 
 use std::collections::BTreeSet;
 
@@ -12,7 +12,7 @@ use crate::suite_format::{Candidate, Targets, choose, template};
 /// A scenario offered for a suite.
 #[derive(Clone, Debug)]
 pub struct Offered {
-    /// Id.
+    /// Id of the scenario.
     pub scenario: String,
     /// The candidate; its traits are its axes.
     pub candidate: Candidate,
@@ -25,16 +25,16 @@ pub struct Offered {
 pub struct Reasoned {
     /// Id of the scenario.
     pub scenario: String,
-    /// Reason.
+    /// Reason why it was chosen or not, for people.
     pub reason: String,
 }
 
-/// A choice; each list is in the order of the offers.
+/// Result of a choice; both lists are in the order of the offers.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Choice {
-    /// Scenarios of the suite.
+    /// Scenarios chosen for the suite.
     pub chosen: Vec<Reasoned>,
-    /// All others.
+    /// Scenarios that were not chosen.
     pub rejected: Vec<Reasoned>,
 }
 
@@ -42,7 +42,7 @@ impl Document for Choice {
     const SCHEMA: &'static str = "genmanip.choice/1";
 }
 
-/// Candidate of a task with its axes; objects of the goal and the sentence's template repeat as little as possible.
+/// Candidate of a task with its axes. The choice avoids repeating objects of the goal and templates of the instruction.
 pub fn candidate(task: &Task, axes: Axes, is_preferred: bool) -> Candidate {
     let things = task.goal.alternatives.iter().flatten().flat_map(|atom| atom.ids().map(String::from));
     Candidate {
@@ -53,7 +53,7 @@ pub fn candidate(task: &Task, axes: Axes, is_preferred: bool) -> Candidate {
     }
 }
 
-/// Chooses `per_kind` scenarios of each kind towards the targets.
+/// Chooses `per_kind` scenarios of each kind such that their distribution is close to the targets.
 pub fn choice(offered: &[Offered], per_kind: usize, targets: &Targets) -> Choice {
     let free: Vec<usize> = (0..offered.len()).filter(|&index| offered[index].refused.is_none()).collect();
     let candidates: Vec<Candidate> = free.iter().map(|&index| offered[index].candidate.clone()).collect();
@@ -86,8 +86,8 @@ pub fn choice(offered: &[Offered], per_kind: usize, targets: &Targets) -> Choice
     made
 }
 
-/// Candidates that would improve the balance of the scenarios already decided on, the most helpful first: index, gain
-/// and reason. `decided` are indices of the scenarios that are in; refused ones are out.
+/// Candidates that would improve the balance if added to the scenarios in `decided` (indices), most helpful first:
+/// index, gain and reason. Candidates that cannot be chosen are omitted.
 ///
 /// The gain is the mean over the axes of the relative shortfall of the candidate's values, each within -1 and 1: 1 if all
 /// of them are missing, 0 if all are at their targets.
@@ -131,7 +131,8 @@ fn shortfall(axes: &Axes, now: &Balance) -> f64 {
     shortfalls.iter().sum::<f64>() / shortfalls.len().max(1) as f64
 }
 
-/// The value of a scenario for which a measure of (share, wanted) is largest, in words, with that measure.
+/// The value of a scenario for which `measure(share, target)` is largest, as text, with that measure; `None` without
+/// axes of several values.
 fn extreme(axes: &Axes, reached: &Balance, measure: impl Fn(f64, f64) -> f64) -> Option<(String, f64)> {
     let mut best: Option<(String, f64)> = None;
     for (axis, values) in own_values(axes, reached) {

@@ -1,13 +1,13 @@
-//! Measured difficulty: success of reference policies on each scenario.
+//! Measured difficulty of scenarios: success of reference policies.
 
 use std::collections::BTreeMap;
 
 use genmanip_core::EpisodeResult;
 
-/// Successes and episodes by policy, by scenario id.
+/// Numbers of successes and of episodes, by id of the scenario and by policy.
 pub type Successes = BTreeMap<String, BTreeMap<String, (usize, usize)>>;
 
-/// Successes of all results.
+/// Numbers of successes and of episodes in these results.
 pub fn successes<'a>(results: impl IntoIterator<Item = &'a EpisodeResult>) -> Successes {
     let mut found = Successes::new();
     for result in results {
@@ -19,8 +19,8 @@ pub fn successes<'a>(results: impl IntoIterator<Item = &'a EpisodeResult>) -> Su
     found
 }
 
-/// Difficulty of a scenario from the mean success rate of the policies that tried it, each with the same weight: `easy`
-/// from two thirds, `hard` up to one third, else `medium`; `None` if none did.
+/// Difficulty of a scenario from the mean success rate of the policies that tried it, each with the same weight:
+/// `easy` from two thirds, `hard` up to one third, `medium` between. `None` if no policy tried it.
 pub fn difficulty(scenario: &str, successes: &Successes) -> Option<&'static str> {
     let policies = successes.get(scenario).filter(|policies| !policies.is_empty())?;
     let rates = policies.values().map(|&(successes, episodes)| successes as f64 / episodes.max(1) as f64);

@@ -1,4 +1,4 @@
-//! Distribution of a collection over axes and pairs of axes, with its distance from the targets.
+//! Distribution of a collection over the values of each axis and pair of axes, with the distance from targets.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,50 +16,50 @@ const MAX_COMBINATIONS: usize = 40;
 pub struct Balance {
     /// Number of scenarios.
     pub scenarios: usize,
-    /// Each axis alone, by name.
+    /// Distribution over each single axis, by name.
     pub axes: Vec<AxisBalance>,
-    /// Pairs of axes, the worst first.
+    /// Distribution over pairs of axes, largest distance from the target first.
     pub pairs: Vec<PairBalance>,
 }
 
 /// Distribution over the values of an axis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AxisBalance {
-    /// Name.
+    /// Name of the axis.
     pub axis: String,
     /// Total variation distance from the target, 0 to 1: half the sum of the absolute differences.
     pub total_variation: f64,
-    /// The values; those that only candidates have are among them.
+    /// All values of the axis, those that occur only among the candidates included.
     pub values: Vec<ValueShare>,
 }
 
-/// Share of a value.
+/// Share of one value of an axis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ValueShare {
-    /// The value.
+    /// Value of the axis.
     pub value: String,
-    /// Number of scenarios with it.
+    /// Number of scenarios with this value; a scenario can have several values of an axis.
     pub count: usize,
-    /// Share among all values of the axis.
+    /// Share of this value among all values of the axis that occur in the collection, 0 to 1.
     pub share: f64,
-    /// Target share.
+    /// Target share, 0 to 1.
     pub wanted: f64,
 }
 
 /// Distribution over the combinations of two axes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PairBalance {
-    /// The two axes.
+    /// Names of the two axes.
     pub axes: [String; 2],
-    /// Total variation distance from the target, over the combinations that some candidate has; a target is
-    /// proportional to the product of those of the two values.
+    /// Total variation distance from the target over the combinations that occur among the candidates, 0 to 1. The
+    /// target of a combination is proportional to the product of the targets of its values.
     pub total_variation: f64,
-    /// Combination that is farthest below its target, if any is.
+    /// Combination farthest below its target; `None` if none is below.
     pub rarest: Option<[String; 2]>,
 }
 
-/// Distribution of the chosen scenarios; `candidates` say which values and combinations there could be. A value without
-/// a target on an axis that has one is not wanted; an axis without targets wants the same share of all values.
+/// Distribution of the chosen scenarios over the values and combinations that occur in `candidates`. On an axis with
+/// targets, a value without one has target 0; on an axis without targets, all values have the same target.
 pub fn balance(chosen: &[&Axes], candidates: &[&Axes], targets: &Targets) -> Balance {
     let known = |axes: &[&Axes]| -> BTreeSet<String> { axes.iter().flat_map(|own| own.keys().cloned()).collect() };
     let names: Vec<String> = known(candidates).union(&known(chosen)).cloned().collect();
@@ -96,7 +96,7 @@ fn of_axis(axis: &str, chosen: &[&Axes], candidates: &[&Axes], targets: &Targets
     AxisBalance { axis: axis.into(), total_variation, values }
 }
 
-/// `None` for axes that never occur together, or with too many combinations.
+/// Distribution over two axes; `None` if they never occur together or have more than [`MAX_COMBINATIONS`].
 fn of_pair(axes: [&AxisBalance; 2], chosen: &[&Axes], candidates: &[&Axes]) -> Option<PairBalance> {
     let cells = |own: &&Axes| -> Vec<[String; 2]> {
         let values = |axis: &AxisBalance| own.get(&axis.axis).cloned().unwrap_or_default();

@@ -1,5 +1,6 @@
-//! Balance of a collection of scenarios: its distribution over axes and pairs of them against targets, the candidates
-//! that help most, and a choice in which every candidate keeps its reason.
+//! Balance of a collection of scenarios: distribution over axes and pairs of axes compared with targets, candidates
+//! that
+//! improve it most, and choice of a suite in which every candidate keeps its reason.
 
 mod axes;
 mod choice;

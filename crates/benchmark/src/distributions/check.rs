@@ -15,26 +15,26 @@ use super::format::{Distribution, Split};
 use super::frozen::layout_hash;
 use super::suite::{Distributions, DrawnTask};
 
-/// Layouts of a split of a distribution that a sample has.
+/// Number of layouts of each split of a distribution that are checked unless all are.
 const SAMPLE: u64 = 2;
 
-/// Findings.
+/// Result of the integrity check.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct DistributionsCheck {
     /// Name of the suite.
     pub name: String,
     /// Number of frozen layouts, all of which are compared with each other.
     pub frozen: usize,
-    /// Number of layouts that were made anew.
+    /// Number of layouts that were made again and compared with their frozen hash.
     pub checked: usize,
-    /// Notes that are not faults, one per line: sentences that the independent reader cannot parse.
+    /// Notes that are no faults, one per line: sentences that the rule-based reader cannot parse.
     pub notes: Vec<String>,
     /// Faults, one per line; empty for an intact suite.
     pub faults: Vec<String>,
 }
 
-/// Checks that no two frozen layouts are equal, and of a sample of every split, or of all layouts, that the sentence
-/// means the goal and that the layout made anew has the frozen hash; `None` if interrupted.
+/// Checks that no two frozen layouts are equal. For a sample of every split, or for all layouts, also checks that the
+/// sentence means the goal, and that the layout made again has the frozen hash. `None` if interrupted.
 ///
 /// # Errors
 /// If a file of the suite cannot be read.
@@ -91,7 +91,7 @@ struct Finding {
     faults: Vec<String>,
 }
 
-/// Number of frozen layouts; missing and equal ones are faults.
+/// Number of frozen layouts, and faults: missing layouts, and equal ones.
 pub(super) fn compare(suite: &Distributions) -> (usize, Vec<String>) {
     let (mut places, mut faults) = (BTreeMap::new(), Vec::new());
     let mut frozen = 0;
@@ -112,7 +112,7 @@ pub(super) fn compare(suite: &Distributions) -> (usize, Vec<String>) {
     (frozen, faults)
 }
 
-/// Layouts to make anew: all, or some of every split, spread evenly.
+/// Layouts to make again: all, or [`SAMPLE`] of every split, evenly spread.
 fn sample(suite: &Distributions, all: bool) -> Vec<DrawnTask> {
     let mut sampled = Vec::new();
     for (distribution, split) in pairs(suite) {

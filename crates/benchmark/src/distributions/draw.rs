@@ -1,4 +1,4 @@
-//! The task of a layout, drawn from its distribution.
+//! Drawing of a layout's task from its distribution.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -9,10 +9,12 @@ use rand::{Rng, RngExt};
 
 use super::format::{Distractors, Distribution, DistributionsFile, Split, card, placeholders};
 
-/// Attempts to draw objects of different categories; chosen far above what sets of several categories need.
+/// Maximum number of draws for objects of different categories. Chosen by hand, far more than sets of several
+/// categories
+/// need.
 const MAX_DRAWS: usize = 100;
 
-/// Number of layout `number` of a split and of the attempt at it, from 1.
+/// Position of a layout: split, number within the split from 0, and attempt from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Place {
     pub split: Split,
@@ -20,7 +22,7 @@ pub(super) struct Place {
     pub attempt: u64,
 }
 
-/// Draws the task of a layout: a pure function of the document and the place.
+/// Draws the task of a layout; a pure function of the document and the position.
 pub(super) fn draw(file: &DistributionsFile, distribution: &Distribution, place: Place) -> Task {
     let Place { split, number, attempt } = place;
     let stream = file.seed.fork(&distribution.name).fork(split.name()).fork_index(number);
@@ -70,7 +72,7 @@ pub(super) fn draw(file: &DistributionsFile, distribution: &Distribution, place:
     }
 }
 
-/// Objects of the roles, in their order, of different categories where possible.
+/// Cards of the objects for the roles, in the order of the roles; of different categories where possible.
 fn cast(distribution: &Distribution, split: Split, rng: &mut impl Rng) -> Vec<&'static ObjectCard> {
     let mut drawn = Vec::new();
     for _ in 0..MAX_DRAWS {
@@ -84,7 +86,7 @@ fn cast(distribution: &Distribution, split: Split, rng: &mut impl Rng) -> Vec<&'
     drawn
 }
 
-/// Distractors of categories that are neither in the cast nor drawn before.
+/// Cards of the distractors; all their categories differ from each other and from those of the cast.
 fn others(distractors: &Distractors, cast: &[&'static ObjectCard], rng: &mut impl Rng) -> Vec<&'static ObjectCard> {
     let count = rng.random_range(0..=distractors.most);
     let mut drawn: Vec<&'static ObjectCard> = Vec::new();
@@ -96,7 +98,7 @@ fn others(distractors: &Distractors, cast: &[&'static ObjectCard], rng: &mut imp
     drawn
 }
 
-/// Seed from which the layout of every task is made, as an attempt of a run with this seed.
+/// Seed of a run whose attempts make the layouts.
 pub(super) fn layout_seed(file: &DistributionsFile) -> Seed {
     file.seed.fork("layouts")
 }

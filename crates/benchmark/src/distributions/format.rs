@@ -10,26 +10,26 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 named_enum! {
-    /// Part of the layouts of every distribution.
+    /// Split of the layouts of every distribution, by what is new compared with training.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
     #[serde(rename_all = "snake_case")]
     pub enum Split {
         /// Layouts for demonstrations.
         Train = "train",
-        /// Layouts for decisions during training.
+        /// Layouts for decisions during training, such as the choice of a checkpoint.
         Validation = "validation",
-        /// Unseen layouts of the objects of `train`.
+        /// Unseen layouts of the same objects as in `train`.
         Familiar = "familiar",
-        /// Unseen instances of the categories of `train`.
+        /// Objects of the same categories as in `train` that `train` does not have.
         Instance = "instance",
-        /// Unseen categories.
+        /// Objects of categories that `train` does not have.
         Category = "category",
-        /// The objects of `train`, with a goal or wording that `train` does not have.
+        /// The same objects as in `train`, with a goal or wording that `train` does not have.
         Relation = "relation",
     }
 }
 
-/// The file `suite.json` of a suite of task distributions.
+/// Document `suite.json` of a suite of task distributions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DistributionsFile {
@@ -37,7 +37,7 @@ pub struct DistributionsFile {
     pub name: String,
     /// Seed of all layouts.
     pub seed: Seed,
-    /// Reading of *between* in its layouts, initial and goal, whatever the world says; absent means `space`.
+    /// Meaning of *between* in all its layouts, initial and goal; overrides the world's. `space` if absent.
     #[serde(default = "BetweenReading::of_old_documents", skip_serializing_if = "BetweenReading::is_of_old_documents")]
     pub between: BetweenReading,
     /// Number of layouts of each distribution, by split.
@@ -74,29 +74,29 @@ pub struct Distribution {
 pub struct Role {
     /// Name in goals and wordings, e.g. `object`.
     pub role: String,
-    /// Uids of the full catalogue.
+    /// Uids of objects of the full catalogue, one of which is drawn.
     pub objects: BySplit<Vec<String>>,
 }
 
-/// Values of splits; an absent one is that of `train`, which `validation` and `familiar` share.
+/// Values by split. An absent one is that of `train`, which `validation` and `familiar` always share.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BySplit<T> {
-    /// Of `train`, `validation` and `familiar`.
+    /// Value of `train`, `validation` and `familiar`.
     pub train: T,
-    /// Of `instance`.
+    /// Value of `instance`; that of `train` if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub instance: Option<T>,
-    /// Of `category`.
+    /// Value of `category`; that of `train` if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub category: Option<T>,
-    /// Of `relation`.
+    /// Value of `relation`; that of `train` if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relation: Option<T>,
 }
 
 impl<T> BySplit<T> {
-    /// Value of a split.
+    /// Value that applies to a split.
     pub fn of(&self, split: Split) -> &T {
         let own = match split {
             Split::Train | Split::Validation | Split::Familiar => None,
@@ -116,22 +116,22 @@ pub struct GoalTemplate {
     pub wordings: Vec<String>,
     /// Conditions that all hold at the end, with roles as ids.
     pub conditions: Vec<Atom>,
-    /// Initial states of articulated objects, by role.
+    /// Names of initial states of articulated objects, by role.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub initial_states: BTreeMap<String, String>,
 }
 
-/// Objects that the instruction does not name, of other categories than those that it names.
+/// Objects that the instruction does not name; their categories differ from those that it names.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Distractors {
-    /// Largest number; each number from 0 is equally likely.
+    /// Maximum number of distractors per layout; every number from 0 is equally likely.
     pub most: usize,
-    /// Uids of the full catalogue.
+    /// Uids of objects of the full catalogue to draw from.
     pub objects: Vec<String>,
 }
 
-/// Smallest number of objects of the first role in training.
+/// Minimum number of objects of the first role in `train`.
 const MIN_INSTANCES: usize = 8;
 
 impl DistributionsFile {
@@ -140,7 +140,9 @@ impl DistributionsFile {
         self.layouts.get(&split).copied().unwrap_or_default()
     }
 
-    /// The first fault, with its place; `None` if every layout can be drawn and the splits are what their names say.
+    /// First fault of the document, with its JSON path; `None` if every layout can be drawn and every split is new in
+    /// the way
+    /// that its name says.
     pub fn fault(&self) -> Option<String> {
         let missing = Split::ALL.into_iter().find(|split| self.size(*split) == 0);
         if let Some(split) = missing {
@@ -234,7 +236,7 @@ fn unknown(uid: &str) -> String {
     format!("object `{uid}` is not in the full catalogue")
 }
 
-/// Names in braces.
+/// Names in braces within a wording.
 pub(super) fn placeholders(wording: &str) -> impl Iterator<Item = &str> {
     wording.split('{').skip(1).filter_map(|rest| Some(rest.split_once('}')?.0))
 }

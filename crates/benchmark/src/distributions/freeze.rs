@@ -1,4 +1,4 @@
-//! Freezing of the layouts of a suite of task distributions.
+//! Freezing of the layouts of a suite of task distributions: their hashes are stored.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,17 +13,17 @@ use super::format::{Distribution, Split};
 use super::frozen::{FrozenLayout, FrozenLayouts, layout_hash, to_text};
 use super::suite::{Distributions, layouts_file};
 
-/// Maximum number of attempts at a layout, each with a newly drawn task; if all fail, so does freezing. Chosen: a
-/// distribution that fails this often is too hard to lay out to be learnt from.
+/// Maximum number of attempts at a layout, each with a newly drawn task; freezing fails if all fail. Chosen by hand: a
+/// distribution that fails this often is too hard to lay out for training.
 const MAX_ATTEMPTS: u64 = 20;
 
-/// Lays out every task of a suite and writes the hashes of the layouts, a file per distribution.
+/// Lays out every task of a suite and writes the hashes of the layouts, one file per distribution.
 ///
-/// Distributions that have a file are skipped, so an interrupted call can be repeated. `None` if `stop` was set; the
-/// distribution in progress then has no file.
+/// Distributions that already have a file are skipped, so an interrupted call can be repeated. Returns `None` if
+/// interrupted; the distribution in progress then has no file.
 ///
 /// # Errors
-/// If all are frozen already, a layout cannot be made, or a file cannot be written.
+/// If all distributions are frozen already, a layout cannot be made, or a file cannot be written.
 pub fn freeze(
     folder: &Path,
     workers: usize,

@@ -7,7 +7,7 @@
 //! 90be11d2a6f0 2
 //! ```
 //!
-//! A line per layout: its hash, and the number of the attempt that gave it where it was not the first.
+//! Each line is the hash of a layout, followed by the number of the successful attempt if that was not the first.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -20,20 +20,20 @@ use super::format::Split;
 /// A frozen layout.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrozenLayout {
-    /// [`layout_hash`] of its scenario.
+    /// [`layout_hash`] of the layout's scenario.
     pub hash: String,
-    /// Number of the attempt that gave a layout, from 1.
+    /// Number of the attempt that gave the layout, from 1.
     pub attempt: u64,
 }
 
-/// Frozen layouts of a distribution by split, in their order.
+/// Frozen layouts of a distribution by split, in the order of their numbers.
 pub(super) type FrozenLayouts = BTreeMap<Split, Vec<FrozenLayout>>;
 
-/// Hexadecimal digits of a hash: among 20,000 layouts two are equal by chance once in a million suites.
+/// Hexadecimal digits of a hash: 48 bits, so that a collision among the 20,000 layouts of a suite is improbable (1e-6).
 const DIGITS: usize = 12;
 
-/// Steps per metre, radian or unit of a quaternion to which poses are rounded, so that the last bits of another machine
-/// do not matter; chosen.
+/// Steps per metre, radian or quaternion unit to which poses are rounded before hashing, so that last-digit
+/// differences between machines do not matter. Chosen by hand.
 const STEPS: f64 = 1e4;
 
 /// Hash of a layout: instruction, goal, and objects with their poses to 0.1 mm.
@@ -53,7 +53,7 @@ pub fn layout_hash(scenario: &Scenario) -> String {
     hexadecimal(&Sha256::digest(text)[..DIGITS / 2])
 }
 
-/// The text of a file.
+/// Text of a distribution's file.
 pub(super) fn to_text(layouts: &FrozenLayouts, engine: &str) -> String {
     let mut text = format!("# genmanip {}, {engine}\n", env!("CARGO_PKG_VERSION"));
     for (split, layouts) in layouts {
@@ -66,10 +66,10 @@ pub(super) fn to_text(layouts: &FrozenLayouts, engine: &str) -> String {
     text
 }
 
-/// Reads a file's text.
+/// Frozen layouts from the text of a file.
 ///
 /// # Errors
-/// Number of the first line that is none, and the expected form.
+/// The number of the first invalid line, and the expected form.
 pub(super) fn from_text(text: &str) -> Result<FrozenLayouts, String> {
     let (mut layouts, mut split) = (FrozenLayouts::new(), None);
     for (number, line) in text.lines().enumerate() {

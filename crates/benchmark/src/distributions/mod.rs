@@ -1,13 +1,14 @@
-//! Suites of task distributions: layouts to learn from and to be tested on, as functions of one document.
+//! Suites of task distributions: layouts for training and testing, all determined by one document.
 //!
 //! ```text
 //! NAME/suite.json          the distributions
 //! NAME/layouts/*.txt       frozen hashes of the layouts, a file per distribution
 //! ```
 //!
-//! Layout `k` of a split of a distribution is drawn from the stream `fork(distribution).fork(split).fork_index(k)` of the
-//! document's seed, and made as the first attempt of its task. If it cannot be made, the next attempt at the same `k`
-//! takes its place.
+//! Layout `k` of a split of a distribution is drawn from the random stream
+//! `fork(distribution).fork(split).fork_index(k)` of the document's seed, and laid out as the first attempt of its
+//! task.
+//! If no layout is found, the next attempt at the same `k` replaces it.
 
 mod check;
 mod draw;

@@ -10,10 +10,10 @@ use serde::Serialize;
 use super::format::{Distribution, DistributionsFile, Split, card};
 use super::suite::{Distributions, SplitChoice};
 
-/// Summary of a suite.
+/// Summary of a suite of task distributions.
 #[derive(Clone, Debug, Serialize)]
 pub struct DistributionsOverview {
-    /// Its document.
+    /// Document of the suite.
     #[serde(flatten)]
     pub file: DistributionsFile,
     /// Number of frozen layouts by distribution.
@@ -75,7 +75,7 @@ pub fn describe(shown: &DistributionsOverview) -> String {
     text
 }
 
-/// Numbers of objects of the first role in a split, and of their categories.
+/// Text with the number of the first role's objects in a split, and of their categories.
 fn objects(distribution: &Distribution, split: Split) -> String {
     let objects = distribution.roles.first().map(|role| role.objects.of(split));
     let uids = objects.into_iter().flatten();
@@ -83,7 +83,7 @@ fn objects(distribution: &Distribution, split: Split) -> String {
     format!("{} ({})", objects.map_or(0, Vec::len), categories.len())
 }
 
-/// Relations and states of the goals in training.
+/// Text of the relations and joint states that the goals of `train` require.
 fn goals(distribution: &Distribution) -> String {
     let name = |atom: &Atom| match atom {
         Atom::Relation { relation, .. } => relation.name().to_owned(),

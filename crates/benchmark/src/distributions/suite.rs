@@ -1,4 +1,4 @@
-//! A suite of task distributions, and the choice of its layouts.
+//! Suite of task distributions, and selection of its layouts.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -16,33 +16,33 @@ use super::frozen::{FrozenLayout, FrozenLayouts, from_text};
 /// A suite of task distributions with its frozen layouts.
 #[derive(Clone, Debug)]
 pub struct Distributions {
-    /// Its document.
+    /// Document of the suite.
     pub file: DistributionsFile,
-    /// Frozen layouts by distribution.
+    /// Frozen layouts by name of the distribution.
     frozen: BTreeMap<String, FrozenLayouts>,
 }
 
-/// A choice among the layouts of a suite.
+/// Selection of layouts of a suite.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SplitChoice {
-    /// Split.
+    /// Split to use.
     pub split: Split,
     /// Name of the only distribution; `None` for all.
     pub distribution: Option<String>,
-    /// Number of layouts of each distribution; `None` for all.
+    /// Number of layouts of each distribution, from the front; `None` for all.
     pub first: Option<u64>,
 }
 
-/// A layout of a choice.
+/// Task of a selected layout.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrawnTask {
-    /// Its task; the layout is attempt 0 of a run with [`Distributions::seed`].
+    /// The task; its layout is attempt 0 of a run with [`Distributions::seed`].
     pub task: Task,
-    /// Name of its distribution.
+    /// Name of the task's distribution.
     pub distribution: String,
     /// Simulated time available to a policy, s.
     pub horizon_s: f64,
-    /// Frozen hash of its layout, if it is frozen.
+    /// Frozen hash of the layout; `None` if it is not frozen.
     pub hash: Option<String>,
 }
 
@@ -74,21 +74,21 @@ impl Distributions {
         Ok(Self { file, frozen })
     }
 
-    /// Seed of a run whose first attempts are the layouts.
+    /// Seed of a run whose first attempts (number 0) give the layouts.
     pub fn seed(&self) -> Seed {
         layout_seed(&self.file)
     }
 
-    /// A world in which relations are read as in the suite.
+    /// The world with *between* interpreted as in the suite.
     pub fn judged_in(&self, world: &World) -> World {
         let relations = RelationSettings { between: self.file.between, ..world.relations };
         World { relations, ..world.clone() }
     }
 
-    /// The layouts of a choice: the first of every distribution, then the second of every distribution, and so on.
+    /// The selected layouts: the first of every distribution, then the second of every distribution, and so on.
     ///
     /// # Errors
-    /// If there is no such distribution, or it has fewer layouts.
+    /// If the distribution does not exist, or a distribution has fewer layouts than requested.
     pub fn draw(&self, choice: &SplitChoice) -> Result<Vec<DrawnTask>, WorkspaceError> {
         let SplitChoice { split, distribution, first } = choice;
         let names: Vec<&str> = self.file.distributions.iter().map(|it| it.name.as_str()).collect();
@@ -107,7 +107,7 @@ impl Distributions {
         Ok(numbers.map(|(distribution, number)| self.layout(distribution, *split, number)).collect())
     }
 
-    /// Layout `number` of a split.
+    /// Task of layout `number` (from 0) of a split.
     pub(super) fn layout(&self, distribution: &Distribution, split: Split, number: u64) -> DrawnTask {
         let frozen = self.frozen_layouts(&distribution.name, split).get(number as usize);
         let attempt = frozen.map_or(1, |frozen| frozen.attempt);
@@ -124,20 +124,20 @@ impl Distributions {
         self.frozen.get(distribution).and_then(|it| it.get(&split)).map_or(&[], Vec::as_slice)
     }
 
-    /// Makes the layout of a task.
+    /// Lays out a task of the suite.
     ///
     /// # Errors
-    /// If there is none.
+    /// If no layout is found.
     pub fn lay_out(&self, task: &Task, resources: Resources, world: &World) -> Result<Scenario, LayoutError> {
         Attempt::of(task, 0, self.seed()).scenario(resources, world, &LayoutSettings::default())
     }
 }
 
-/// The layouts that a command names by suite, split, distribution and number: `None` for a suite of scenarios without a
-/// split.
+/// Layouts that a command selects by suite, split, distribution and number; `None` for a suite of scenarios, which
+/// has no splits.
 ///
 /// # Errors
-/// If a suite of distributions comes without a split, a suite of scenarios with one, or there is no such suite.
+/// If a suite of distributions is named without a split or a suite of scenarios with one, or the suite does not exist.
 pub fn choose(
     folder: &Path,
     split: Option<Split>,
@@ -178,10 +178,10 @@ pub fn is_of_distributions(folder: &Path) -> bool {
     tagged.is_some_and(|tagged| tagged.schema == DistributionsFile::SCHEMA)
 }
 
-/// The document in a suite's folder.
+/// Name of the document in a suite's folder.
 const SUITE: &str = "suite.json";
 
-/// File of the frozen layouts of a distribution.
+/// Path of the file with a distribution's frozen layouts.
 pub(super) fn layouts_file(folder: &Path, distribution: &str) -> PathBuf {
     folder.join("layouts").join(format!("{distribution}.txt"))
 }

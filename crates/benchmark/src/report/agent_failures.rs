@@ -1,4 +1,4 @@
-//! Failures of the agent: by kind of task, and class against stage.
+//! Report section on failures of the agent: class by kind of task, and class by stage.
 
 use std::collections::BTreeSet;
 
@@ -11,7 +11,7 @@ use crate::rows::EpisodeRow;
 use crate::statistics::{SuiteSummary, agent_failure_counts};
 use genmanip_viz::markup::escape;
 
-/// Name of episodes without a class.
+/// Label of failures without a class.
 const UNCLASSIFIED: &str = "not analysed";
 
 /// One part per evaluation of an agent with failures.
@@ -73,7 +73,7 @@ fn of_kind(input: &ReportInput, own: &[&EpisodeRow], kind: TaskKind) -> Option<K
     })
 }
 
-/// All classes, then none.
+/// All failure classes, then `None` for failures without one.
 fn all_classes() -> impl Iterator<Item = Option<FailureClass>> {
     FailureClass::ALL.into_iter().map(Some).chain([None])
 }

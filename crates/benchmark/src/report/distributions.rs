@@ -1,4 +1,4 @@
-//! Distributions over a run: causes of failure, relations, objects, lengths and times.
+//! Report section on distributions over a run: causes of failure, relations, objects, lengths and times.
 
 use std::collections::BTreeMap;
 
@@ -12,16 +12,17 @@ use crate::rows::totals::{GroupTotal, Histogram, by_group};
 use crate::statistics::{StatisticsSettings, failure_counts};
 use genmanip_viz::markup::escape;
 
-/// With fewer episodes there are no histograms.
+/// Minimum number of episodes for a histogram.
 const MIN_EPISODES: usize = 20;
 
-/// Number of objects listed: those with most failures.
+/// Maximum number of objects listed, most failures first.
 const OBJECTS: usize = 12;
 
-/// Bins of a histogram.
+/// Number of bins of a histogram.
 const RANGES: usize = 12;
 
-/// Of collected attempts if there are any, else of the evaluated episodes except the baseline's.
+/// Section about the attempts at demonstrations, or, if there are none, about the evaluated episodes except the
+/// baseline's.
 pub(super) fn distributions(input: &ReportInput, statistics: &StatisticsSettings) -> String {
     let has_attempts = input.episodes.iter().any(EpisodeRow::is_attempt);
     let is_meant = |row: &&EpisodeRow| match has_attempts {
@@ -47,7 +48,7 @@ pub(super) fn distributions(input: &ReportInput, statistics: &StatisticsSettings
     html + "</div>\n"
 }
 
-/// Each cause with its share and links to its cases.
+/// Table of failure causes with their shares and links to the cases.
 fn causes(input: &ReportInput, rows: &[&EpisodeRow]) -> String {
     let mut cases: BTreeMap<FailureCause, Vec<String>> = BTreeMap::new();
     for (index, section) in input.cases.iter().enumerate() {

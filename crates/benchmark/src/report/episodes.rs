@@ -1,4 +1,4 @@
-//! Table of all episodes: static without scripts; the page's script filters and sorts it.
+//! Report section with the table of all episodes: static without scripts; the page's script filters and sorts it.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -10,11 +10,11 @@ use super::{ReportInput, words};
 use crate::rows::{EpisodeRow, TaskRow};
 use genmanip_viz::markup::escape;
 
-/// Characters of evidence quoted in a row, about two lines; the episode's file has the full text.
+/// Maximum length of the evidence quoted in a row, characters: about two lines. The episode's file has the full text.
 const EVIDENCE: usize = 160;
 
 /// Section with the table, in the order of the input, with at most `max_bytes` of rows. If there are more, successes
-/// are left out before failures, and the section says how many.
+/// are omitted before failures, and the section states how many.
 pub(super) fn episodes(input: &ReportInput, max_bytes: usize) -> String {
     if input.episodes.is_empty() {
         return String::new();

@@ -20,87 +20,87 @@ use crate::statistics::{PairedComparison, StatisticsSettings, SuiteSummary};
 use genmanip_viz::drawing::Svg;
 use genmanip_viz::markup::{base64, base64_length, escape};
 
-/// Contents of the page. Totals and the table of episodes derive from the rows.
+/// Contents of the page. Totals and the table of episodes are computed from `tasks` and `episodes`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReportInput {
     /// Heading of the page.
     pub title: String,
-    /// Program and version.
+    /// Name and version of the program.
     pub generated_by: String,
     /// Seed of the run.
     pub seed: Seed,
-    /// Commands that reproduce the run.
+    /// Command lines that reproduce the run.
     pub commands: Vec<String>,
     /// Versions and settings, e.g. (`physics`, `mujoco 3.17.0`).
     pub versions: Vec<(String, String)>,
-    /// One evaluation per policy.
+    /// Summaries of evaluations, one per policy.
     pub summaries: Vec<SuiteSummary>,
-    /// Episodes that were not run, by policy as the summaries name it.
+    /// Episodes that were not run, by label of the policy as in `summaries`.
     pub not_run: BTreeMap<String, Vec<NotRun>>,
     /// Name of the baseline policy, which must never succeed, if one was run.
     pub baseline: Option<String>,
-    /// Paired comparisons of policies.
+    /// Paired comparisons of policies on common episodes.
     pub comparisons: Vec<PairedComparison>,
-    /// Wall-clock times, possibly empty.
+    /// Wall-clock times of the phases of the run; may be empty.
     pub timings: Vec<Timing>,
     /// Notes for the reader, e.g. that the expert reads simulator truth.
     pub notes: Vec<String>,
     /// All tasks of the run.
     pub tasks: Vec<TaskRow>,
-    /// All episodes, collected and evaluated.
+    /// All episodes: attempts to collect demonstrations, and evaluated ones.
     pub episodes: Vec<EpisodeRow>,
     /// Tasks shown with images, in page order.
     pub cases: Vec<TaskSection>,
-    /// Selection rule of these tasks; `None` if all are shown.
+    /// Rule by which these tasks were selected; `None` if all are shown.
     pub rule: Option<String>,
     /// True if this is the overview of a folder with one page per episode, see [`EpisodeRow::page`].
     pub has_pages: bool,
 }
 
-/// A phase and its duration.
+/// Duration of one phase of the run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timing {
-    /// Name of the phase.
+    /// Name of the phase, e.g. `collect`.
     pub phase: String,
-    /// Wall-clock time, s.
+    /// Wall-clock time of the phase, s.
     pub seconds: f64,
 }
 
 /// One task with its attempts and results.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TaskSection {
-    /// The task.
+    /// Task of the section.
     pub task: Task,
     /// Role of the case as an example; `None` if all tasks are shown.
     pub why: Option<ExampleRole>,
-    /// Index of the shown episode among those of the page.
+    /// Index of the shown episode in [`ReportInput::episodes`]; `None` if no episode is shown.
     pub episode: Option<usize>,
-    /// Scenario of the shown episode.
+    /// Scenario of the shown episode; `None` without one.
     pub scenario: Option<Scenario>,
-    /// From [`genmanip_viz::graph_svg`].
+    /// Initial scene graph, from [`genmanip_viz::graph_svg`].
     pub graph: Svg,
-    /// From [`genmanip_viz::layout_svg`]; `None` without a layout.
+    /// Top view of the layout, from [`genmanip_viz::layout_svg`]; `None` without a layout.
     pub layout: Option<Svg>,
-    /// First image of the shown episode, JPEG.
+    /// First image of the shown episode, JPEG; `None` if there are no images.
     pub first_image: Option<Vec<u8>>,
-    /// Last image of the shown episode, JPEG.
+    /// Last image of the shown episode, JPEG; `None` if there are no images.
     pub last_image: Option<Vec<u8>>,
-    /// Images in between.
+    /// Images between the first and the last one, in order of time.
     pub film: Vec<EpisodeImage>,
-    /// The shown episode, usually of the expert.
+    /// Result of the shown episode, usually of the expert.
     pub shown: Option<EpisodeResult>,
     /// Every attempt to collect a demonstration, including failed ones.
     pub attempts: Vec<AttemptRow>,
-    /// Episodes of all policies on this task.
+    /// Results of all policies on this task.
     pub results: Vec<EpisodeResult>,
 }
 
 /// An image of an episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EpisodeImage {
-    /// Time since the start of the episode.
+    /// Simulated time since the start of the episode, s.
     pub time_s: f64,
-    /// JPEG.
+    /// The image as a JPEG file.
     pub jpeg: Vec<u8>,
 }
 
@@ -109,24 +109,24 @@ pub struct EpisodeImage {
 pub struct AttemptRow {
     /// Id of the scenario or episode.
     pub id: String,
-    /// Verified, or the failure.
+    /// Verified, or the cause of the failure.
     pub outcome: AttemptOutcome,
-    /// Wall-clock time, s.
+    /// Wall-clock time of the attempt, s.
     pub seconds: f64,
 }
 
-/// Settings of the page.
+/// Settings of the page: size limit and statistics.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReportSettings {
-    /// Maximum size of the page; film strips are thinned until it fits.
+    /// Maximum size of the HTML file, bytes; film strips are thinned until it fits.
     pub max_bytes: usize,
-    /// Settings of the yield's intervals.
+    /// Settings of the confidence intervals.
     pub statistics: StatisticsSettings,
 }
 
 impl Default for ReportSettings {
     fn default() -> Self {
-        // 15 MB still opens instantly from a mail or a CI artefact.
+        // 15 MB opens without delay from a mail or a CI artefact.
         Self { max_bytes: 15_000_000, statistics: StatisticsSettings::default() }
     }
 }
@@ -134,14 +134,14 @@ impl Default for ReportSettings {
 /// Reasons why there is no page.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ReportError {
-    /// Too large even without film strips and thumbnails.
+    /// The page is too large even without film strips and thumbnails.
     #[error(
         "the report needs {got} bytes without film strips, more than the {limit} allowed; allow more, or show less with `--only`"
     )]
     TooLarge {
-        /// The limit.
+        /// Size limit, bytes.
         limit: usize,
-        /// Size of the smallest version.
+        /// Size of the smallest version of the page, bytes.
         got: usize,
     },
 }
@@ -151,7 +151,7 @@ pub enum ReportError {
 struct ImagePlan {
     /// Stride of the images in a film strip; `None` for no strip.
     film_step: Option<usize>,
-    /// True if the index has images.
+    /// True if the table of tasks shows thumbnails.
     thumbnails: bool,
 }
 
@@ -175,7 +175,7 @@ const PLANS: [ImagePlan; 9] = [
 pub fn report_html(input: &ReportInput, settings: &ReportSettings) -> Result<String, ReportError> {
     let mut smallest = None;
     for plan in PLANS {
-        // Skip pages that cannot fit, except the last, whose size is reported.
+        // Do not build pages that cannot fit, except the last plan, whose size the error reports.
         if image_bytes(input, plan) > settings.max_bytes && plan != PLANS[PLANS.len() - 1] {
             continue;
         }
@@ -239,23 +239,23 @@ impl TaskSection {
     }
 }
 
-/// An image as an element.
+/// HTML element with an embedded image.
 fn image(jpeg: &[u8], alternative: &str) -> String {
     let (data, alternative) = (base64(jpeg), escape(alternative));
     format!("<img src=\"data:image/jpeg;base64,{data}\" alt=\"{alternative}\" />")
 }
 
-/// A small coloured word; `class` is one of `good`, `bad`, `plain`, `warn`.
+/// Short coloured label; `class` is one of `good`, `bad`, `plain`, `warn`.
 fn chip(class: &str, text: &str) -> String {
     format!(" <span class=\"chip {class}\">{}</span>", escape(text))
 }
 
-/// `pick_and_place` in readable form.
+/// A name such as `pick_and_place` with spaces for underscores.
 fn words(name: &str) -> String {
     name.replace('_', " ")
 }
 
-/// Caption of a case.
+/// Caption of a case: the failure cause or task kind that it shows.
 fn shows(shows: ExampleOf) -> String {
     match shows {
         ExampleOf::Failure(cause) => format!("failure: {}", words(cause.name())),

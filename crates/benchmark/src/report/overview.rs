@@ -1,4 +1,4 @@
-//! Top of the page: the run, its results, and the index of tasks.
+//! Top sections of the report: the run, its results, and the index of tasks.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -94,18 +94,19 @@ fn tile(label: &str, figure: &str, remark: &str) -> String {
     )
 }
 
-/// Maximum size of the table of all episodes: about 25,000 rows, leaving space for images within the page's 15 MB.
+/// Maximum size of the table of all episodes, bytes: about 25,000 rows, which leaves space for images within the page's
+/// 15 MB.
 const ROWS_BYTES: usize = 6_000_000;
 
-/// Number of tasks without a demonstration named in the warning.
+/// Maximum number of tasks named in the warning about tasks without a demonstration.
 const NAMED_TASKS: usize = 12;
 
-/// True if a mistake of the policy left episodes out: the others are no random sample.
+/// True if a mistake of the policy prevented episodes, so that the finished ones are no random sample.
 fn is_mistaken(input: &ReportInput, policy: &str) -> bool {
     input.not_run.get(policy).is_some_and(|left| left.iter().any(|left| left.mistake))
 }
 
-/// Warnings.
+/// Warnings about the results, as HTML.
 fn warnings(input: &ReportInput) -> String {
     let mut warnings = Vec::new();
     let baseline = input.summaries.iter().find(|summary| input.baseline.as_deref() == Some(&summary.policy));
@@ -147,7 +148,7 @@ fn policies(input: &ReportInput) -> String {
     let rows: Vec<Vec<String>> = summaries
         .iter()
         .map(|summary| {
-            // Each statistic is shown here, elsewhere on the page, or left out on purpose.
+            // Destructured without `..`, so that a new statistic must be shown here or omitted on purpose.
             let SuiteSummary {
                 policy,
                 oracle,
@@ -230,7 +231,7 @@ fn policies(input: &ReportInput) -> String {
     html + &traits(summaries, &headings)
 }
 
-/// Success by scenario trait; values of few scenarios are omitted.
+/// Table of success by scenario trait; values with fewer than [`MIN_SCENARIOS`] scenarios are omitted.
 fn traits(summaries: &[SuiteSummary], headings: &[&str]) -> String {
     let said = || summaries.iter().flat_map(|summary| &summary.traits).filter(|it| it.scenarios >= MIN_SCENARIOS);
     let groups: BTreeSet<(&str, &str)> = said().map(|it| (it.name.as_str(), it.value.as_str())).collect();
@@ -334,14 +335,17 @@ fn index(input: &ReportInput, plan: ImagePlan) -> String {
     format!("<section id=\"tasks\">\n<h2>{title}</h2>\n{rule}<ol class=\"index\">\n{cards}</ol>\n</section>\n")
 }
 
-/// Caption of the section's case, and its rank among similar cases.
+/// Labels of a case: the property that it shows, and its rank among the episodes with that property; `None` if all
+/// tasks
+/// are shown.
 pub(super) fn why_chips(section: &TaskSection) -> Option<String> {
     let why = section.why.as_ref()?;
     let class = if matches!(why.shows, crate::rows::cases::ExampleOf::Failure(_)) { "bad" } else { "good" };
     Some(chip(class, &shows(why.shows)) + &chip("plain", &format!("{} of {}", why.place, why.of)))
 }
 
-/// Number of verified attempts, coloured by whether there is any.
+/// Label with the number of verified attempts, coloured by whether all, some or none are; without attempts, with the
+/// number of successful results.
 pub(super) fn yield_chip(section: &TaskSection) -> String {
     let (verified, attempts) = (section.verified(), section.attempts.len());
     if attempts == 0 && !section.results.is_empty() {
@@ -385,7 +389,7 @@ fn provenance(input: &ReportInput, plan: ImagePlan) -> String {
     html + &format!("<ul class=\"notes\">\n{notes}</ul>\n</div>\n")
 }
 
-/// Attempts to collect a demonstration.
+/// Rows of attempts to collect a demonstration.
 fn attempts(input: &ReportInput) -> impl Iterator<Item = &EpisodeRow> {
     input.episodes.iter().filter(|row| row.is_attempt())
 }

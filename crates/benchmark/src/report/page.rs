@@ -1,4 +1,4 @@
-//! Page of one episode in a folder with one page per episode; its film strip is a file in that folder.
+//! HTML page of one episode in the folder of a full report; its film strip is a separate file in that folder.
 
 use super::task::section;
 use super::{ImagePlan, TaskSection};
@@ -9,17 +9,17 @@ use genmanip_viz::markup::escape;
 pub struct EpisodePage<'a> {
     /// The episode with its task.
     pub section: &'a TaskSection,
-    /// Path of its film strip, relative to the page.
+    /// Path of the episode's film strip, relative to the page; `None` without images.
     pub strip: Option<String>,
-    /// Damage that prevents showing it.
+    /// Description of the damage that prevents showing the episode; `None` if it is intact.
     pub damaged: Option<&'a str>,
     /// Id of the episode.
     pub id: &'a str,
-    /// Path of the overview, relative to the page.
+    /// Path of the overview page, relative to the page.
     pub index: &'a str,
 }
 
-/// The page as the text of an HTML file, also well-formed XML; complete without scripts.
+/// The page as an HTML file, also well-formed XML, that is complete without scripts.
 pub fn episode_page(page: &EpisodePage) -> String {
     let plan = ImagePlan { film_step: None, thumbnails: false };
     let strip = page.strip.as_ref().map_or(String::new(), |strip| {

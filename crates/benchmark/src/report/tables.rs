@@ -1,4 +1,4 @@
-//! Tables, bars and numbers.
+//! HTML of tables, bars and numbers.
 
 use genmanip_core::{Measurement, Unit};
 
@@ -46,7 +46,7 @@ pub(crate) fn rate_bar(rate: &Rate) -> String {
     )
 }
 
-/// A mean with its interval in figures.
+/// A mean with its interval, in figures and with this unit.
 pub(super) fn mean_text(mean: &Mean, decimals: usize, unit: &str) -> String {
     if mean.count == 0 {
         return "<span class=\"muted\">none</span>".into();
@@ -57,7 +57,7 @@ pub(super) fn mean_text(mean: &Mean, decimals: usize, unit: &str) -> String {
     )
 }
 
-/// `goal missed 2, slipped 1`, or a dash.
+/// Failure causes with counts, e.g. `goal missed 2, slipped 1`; `none` without failures.
 pub(super) fn causes_text(counts: &[FailureCount]) -> String {
     if counts.is_empty() {
         return "<span class=\"muted\">none</span>".into();
@@ -67,7 +67,7 @@ pub(super) fn causes_text(counts: &[FailureCount]) -> String {
     escape(&parts.join(", "))
 }
 
-/// A value in a readable unit.
+/// A value with its unit: metres as mm, radians as degrees, a fact as yes or no.
 pub(super) fn quantity_text(value: f64, unit: Unit) -> String {
     if !value.is_finite() {
         return "not measured".into();
@@ -80,7 +80,7 @@ pub(super) fn quantity_text(value: f64, unit: Unit) -> String {
     }
 }
 
-/// The threshold with the direction of its comparison, which follows from the sign of the margin.
+/// The threshold with the direction of its comparison (≤ or ≥), inferred from the sign of the margin.
 pub(super) fn threshold_text(measurement: &Measurement) -> String {
     let Measurement { value, threshold, margin, unit, .. } = *measurement;
     let at_most = ((threshold - value) - margin).abs() <= ((value - threshold) - margin).abs();
@@ -92,14 +92,14 @@ pub(super) fn threshold_text(measurement: &Measurement) -> String {
     format!("{sign} {}", quantity_text(threshold, unit))
 }
 
-/// The margin with its sign; a fact has none.
+/// The margin with its sign and unit; a dash for a fact, which has no margin.
 pub(super) fn margin_text(measurement: &Measurement) -> String {
     let Measurement { margin, unit, .. } = *measurement;
     let sign = if margin >= 0.0 { "+" } else { "" };
     if unit == Unit::Fact { "–".into() } else { format!("{sign}{}", quantity_text(margin, unit)) }
 }
 
-/// Seconds in readable form.
+/// A duration, given in s, in a readable unit.
 pub(super) fn seconds_text(seconds: f64) -> String {
     match seconds {
         seconds if !seconds.is_finite() => "unknown".into(),

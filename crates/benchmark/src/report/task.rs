@@ -1,4 +1,4 @@
-//! One task: instruction, scene, episode and verdict.
+//! Report section on one task: instruction, scene, episode and verdict.
 
 use std::fmt::Write;
 
@@ -121,7 +121,7 @@ fn verdict(task: &Task, shown: &EpisodeResult) -> String {
     html
 }
 
-/// Take-over: first policy, time, and its causes of failure.
+/// Description of a take-over: policy that acted first, time of the take-over, and reason.
 fn taken_over(correction: &Correction, episode: &EpisodeResult) -> String {
     let after_s = correction.from_step as f64 / episode.control_rate_hz;
     let why = match correction.failures.first() {
@@ -132,7 +132,7 @@ fn taken_over(correction: &Correction, episode: &EpisodeResult) -> String {
     format!("<p class=\"note\">{}</p>\n", escape(&text))
 }
 
-/// The condition, and one line per measurement in each of the other cells.
+/// Table row of a condition: the condition, then cells with one line per measurement.
 fn atom_row(task: &Task, prefix: &str, verdict: &AtomVerdict) -> Vec<String> {
     let holds = if verdict.holds { chip("good", "holds") } else { chip("bad", "does not hold") };
     let why = escape(&verdict.explanation);
@@ -156,7 +156,7 @@ fn atom_row(task: &Task, prefix: &str, verdict: &AtomVerdict) -> Vec<String> {
     ]
 }
 
-/// A condition with names instead of ids.
+/// HTML of a condition with names of objects instead of ids.
 fn atom_markup(task: &Task, atom: &Atom) -> String {
     let name = |id: &str| format!("<b>{}</b>", escape(&task.name_of(id)));
     match atom {
@@ -200,7 +200,7 @@ fn attempts(section: &TaskSection) -> String {
 /// Maximum number of failed episodes quoted in a policy's row; the evaluation's file has all.
 const SHOWN_REASONS: usize = 2;
 
-/// One row per policy, with the causes of its failures.
+/// Table of the results by policy, with failure causes; a row per policy.
 fn results(results: &[EpisodeResult], baseline: Option<&str>) -> String {
     let mut policies: Vec<&str> = Vec::new();
     for result in results {

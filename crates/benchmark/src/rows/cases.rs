@@ -1,5 +1,5 @@
-//! Selection of the episodes shown with images: all tasks of a small run; of a larger one every cause of failure and
-//! every kind of task.
+//! Selection of the episodes that the report shows with images: one of every task for a small run; for a larger one,
+//! examples of every cause of failure and every kind of task.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,22 +11,22 @@ use super::{EpisodeRow, TaskRow};
 /// A selected task with one of its episodes.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Case {
-    /// Index of the task.
+    /// Index of the task among the task rows.
     pub task: usize,
-    /// Index of the episode; `None` if none of the task can be shown.
+    /// Index of the episode among the episode rows; `None` if no episode of the task was recorded.
     pub episode: Option<usize>,
     /// Reason of the selection; `None` if all tasks are shown.
     pub why: Option<ExampleRole>,
 }
 
-/// Role of a case as an example.
+/// Property that a case is an example of, with its rank.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ExampleRole {
-    /// The property shown.
+    /// Property that the case shows.
     pub shows: ExampleOf,
     /// Rank among the episodes with the same property; 1 is the most instructive.
     pub place: usize,
-    /// Number of these episodes.
+    /// Number of episodes with the same property.
     pub of: usize,
 }
 
@@ -40,7 +40,7 @@ pub enum ExampleOf {
     Success(TaskKind),
 }
 
-/// Maximum number of cases of a page: 48 render in about 12 s on one core and take 6 MB.
+/// Maximum number of cases of a page: 48 cases render in about 12 s on one core and take 6 MB.
 pub const MAX_CASES: usize = 48;
 
 /// Rule of [`choose`] for larger runs, as shown on the page.
@@ -50,11 +50,11 @@ pub const RULE: &str = "every cause of failure, then successes of every kind of 
 
 /// Selects the cases of a run.
 ///
-/// At most `most` tasks: all of them, in order, each with one recorded episode: a collected attempt, successes first;
-/// without one an evaluated episode, failures first; among equals the first.
+/// For up to `most` tasks, all are selected in order, each with one recorded episode: a collected attempt, successes
+/// first; otherwise an evaluated episode, failures first. Ties go to the first one.
 ///
-/// More tasks: by [`RULE`], two thirds of the cases for failures. Episodes of the `baseline` policy are not selected.
-/// Every cause and every kind has at least one case, even if `most` is smaller.
+/// For more tasks, [`RULE`] selects, with two thirds of the cases for failures. Episodes of the `baseline` policy are
+/// not selected. Every cause and every kind gets at least one case, even beyond `most`.
 pub fn choose(tasks: &[TaskRow], rows: &[EpisodeRow], baseline: Option<&str>, most: usize) -> Vec<Case> {
     if tasks.len() <= most {
         let best = best_of_each_task(tasks.len(), rows);
@@ -98,7 +98,7 @@ struct Group {
     shows: ExampleOf,
     /// Indices of rows, most instructive first.
     members: Vec<usize>,
-    /// Selected ones, as positions in `members`.
+    /// Selected members, as positions in `members`.
     chosen: Vec<usize>,
 }
 
@@ -119,7 +119,7 @@ impl Group {
         matches!(self.shows, ExampleOf::Success(_))
     }
 
-    /// Selects its next member of a task not yet selected; its first may be of any task.
+    /// Selects the next member whose task is not selected yet, or, as the first member, any; false if there is none.
     fn take(&mut self, rows: &[EpisodeRow], known: &mut BTreeSet<usize>) -> bool {
         let next = self.chosen.last().map_or(0, |place| place + 1);
         let is_fresh = |place: &usize| !known.contains(&rows[self.members[*place]].task);
@@ -142,7 +142,8 @@ impl Group {
     }
 }
 
-/// Lets groups select in turns until `most` cases are selected, each group at least once; returns the number selected.
+/// Lets the groups select in turn until `most` cases are selected, each group at least once; returns the number
+/// selected.
 fn take_turns(groups: &mut [Group], most: usize, rows: &[EpisodeRow], known: &mut BTreeSet<usize>) -> usize {
     let (mut taken, mut round) = (0, 0);
     loop {

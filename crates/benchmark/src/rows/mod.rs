@@ -8,14 +8,14 @@ pub mod totals;
 use genmanip_core::{AgentFailure, Atom, EpisodeResult, Failure, FailureCause, Task, TaskKind};
 use serde::{Deserialize, Serialize};
 
-/// A task, as far as tables and totals need it.
+/// A task, reduced to what tables and totals need.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct TaskRow {
     /// Id of the task.
     pub id: String,
-    /// Its kind.
+    /// Kind of the task.
     pub kind: TaskKind,
-    /// Relations in the goal, and `state`; sorted, without duplicates.
+    /// Names of the relations in the goal, and `state` for required joint states; sorted, without duplicates.
     pub goal: Vec<&'static str>,
     /// Names of the objects in the goal; sorted, without duplicates.
     pub objects: Vec<String>,
@@ -28,12 +28,12 @@ pub struct EpisodeRow {
     pub id: String,
     /// Index of its task among the rows of tasks.
     pub task: usize,
-    /// Label of the evaluation; `None` for an attempt to collect a demonstration.
+    /// Label of the evaluation; `None` for an attempt at a demonstration.
     pub evaluation: Option<String>,
-    /// Outcome.
+    /// Outcome of the episode.
     #[serde(flatten)]
     pub outcome: Outcome,
-    /// True if frames were kept, so that it can be rendered.
+    /// True if the frames were stored, so that the episode can be rendered.
     pub recorded: bool,
     /// Wall-clock time, s, if known.
     pub wall_s: Option<f64>,
@@ -44,24 +44,24 @@ pub struct EpisodeRow {
 pub struct Outcome {
     /// True if the goal held at the end.
     pub success: bool,
-    /// The most decisive cause of failure.
+    /// The most decisive cause of failure; `None` after a success.
     pub cause: Option<FailureCause>,
     /// Evidence of all causes; empty after a success.
     pub evidence: String,
-    /// Analysis of an agent's failure.
+    /// Analysis of an agent's failure; `None` for other policies, after a success, and without an analysis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub agent_failure: Option<AgentFailure>,
-    /// Fraction of the goal reached, 0-1.
+    /// Fraction of the goal reached, 0 to 1.
     pub score: f64,
     /// Distance of the best alternative of the goal from holding: sum of the normalised margins of its unmet
     /// conditions, ≤ 0.
     pub missed_by: f64,
-    /// Simulated length, s.
+    /// Simulated duration, s.
     pub duration_s: f64,
 }
 
 impl TaskRow {
-    /// The row of a task.
+    /// Row of a task.
     pub fn of(task: &Task) -> Self {
         let (mut goal, mut objects) = (Vec::new(), Vec::new());
         for atom in task.goal.alternatives.iter().flatten() {
@@ -86,7 +86,7 @@ impl TaskRow {
 }
 
 impl Outcome {
-    /// The outcome of a result.
+    /// Condensed outcome of a result.
     pub fn of(result: &EpisodeResult) -> Self {
         let missed = result.verdict.best().unwrap_or_default().iter().filter(|atom| !atom.holds);
         let failure = result.failure();
@@ -108,7 +108,7 @@ impl Outcome {
 }
 
 impl EpisodeRow {
-    /// The row of a result.
+    /// Row of a result.
     pub fn of(
         result: &EpisodeResult,
         task: usize,
@@ -128,7 +128,7 @@ impl EpisodeRow {
         }
     }
 
-    /// True for an attempt to collect a demonstration.
+    /// True for an attempt at a demonstration, false for an evaluated episode.
     pub fn is_attempt(&self) -> bool {
         self.evaluation.is_none()
     }

@@ -1,23 +1,23 @@
-//! Totals over rows: success by group, and distributions of a quantity.
+//! Totals over rows: success rates by group, and histograms of a quantity.
 
 use serde::Serialize;
 
 use super::{EpisodeRow, TaskRow};
 use crate::statistics::{FailureCount, Rate, StatisticsSettings, failure_counts};
 
-/// Outcomes of the episodes of a group.
+/// Success and failures of a group of episodes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GroupTotal {
     /// Name of the group.
     pub name: String,
-    /// Successes among its episodes.
+    /// Success rate of the group's episodes.
     pub rate: Rate,
-    /// Causes of failure, most frequent first.
+    /// Failure causes of the group's episodes, most frequent first.
     pub failures: Vec<FailureCount>,
 }
 
 impl GroupTotal {
-    /// Total of the given episodes.
+    /// Total of these episodes as a group of this name.
     pub fn of<'a>(name: &str, rows: impl IntoIterator<Item = &'a EpisodeRow>, statistics: &StatisticsSettings) -> Self {
         let rows: Vec<&EpisodeRow> = rows.into_iter().collect();
         Self {
@@ -28,7 +28,8 @@ impl GroupTotal {
     }
 }
 
-/// Groups of the tasks of the given episodes, most failures first; a task may belong to several.
+/// Totals of these episodes by the groups that their tasks belong to, most failures first; a task may belong to several
+/// groups.
 pub fn by_group<'a, 'b>(
     tasks: &'a [TaskRow],
     rows: &[&'b EpisodeRow],
@@ -50,11 +51,11 @@ pub fn by_group<'a, 'b>(
 /// Histogram with bins of equal width.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Histogram {
-    /// Lower end of the first bin.
+    /// Lower end of the first bin, in the unit of the values.
     pub low: f64,
-    /// Width of a bin.
+    /// Width of every bin, in the unit of the values.
     pub width: f64,
-    /// Counts per bin.
+    /// Number of values per bin.
     pub counts: Vec<usize>,
     /// Median of all values.
     pub median: f64,
@@ -63,7 +64,8 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Histogram of finite values with at most about `ranges` bins with round ends; `None` without values.
+    /// Histogram of the finite values, with at most about `ranges` bins whose ends are round numbers; `None` without
+    /// values.
     ///
     /// ```
     /// use genmanip_benchmark::rows::totals::Histogram;

@@ -6,14 +6,15 @@ use genmanip_viz::markup::escape;
 
 use super::measure::Agreement;
 
-/// Edge of the square of rates, pixels.
+/// Side length of the square plot area, SVG pixels.
 const SIDE: f64 = 320.0;
-/// Space for axes and names around it, pixels.
+/// Margin around the plot area for axes and their names, SVG pixels.
 const MARGIN: f64 = 60.0;
-/// Width of the names of policies to the right of the square, pixels.
+/// Width of the policies' names to the right of the plot area, SVG pixels.
 const NAMES: f64 = 120.0;
 
-/// The policies of an agreement as points, rates in reality upwards; the diagonal is perfect agreement.
+/// Scatter plot of the policies: success rate in simulation to the right, in reality upwards. The diagonal is perfect
+/// agreement.
 pub fn figure(agreement: &Agreement, measure: &str) -> String {
     let (width, height) = (SIDE + 2.0 * MARGIN + NAMES, SIDE + 2.0 * MARGIN);
     let x = |rate: f64| MARGIN + rate * SIDE;

@@ -1,4 +1,4 @@
-//! Measures of agreement of a table, with bootstrap intervals.
+//! Agreement measures of a table of success rates, with bootstrap intervals.
 
 use std::collections::BTreeSet;
 
@@ -13,94 +13,94 @@ use crate::statistics::{
     Duel, bradley_terry, expanded_tail, kendall, mmrv, pearson, percentiles, rank_violations, spearman,
 };
 
-/// Number of policies below which the report warns: three policies are in the right order by chance once in six times.
+/// Number of policies below which the report warns. With three policies, one of six orders is right by chance.
 const FEW_POLICIES: usize = 5;
 
-/// Agreement of simulation and reality.
+/// Report on the agreement of simulation and reality.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SimToReal {
-    /// Quantity that is compared: `success rate`, or `chance of winning` against the average policy.
+    /// Compared quantity: `success rate`, or `chance of winning` against the average policy.
     pub measure: String,
-    /// Over all tasks, each with the same weight; `None` if no task was tried with every policy in both worlds.
+    /// Agreement over all tasks with equal weights; `None` if no task was tried with every policy in both worlds.
     pub overall: Option<Agreement>,
-    /// By task, in the order of the table.
+    /// Agreement by task, in the order of the table.
     pub tasks: Vec<TaskAgreement>,
-    /// Reasons for caution.
+    /// Reasons for caution with the results, for people.
     pub warnings: Vec<String>,
 }
 
 /// Agreement on one task.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TaskAgreement {
-    /// Task; empty if the table names none.
+    /// Name of the task; empty if the table names none.
     pub task: String,
-    /// Agreement on it.
+    /// Agreement on the task.
     #[serde(flatten)]
     pub agreement: Agreement,
 }
 
-/// Agreement of two lists of rates.
+/// Agreement of the rates in simulation with those in reality.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Agreement {
-    /// Number of tasks in the rates.
+    /// Number of tasks that the rates are averaged over.
     pub task_count: usize,
-    /// Mean maximum rank violation; 0 best, 1 worst.
+    /// Mean maximum rank violation, see [`mmrv`]; 0 is best, 1 worst.
     pub mmrv: Estimate,
-    /// Pearson correlation.
+    /// Pearson correlation of the rates.
     pub pearson: Estimate,
-    /// Spearman's rank correlation.
+    /// Spearman's rank correlation of the rates.
     pub spearman: Estimate,
-    /// Kendall's τ-b.
+    /// Kendall's τ-b of the rates.
     pub kendall: Estimate,
     /// Rates by policy, in the order of the table.
     pub policies: Vec<PolicyRates>,
-    /// Pairs in different order in the two worlds, largest difference in reality first.
+    /// Pairs of policies in different order in the two worlds, largest difference in reality first.
     pub violations: Vec<Violation>,
 }
 
-/// A value with its interval.
+/// A value with its bootstrap interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Estimate {
-    /// Value; `None` if it is not defined, such as the rank correlation of a constant list.
+    /// Value; `None` if undefined, such as the rank correlation of a constant list.
     pub value: Option<f64>,
-    /// Lower end of the interval; `None` if neither trials nor tasks can be resampled.
+    /// Lower end of the 95 % interval; `None` if neither trials nor tasks can be resampled.
     pub low: Option<f64>,
-    /// Upper end of the interval.
+    /// Upper end of the 95 % interval; `None` if neither trials nor tasks can be resampled.
     pub high: Option<f64>,
 }
 
 /// Rates of one policy.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PolicyRates {
-    /// Policy.
+    /// Name of the policy.
     pub policy: String,
-    /// Rate in simulation, 0-1.
+    /// Mean rate in simulation, 0 to 1.
     pub sim: f64,
-    /// Rate in reality, 0-1.
+    /// Mean rate in reality, 0 to 1.
     pub real: f64,
     /// Rate in simulation minus that in reality, paired by task.
     pub difference: Estimate,
 }
 
-/// Pair of policies in different order in the two worlds.
+/// Pair of policies whose order differs between the two worlds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Violation {
-    /// Policy that is better in reality.
+    /// Name of the policy that is better in reality.
     pub better: String,
-    /// The other one, at least as good in simulation.
+    /// Name of the other policy, which is at least as good in simulation.
     pub worse: String,
-    /// Difference in reality.
+    /// Rate of the better policy minus that of the worse in reality, > 0.
     pub real_gap: f64,
-    /// Difference in simulation, 0 or negative.
+    /// Rate of the better policy minus that of the worse in simulation, ≤ 0.
     pub sim_gap: f64,
-    /// Share of resamples in which the pair is a violation, too.
+    /// Share of bootstrap resamples in which the pair is a violation as well, 0 to 1; `None` without resampling.
     pub resamples: Option<f64>,
 }
 
 /// Report on a table.
 ///
-/// Intervals are percentiles of a bootstrap: tasks are drawn again for both worlds and all policies alike, trials within
-/// each cell; the choice of policies is not part of them.
+/// Intervals are percentiles of a bootstrap. It resamples tasks, the same for both worlds and all policies, and
+/// trials within each cell. The choice of policies is not resampled.
 ///
 /// # Errors
 /// [`WorkspaceError::Input`] if fewer than two policies were tried in both worlds.
@@ -173,7 +173,7 @@ fn of_rates(cells: &[Cell], settings: &StatisticsSettings, seed: Seed) -> Parts 
     ("success rate", overall, by_task, warnings)
 }
 
-/// Agreement from cells by task and policy, each in simulation and in reality.
+/// Agreement from cells by task and by policy, each cell with the rates in simulation and in reality.
 fn of_cells(policies: &[&str], tasks: &[Vec<[Observed; 2]>], settings: &StatisticsSettings, seed: Seed) -> Agreement {
     let mean = |of: &dyn Fn(usize, usize, usize) -> f64| -> Rates {
         let rate = |policy, world| {
@@ -202,8 +202,9 @@ fn of_cells(policies: &[&str], tasks: &[Vec<[Observed; 2]>], settings: &Statisti
     agreement(policies, tasks.len(), &observed, &resamples, tail)
 }
 
-/// A rate from as many new trials. Half a success and half a failure are added to the old ones, so that 0 of 10 is not
-/// certain; without trials the rate stays.
+/// A rate from as many new random trials as the cell has. Half a success and half a failure are added to the
+/// observed ones, so that a rate of 0 of 10 is uncertain too. Without a number of trials, the observed rate is
+/// returned.
 fn again(cell: Observed, rng: &mut impl Rng) -> f64 {
     let Some(trials) = cell.trials else { return cell.rate };
     let chance = (cell.rate * trials as f64 + 0.5) / (trials as f64 + 1.0);
@@ -263,7 +264,8 @@ fn of_pairs(comparisons: &[Comparisons], settings: &StatisticsSettings, seed: Se
     ("chance of winning", Some(agreement), Vec::new(), warnings)
 }
 
-/// Warning if a world's comparisons do not connect all of its policies: their strengths have no common scale.
+/// Warning if the comparisons in a world do not connect all of its policies, so that their strengths have no common
+/// scale; `None` if they do.
 fn separate_parts(comparisons: &[Comparisons], all: &[&str]) -> Option<String> {
     World::ALL.into_iter().find_map(|world| {
         let here: Vec<&Comparisons> = comparisons.iter().filter(|it| it.world == world).collect();

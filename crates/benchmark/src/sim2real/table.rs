@@ -3,15 +3,15 @@
 use genmanip_core::names::near_misses;
 use genmanip_workspace::WorkspaceError;
 
-/// Trials of one cell, at most: each is drawn again in every resample.
+/// Maximum number of trials of a cell, since every resample of the bootstrap draws each of them.
 const MAX_TRIALS: usize = 100_000;
 
-/// Columns that are accepted, for messages.
+/// Accepted columns, for error messages.
 const ACCEPTED: &str = "accepted, in any order: task (optional), policy, world (sim or real), trials, successes; or \
                         task, policy, sim, real (rates from 0 to 1), with trials, or sim_trials and real_trials \
                         (optional); or task, first, second, world, first_wins, second_wins, ties (optional)";
 
-/// All column names, for suggestions.
+/// All column names, to suggest the one that a misspelt name resembles.
 const COLUMNS: [&str; 14] = [
     "task",
     "policy",
@@ -29,20 +29,20 @@ const COLUMNS: [&str; 14] = [
     "ties",
 ];
 
-/// A side of the comparison.
+/// One of the two compared worlds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum World {
-    /// Simulation.
+    /// Trials in simulation.
     Sim,
-    /// Reality.
+    /// Trials on the real robot.
     Real,
 }
 
 impl World {
-    /// Both, simulation first.
+    /// Both worlds, simulation first.
     pub const ALL: [Self; 2] = [Self::Sim, Self::Real];
 
-    /// Name in tables.
+    /// Name of the world in tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Sim => "sim",
@@ -51,54 +51,54 @@ impl World {
     }
 }
 
-/// Success rate of a cell.
+/// Observed success rate of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observed {
-    /// Rate, 0-1.
+    /// Success rate, 0 to 1.
     pub rate: f64,
-    /// Number of trials, if it is known.
+    /// Number of trials; `None` if the table gives only rates.
     pub trials: Option<usize>,
 }
 
 /// Success of one policy on one task in one world.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cell {
-    /// Task; empty if the table has no such column.
+    /// Name of the task; empty if the table has no such column.
     pub task: String,
-    /// Policy.
+    /// Name of the policy.
     pub policy: String,
-    /// World.
+    /// World of the trials.
     pub world: World,
-    /// Success rate.
+    /// Observed success rate.
     pub observed: Observed,
 }
 
-/// Comparisons of two policies in one world, counted.
+/// Results of pairwise comparisons of two policies in one world.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparisons {
-    /// The two policies.
+    /// Names of the two policies.
     pub policies: [String; 2],
-    /// World.
+    /// World of the comparisons.
     pub world: World,
-    /// Comparisons that each of them won.
+    /// Number of comparisons that each of the two won.
     pub wins: [usize; 2],
-    /// Comparisons without a winner.
+    /// Number of comparisons without a winner.
     pub ties: usize,
 }
 
-/// Content of a file.
+/// Content of a table.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Table {
-    /// Success rates; no cell twice.
+    /// Success rates by task, policy and world; every cell occurs once.
     Rates(Vec<Cell>),
-    /// Preferences between two policies.
+    /// Pairwise comparisons of policies.
     Pairs(Vec<Comparisons>),
 }
 
-/// Reads a table; its columns are found by name.
+/// Reads a table from CSV text; columns may be in any order.
 ///
 /// # Errors
-/// [`WorkspaceError::Input`] with line, expectation and the accepted columns.
+/// [`WorkspaceError::Input`] with the line, the expected content and the accepted columns.
 pub fn parse(text: &str) -> Result<Table, WorkspaceError> {
     let mut lines = text
         .trim_start_matches('\u{feff}')
@@ -146,7 +146,7 @@ pub fn parse(text: &str) -> Result<Table, WorkspaceError> {
     Ok(Table::Rates(cells))
 }
 
-/// Cells of a table with a row per world; counts of rows of the same cell are added.
+/// Cells of a table with one world per row; successes and trials of rows for the same cell are added.
 fn counted(rows: &[Row]) -> Result<Vec<Cell>, WorkspaceError> {
     let mut cells: Vec<(Cell, usize, usize)> = Vec::new();
     for row in rows {
@@ -176,7 +176,7 @@ fn counted(rows: &[Row]) -> Result<Vec<Cell>, WorkspaceError> {
     Ok(cells.into_iter().map(cell).collect())
 }
 
-/// Cells of a table with both rates in a row.
+/// Cells of a table with the rates of both worlds in each row.
 fn rates(rows: &[Row]) -> Result<Vec<Cell>, WorkspaceError> {
     let mut cells: Vec<Cell> = Vec::new();
     for row in rows {
@@ -194,9 +194,9 @@ fn rates(rows: &[Row]) -> Result<Vec<Cell>, WorkspaceError> {
     Ok(cells)
 }
 
-/// A line below the head.
+/// A data row of the table.
 struct Row<'a> {
-    /// Its number in the file, from 1.
+    /// Line number in the file, from 1.
     line: usize,
     columns: &'a [String],
     values: Vec<String>,
@@ -222,7 +222,7 @@ impl Row<'_> {
         Some(self.values[index].as_str())
     }
 
-    /// Text of a column; empty only for a missing column, which is optional.
+    /// Text of a field; an empty field is an error, a missing optional column gives an empty text.
     fn text(&self, name: &str) -> Result<&str, WorkspaceError> {
         match self.value(name) {
             Some("") => Err(self.refused(format!("no {name}"))),
@@ -250,7 +250,7 @@ impl Row<'_> {
         }
     }
 
-    /// Rate from 0 to 1; `None` for an empty field.
+    /// Rate from 0 to 1; `None` for a missing column or an empty field.
     fn rate(&self, name: &str) -> Result<Option<f64>, WorkspaceError> {
         let Some(text) = self.value(name).filter(|text| !text.is_empty()) else { return Ok(None) };
         match text.parse::<f64>() {
@@ -267,7 +267,8 @@ impl Row<'_> {
     }
 }
 
-/// Fields of a line: separated by commas, in double quotes if they hold one; `""` is a quote.
+/// Fields of a line, separated by commas. A field that contains a comma is in double quotes, within which `""` is a
+/// quote.
 fn fields(line: &str, number: usize) -> Result<Vec<String>, WorkspaceError> {
     let mut fields = Vec::new();
     let mut rest = line;

@@ -1,22 +1,22 @@
-//! Agreement of two lists of success rates of the same policies: simulation against reality.
+//! Agreement of the success rates of the same policies in simulation and in reality.
 
 use statrs::statistics::{Data, OrderStatistics, RankTieBreaker};
 
 /// A pair of policies whose order in simulation contradicts that in reality.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RankViolation {
-    /// Index of the policy that is better in reality.
+    /// Index of the policy with the higher rate in reality.
     pub better: usize,
-    /// Index of the other one.
+    /// Index of the other policy.
     pub worse: usize,
-    /// Difference of their rates in reality.
+    /// Rate of the better policy minus that of the worse in reality, > 0.
     pub real_gap: f64,
-    /// Rate of the better one minus that of the other in simulation: negative, or 0 if simulation sees no difference.
+    /// Rate of the better policy minus that of the worse in simulation: negative, or 0 for a tie.
     pub sim_gap: f64,
 }
 
 /// Mean maximum rank violation (SimplerEnv, Li et al. 2024): for each policy the largest difference in reality to a
-/// policy that simulation ranks the other way, averaged over policies; 0 best, 1 worst, 0 without policies.
+/// policy that simulation ranks the other way, averaged over policies. 0 is best, 1 worst; 0 without policies.
 ///
 /// A pair (i, j) is violated if exactly one of `sim[i] > sim[j]` and `real[i] > real[j]` holds, so ties are not
 /// symmetric, and the order of the arguments matters.
@@ -89,23 +89,23 @@ pub fn kendall(sim: &[f64], real: &[f64]) -> Option<f64> {
     (scale > 0.0).then(|| agreement / scale)
 }
 
-/// Comparisons of two policies: how often each was preferred.
+/// Results of pairwise comparisons of two policies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Duel {
     /// Index of the first policy.
     pub first: usize,
     /// Index of the second policy.
     pub second: usize,
-    /// Comparisons that the first won; a tie counts as half.
+    /// Number of comparisons that the first policy won; a tie counts as half.
     pub first_wins: f64,
-    /// Comparisons that the second won; a tie counts as half.
+    /// Number of comparisons that the second policy won; a tie counts as half.
     pub second_wins: f64,
 }
 
-/// Strengths of a Bradley–Terry model of `policies` policies, as the chance of winning against the average opponent.
+/// Strengths of a Bradley–Terry model of `policies` policies, as probabilities of winning against the average opponent.
 ///
-/// The maximum of the likelihood with one drawn comparison added between each policy and an opponent of chance ½, so
-/// that policies that won or lost everything have a finite strength too (Hunter's MM algorithm, 2004).
+/// Maximum of the likelihood with one virtual tie added between each policy and an opponent of average strength, so
+/// that policies that won or lost everything have a finite strength (MM algorithm, Hunter 2004).
 ///
 /// ```
 /// use genmanip_benchmark::statistics::{Duel, bradley_terry};
@@ -113,7 +113,7 @@ pub struct Duel {
 /// assert!(chances[0] > 0.7 && (chances[0] + chances[1] - 1.0).abs() < 1e-9);
 /// ```
 pub fn bradley_terry(policies: usize, duels: &[Duel]) -> Vec<f64> {
-    /// Iterations; the change per iteration falls geometrically.
+    /// Iterations; ample, since the change per iteration falls geometrically.
     const ITERATIONS: usize = 10_000;
     let mut wins = vec![0.5; policies];
     for duel in duels {

@@ -1,4 +1,4 @@
-//! Rates and means with their intervals.
+//! Rates and means with confidence intervals.
 
 use genmanip_core::Seed;
 use rand::RngExt;
@@ -15,11 +15,11 @@ pub struct Rate {
     pub successes: usize,
     /// Number of trials.
     pub trials: usize,
-    /// Rate, 0-1; 0 without trials.
+    /// Rate, 0 to 1; 0 without trials.
     pub value: f64,
-    /// Lower end of the interval.
+    /// Lower end of the interval, 0 to 1.
     pub low: f64,
-    /// Upper end of the interval.
+    /// Upper end of the interval, 0 to 1.
     pub high: f64,
 }
 
@@ -37,7 +37,7 @@ impl Rate {
         Self { successes, trials, value: successes as f64 / trials.max(1) as f64, low, high }
     }
 
-    /// Rate of flags.
+    /// Rate of true among the flags.
     pub fn of(flags: impl IntoIterator<Item = bool>, settings: &StatisticsSettings) -> Self {
         let (successes, trials) =
             flags.into_iter().fold((0, 0), |(successes, trials), flag| (successes + usize::from(flag), trials + 1));
@@ -81,11 +81,11 @@ impl std::fmt::Display for Rate {
 pub struct Mean {
     /// Number of values.
     pub count: usize,
-    /// Their mean; 0 without values.
+    /// Mean of the values, in their unit; 0 without values.
     pub value: f64,
-    /// Lower end of the interval.
+    /// Lower end of the interval, in the unit of the values.
     pub low: f64,
-    /// Upper end of the interval.
+    /// Upper end of the interval, in the unit of the values.
     pub high: f64,
 }
 
@@ -101,13 +101,13 @@ fn wilson(share: f64, n: f64, z: f64) -> [f64; 2] {
     let z2 = z * z;
     let center = (share + z2 / (2.0 * n)) / (1.0 + z2 / n);
     let half = z / (1.0 + z2 / n) * (share * (1.0 - share) / n + z2 / (4.0 * n * n)).sqrt();
-    // The ends are exactly 0 and 1 there; rounding would leave 1e-17.
+    // For a rate of 0 or 1 the end is exactly 0 or 1; rounding errors would give about 1e-17.
     let low = if share <= 0.0 { 0.0 } else { (center - half).max(0.0) };
     let high = if share >= 1.0 { 1.0 } else { (center + half).min(1.0) };
     [low, high]
 }
 
-/// Two-sided quantile of Student's t distribution for `count` values.
+/// Two-sided quantile of Student's t distribution with `count - 1` degrees of freedom.
 pub(super) fn student_quantile(count: usize, coverage: f64) -> f64 {
     let freedom = count.saturating_sub(1).max(1) as f64;
     let student = StudentsT::new(0.0, 1.0, freedom).expect("positive degrees of freedom");
@@ -139,7 +139,8 @@ pub fn mean_with_interval(values: &[f64], settings: &StatisticsSettings, seed: S
     Mean { count, value, low: low.min(value), high: high.max(value) }
 }
 
-/// Values of a bootstrap statistic, one per resample and at least one, with `tail` of them cut off at each end.
+/// Interval from the values of a bootstrap statistic, one per resample and at least one: `tail` of them lie beyond each
+/// end.
 pub(crate) fn percentiles(mut resampled: Vec<f64>, tail: f64) -> [f64; 2] {
     resampled.sort_by(f64::total_cmp);
     let quantile = |share: f64| resampled[((resampled.len() - 1) as f64 * share).round() as usize];

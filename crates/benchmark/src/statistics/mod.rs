@@ -1,5 +1,5 @@
-//! Statistics of results: rates and means with intervals, summaries, paired comparisons, agreement of
-//! simulation and reality, agreement of reviewers.
+//! Statistics of results: rates and means with intervals, summaries, paired comparisons, agreement of simulation and
+//! reality, and agreement of reviewers.
 
 mod agreement;
 mod interval;
@@ -29,17 +29,17 @@ use genmanip_core::Seed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Settings of summaries.
+/// Settings of intervals, tests and summaries.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct StatisticsSettings {
-    /// Two-sided normal quantile of the Wilson intervals.
+    /// Two-sided normal quantile of the Wilson intervals, for example 1.96 for 95 %.
     pub z: f64,
-    /// Two-sided coverage of the bootstrap intervals.
+    /// Two-sided coverage of the bootstrap intervals, 0 to 1; 1 minus the level of tests.
     pub coverage: f64,
-    /// Resamples of the bootstrap.
+    /// Number of resamples of the bootstrap.
     pub resamples: usize,
-    /// Random stream of the bootstrap.
+    /// Seed of the bootstrap.
     pub seed: Seed,
     /// Stray contact force from which an episode counts as a collision, N.
     pub collision_n: f64,
@@ -48,15 +48,17 @@ pub struct StatisticsSettings {
 impl Default for StatisticsSettings {
     fn default() -> Self {
         Self {
-            // 95 %.
+            // Quantile for a coverage of 95 %.
             z: 1.959_963_984_540_054,
-            // The same 95 %.
+            // The same coverage as that of `z`.
             coverage: 0.95,
             // The error of a 2.5 % quantile from 2,000 resamples is about 0.35 percentage points of coverage.
             resamples: 2_000,
-            // Any fixed number: the same results must give the same interval.
+            // Any fixed number will do; it must be fixed, so that the same results give the same interval.
             seed: Seed::new(0),
-            // More than the touch of a finger that closes before the other, less than a shove.
+            // Above the force of a finger that touches before the other one closes, below that of pushing an object
+            // aside. Chosen by
+            // hand.
             collision_n: 20.0,
         }
     }

@@ -1,4 +1,4 @@
-//! Two policies on the same episodes.
+//! Comparison of two policies on the same episodes.
 
 use std::collections::BTreeMap;
 
@@ -15,27 +15,27 @@ use super::{StatisticsError, StatisticsSettings};
 /// Two policies compared on their common episodes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PairedComparison {
-    /// The first policy.
+    /// Label of the first policy.
     pub first: String,
-    /// The second policy.
+    /// Label of the second policy.
     pub second: String,
-    /// Common scenarios.
+    /// Number of common scenarios.
     pub scenarios: usize,
-    /// Common episodes.
+    /// Number of common episodes (same scenario and seed).
     pub pairs: usize,
-    /// Episodes of only one of them, not compared.
+    /// Number of episodes that only one policy has; they are not compared.
     pub unpaired: usize,
-    /// Both succeeded.
+    /// Number of common episodes in which both succeeded.
     pub both: usize,
-    /// Only the first succeeded.
+    /// Number of common episodes in which only the first succeeded.
     pub only_first: usize,
-    /// Only the second succeeded.
+    /// Number of common episodes in which only the second succeeded.
     pub only_second: usize,
-    /// Neither succeeded.
+    /// Number of common episodes in which neither succeeded.
     pub neither: usize,
-    /// Success of the first on these episodes.
+    /// Success rate of the first on the common episodes.
     pub first_success: Rate,
-    /// Success of the second on these episodes.
+    /// Success rate of the second on the common episodes.
     pub second_success: Rate,
     /// Success rate of the first minus that of the second; see [`paired_difference`].
     pub difference: Mean,
@@ -44,7 +44,7 @@ pub struct PairedComparison {
     pub p_value: f64,
     /// Sequential test, valid at any stopping time.
     pub sequential: Sequential,
-    /// Smallest difference detectable with 80 % power; `None` if even the largest is not.
+    /// Smallest difference of success rates detectable with 80 % power; `None` if even the largest is not.
     pub detectable_difference: Option<f64>,
 }
 

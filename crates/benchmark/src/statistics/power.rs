@@ -1,13 +1,15 @@
-//! Power analysis: number of scenarios needed to detect a difference.
+//! Power analysis: number of scenarios needed to detect a difference of success rates.
 
 use statrs::distribution::{Binomial, Discrete, DiscreteCDF};
 
-/// Power required of a comparison: the usual 80 %.
+/// Required power of a comparison: the conventional 80 %.
 const POWER: f64 = 0.8;
 
-/// Power of McNemar's exact test at level `alpha`, with one episode per scenario.
+/// Power of McNemar's exact test at level `alpha` for a difference of success rates, with one episode per scenario.
 ///
-/// `discordant_share`: share of scenarios on which exactly one of the two succeeds, 0-1; at least the difference.
+/// `discordant_share` is the share of scenarios on which exactly one of the two policies succeeds, 0 to 1; it is at
+/// least
+/// the difference.
 ///
 /// ```
 /// use genmanip_benchmark::statistics::power;
@@ -22,13 +24,15 @@ pub fn power(scenarios: usize, discordant_share: f64, difference: f64, alpha: f6
     let better = if share > 0.0 { ((share + difference) / (2.0 * share)).clamp(0.5, 1.0) } else { 0.5 };
     (0..=scenarios as u64)
         .map(|count| (count, discordant.pmf(count)))
-        // Rarer counts cannot change the fourth digit.
+        // Counts this improbable do not change the fourth digit of the power.
         .filter(|&(_, chance)| chance > 1e-9)
         .map(|(count, chance)| chance * found(count, better, alpha))
         .sum()
 }
 
-/// Probability that `count` discordant pairs, each won with probability `better`, are significant.
+/// Probability that the test is significant for `count` discordant pairs, each won by the better policy with
+/// probability
+/// `better`.
 fn found(count: u64, better: f64, alpha: f64) -> f64 {
     let (Ok(fair), Ok(actual)) = (Binomial::new(0.5, count), Binomial::new(better, count)) else { return 0.0 };
     // Maximum number of losses that is still significant: twice the lower tail of a fair coin is at most alpha.
@@ -39,7 +43,7 @@ fn found(count: u64, better: f64, alpha: f64) -> f64 {
     losses_only + wins_only
 }
 
-/// Smallest difference detectable with 80 % power, to a tenth of a percentage point; `None` if there is none.
+/// Smallest difference of success rates detectable with 80 % power, in steps of 0.001; `None` if even 1 is not.
 pub fn detectable_difference(scenarios: usize, discordant_share: f64, alpha: f64) -> Option<f64> {
     let chance = |permille: u32| power(scenarios, discordant_share, f64::from(permille) / 1000.0, alpha);
     let (mut low, mut high) = (0, 1000);

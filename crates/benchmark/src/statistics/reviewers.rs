@@ -9,15 +9,16 @@ use serde::Serialize;
 pub struct ReviewerAgreement {
     /// Number of items that both judged.
     pub items: usize,
-    /// Share of equal judgements.
+    /// Share of items with equal judgements, 0 to 1.
     pub raw: f64,
-    /// Cohen's κ; `None` if both gave one and the same judgement to all items, where it is undefined.
+    /// Cohen's κ; `None` if both gave the same single judgement to all items, where κ is undefined.
     pub kappa: Option<f64>,
-    /// Gwet's AC1, which stays meaningful when nearly all items get the same judgement.
+    /// Gwet's AC1, which remains meaningful when nearly all items get the same judgement.
     pub ac1: f64,
 }
 
-/// Agreement of pairs of judgements out of `categories` possible ones, two at least; `None` without pairs.
+/// Agreement of pairs of judgements (first, second reviewer) out of `categories` possible ones, at least two; `None`
+/// without pairs.
 ///
 /// κ after Cohen (1960), with the chance agreement of each reviewer's own shares; AC1 after Gwet (2008), with the mean
 /// shares of both: Σ π (1 − π) / (q − 1) for q categories.

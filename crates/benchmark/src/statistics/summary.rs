@@ -1,4 +1,4 @@
-//! Summaries of results per policy.
+//! Summaries of results by policy.
 
 use std::collections::BTreeMap;
 
@@ -15,27 +15,28 @@ use super::traits::TraitSummary;
 pub struct SuiteSummary {
     /// Name of the policy.
     pub policy: String,
-    /// True if any of its results used simulator truth.
+    /// True if any of the policy's results used simulator truth.
     pub oracle: bool,
-    /// The goal held at the end, after settling: the headline.
+    /// Share of episodes whose goal held at the end, after settling: the main result.
     pub success: Rate,
-    /// The goal held at some control step.
+    /// Share of episodes whose goal held at some control step.
     pub success_once: Rate,
-    /// Fraction of the goal reached, 0-1.
+    /// Fraction of the goal reached, 0 to 1.
     pub score: Mean,
-    /// Success weighted by path length, over the episodes whose scenario has a reference path; `count` is their number.
-    /// Absent if none has.
+    /// Success weighted by path length (SPL) over the episodes whose scenario has a reference path; `count` is their
+    /// number. Absent if no scenario has one.
     pub spl: Option<Mean>,
     /// Path length of the tool, m.
     pub tcp_path_m: Mean,
-    /// Simulated length of the episodes, s.
+    /// Simulated duration of the episodes, s.
     pub duration_s: Mean,
-    /// Episodes with a collision.
+    /// Share of episodes with a stray contact force of at least [`StatisticsSettings::collision_n`].
     pub collisions: Rate,
-    /// Success judged on point clouds of the final scene, over the episodes judged so; absent without any.
+    /// Share of successes judged on point clouds of the final scene, among the episodes judged this way; absent without
+    /// any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cloud_success: Option<Rate>,
-    /// Ids of episodes that clouds and geometry judge differently.
+    /// Ids of the episodes that point clouds and posed geometry judge differently.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub cloud_disagreements: Vec<String>,
     /// Summary per kind of task, in the order of [`TaskKind::ALL`]; kinds without episodes are omitted.
@@ -43,7 +44,7 @@ pub struct SuiteSummary {
     /// Success by scenario trait, for suites with traits.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub traits: Vec<TraitSummary>,
-    /// Causes of failure, most frequent first.
+    /// Failed episodes by cause, most frequent first.
     pub failures: Vec<FailureCount>,
     /// Failures of an agent by class and stage, most frequent first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -53,50 +54,50 @@ pub struct SuiteSummary {
 /// Summary of one policy on the tasks of one kind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct KindSummary {
-    /// The kind.
+    /// Kind of the tasks.
     pub kind: TaskKind,
-    /// The goal held at the end.
+    /// Share of episodes whose goal held at the end, after settling.
     pub success: Rate,
-    /// The goal held at some control step.
+    /// Share of episodes whose goal held at some control step.
     pub success_once: Rate,
-    /// Fraction of the goal reached.
+    /// Fraction of the goal reached, 0 to 1.
     pub score: Mean,
 }
 
 /// Frequency of one cause of failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct FailureCount {
-    /// The cause.
+    /// Cause of failure.
     pub cause: FailureCause,
-    /// Number of episodes or attempts.
+    /// Number of episodes or attempts with this cause.
     pub count: usize,
 }
 
 /// Frequency of one class of failures at one stage of an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct AgentFailureCount {
-    /// The class; `None` for episodes that no annotator analysed.
+    /// Failure class; `None` for episodes that no annotator analysed.
     pub class: Option<FailureClass>,
-    /// The stage.
+    /// Stage of the agent at which the episode failed.
     pub stage: AgentStage,
-    /// Number of episodes.
+    /// Number of episodes with this class and stage.
     pub count: usize,
 }
 
 /// Reasons why results cannot be summarised.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StatisticsError {
-    /// A result of a task whose kind is not given.
+    /// Result of a task whose kind is not in the map.
     #[error("result {result} belongs to task {task} of unknown kind; known tasks: {known}")]
     UnknownTask {
         /// Id of the result.
         result: String,
         /// Id of the task.
         task: String,
-        /// Ids of the known tasks, at most eight.
+        /// Ids of up to eight known tasks.
         known: String,
     },
-    /// A duplicate episode.
+    /// Two results of one policy for the same scenario and seed.
     #[error("policy {policy} has two results for scenario {scenario} with seed {seed}")]
     RepeatedEpisode {
         /// Name of the policy.
@@ -138,7 +139,7 @@ pub fn summarise(
         .into_iter()
         .map(|policy| {
             let mut own: Vec<&EpisodeResult> = results.iter().filter(|result| result.policy == policy).collect();
-            // Sums and resamples depend on the order of their terms.
+            // Sort, since floating-point sums and bootstrap resamples depend on the order of the values.
             own.sort_by_key(|result| (&result.scenario_id, result.seed, &result.id));
             summarise_policy(policy, &own, kinds, reference_paths_m, settings)
         })
@@ -217,7 +218,7 @@ pub fn spl(success: bool, path_m: f64, reference_m: f64) -> f64 {
     }
 }
 
-/// Counts causes, most frequent first, equals in the order of [`FailureCause`].
+/// Counts failure causes, most frequent first, ties in the order of [`FailureCause`].
 pub fn failure_counts(causes: impl IntoIterator<Item = FailureCause>) -> Vec<FailureCount> {
     let counts = most_frequent_first(causes).into_iter();
     counts.map(|(cause, count)| FailureCount { cause, count }).collect()
@@ -229,7 +230,7 @@ pub fn agent_failure_counts<'a>(failures: impl IntoIterator<Item = &'a AgentFail
     counts.map(|((class, stage), count)| AgentFailureCount { class, stage, count }).collect()
 }
 
-/// Keys with their frequencies, most frequent first; equally frequent ones in their order.
+/// Distinct keys with their counts, most frequent first, ties in ascending order.
 fn most_frequent_first<K: Ord>(keys: impl IntoIterator<Item = K>) -> Vec<(K, usize)> {
     let mut counts: BTreeMap<K, usize> = BTreeMap::new();
     for key in keys {

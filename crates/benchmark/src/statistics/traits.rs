@@ -1,4 +1,4 @@
-//! Success by scenario trait: source, subject, clutter.
+//! Success by scenario trait, such as relation or clutter.
 
 use std::collections::BTreeMap;
 
@@ -9,10 +9,10 @@ use serde::{Deserialize, Serialize};
 use super::StatisticsSettings;
 use super::interval::Rate;
 
-/// Trait values by trait name, by scenario id.
+/// Values of the traits by trait name, for each scenario id.
 pub type Traits = BTreeMap<String, BTreeMap<String, Vec<String>>>;
 
-/// Minimum number of scenarios of a trait value in tables; chosen, since rates of fewer are uninformative.
+/// Minimum number of scenarios with a trait value for a row in tables. Chosen by hand: rates of fewer say little.
 pub const MIN_SCENARIOS: usize = 4;
 
 /// Success of one policy on the scenarios with one trait value.
@@ -20,18 +20,18 @@ pub const MIN_SCENARIOS: usize = 4;
 pub struct TraitSummary {
     /// Name of the trait, e.g. `relation`.
     pub name: String,
-    /// Its value, e.g. `left`; a scenario may have several.
+    /// Value of the trait, e.g. `left`; a scenario may have several.
     pub value: String,
-    /// Number of scenarios with it.
+    /// Number of scenarios with this value.
     pub scenarios: usize,
-    /// The goal held at the end.
+    /// Share of their episodes whose goal held at the end, with an interval clustered by scenario.
     pub success: Rate,
 }
 
-/// Successes and episodes by scenario.
+/// Numbers of successes and of episodes, by scenario id.
 type Scenarios<'a> = BTreeMap<&'a str, (usize, usize)>;
 
-/// Success by trait and value, ordered by name; intervals use the effective number of independent trials.
+/// Success by trait and value, ordered by name; intervals use the effective sample size, see [`Rate::clustered`].
 pub fn by_trait(results: &[EpisodeResult], traits: &Traits, settings: &StatisticsSettings) -> Vec<TraitSummary> {
     let mut groups: BTreeMap<(&str, &str), Scenarios> = BTreeMap::new();
     for result in results {

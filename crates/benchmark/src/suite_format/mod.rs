@@ -1,4 +1,4 @@
-//! Suites: frozen scenarios for evaluation, with their selection and the expert's certificates.
+//! Suites: frozen scenarios for evaluation, with the record of their selection and with certificates of the expert.
 
 mod review;
 mod select;
@@ -17,29 +17,29 @@ pub use review::{Review, ReviewFile, ReviewVerdict};
 pub use select::{Candidate, Marginal, Targets, choose, marginals, select};
 pub use template::template;
 
-/// The file `suite.json` of a suite's folder.
+/// Document `suite.json` of a suite's folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SuiteFile {
     /// Name, e.g. `genmanip-200-rc`.
     pub name: String,
     /// Seed of tasks, layouts and trials.
     pub seed: Seed,
-    /// Scenarios requested per kind.
+    /// Number of scenarios requested per kind of task.
     pub per_kind: usize,
-    /// Program version.
+    /// Version of this program that built the suite.
     pub genmanip_version: String,
-    /// Version of the physics engine.
+    /// Name and version of the physics engine.
     pub engine: String,
-    /// [`crate::suite_hash`] of its scenarios.
+    /// [`crate::suite_hash`] of the suite's scenarios.
     pub suite_hash: String,
-    /// The change, for a perturbed suite; `None` for a built one.
+    /// Change of the original suite, for a perturbed one; `None` for a built one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub perturbation: Option<Perturbation>,
-    /// Selection steps in order, with the candidates that passed.
+    /// Selection steps in order, with the number of candidates that passed each.
     pub funnel: Vec<BuildStep>,
     /// The scenarios, ordered by id.
     pub scenarios: Vec<SuiteEntry>,
-    /// Their objects, if they were frozen too.
+    /// Files of the scenarios' objects, if they were frozen too; empty otherwise.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub assets: Vec<FrozenFile>,
 }
@@ -64,11 +64,11 @@ impl Document for SuiteFile {
 pub struct Perturbation {
     /// Name of the original suite.
     pub of: String,
-    /// [`crate::suite_hash`] of its scenarios.
+    /// [`crate::suite_hash`] of the original suite's scenarios.
     pub of_hash: String,
     /// Axis of the change, e.g. `camera`.
     pub axis: String,
-    /// Magnitude: 1 for the largest change meant to be solvable.
+    /// Strength of the change, in (0, 1]: 1 for the largest change meant to be solvable.
     pub dial: f64,
     /// Seed of the random changes.
     pub seed: Seed,
@@ -77,11 +77,11 @@ pub struct Perturbation {
 /// One selection step.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct BuildStep {
-    /// Selection criterion.
+    /// Selection criterion, as a phrase that completes "candidates that …".
     pub asked: String,
-    /// Candidates of each kind that passed, by the kind's name.
+    /// Number of candidates that passed, by name of the kind.
     pub passed: BTreeMap<String, usize>,
-    /// Reasons of rejection with counts.
+    /// Number of rejected candidates by reason.
     pub refused: BTreeMap<String, usize>,
 }
 
@@ -119,27 +119,27 @@ pub struct SuiteEntry {
     pub kind: TaskKind,
     /// Source of the task.
     pub source: String,
-    /// Balanced traits by name.
+    /// Values of the balanced traits by name, see [`balanced_traits`].
     pub traits: BTreeMap<String, Vec<String>>,
     /// Simulated time available to a policy, s.
     pub horizon_s: f64,
-    /// Proof of solvability.
+    /// Proof of solvability by the expert.
     pub certificate: Certificate,
-    /// SHA-256 of each camera's colour image at the start, by camera name, if frozen.
+    /// SHA-256 of each camera's initial colour image, by camera name; empty if the suite is not frozen.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub pictures: BTreeMap<String, String>,
 }
 
-/// Effort of the expert.
+/// Effort of the expert on a scenario.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Certificate {
-    /// Episodes of the expert, each with its own random stream.
+    /// Number of the expert's episodes, each with its own random stream.
     pub episodes: usize,
-    /// Verified episodes.
+    /// Number of verified episodes.
     pub verified: usize,
-    /// Shortest tool path among these, m.
+    /// Shortest tool path among the verified episodes, m.
     pub shortest_path_m: f64,
-    /// Shortest simulated duration among these, s.
+    /// Shortest simulated duration of a verified episode, s.
     pub shortest_s: f64,
 }
 
@@ -148,7 +148,7 @@ pub fn sha256(bytes: &[u8]) -> String {
     hexadecimal(&Sha256::digest(bytes))
 }
 
-/// Balanced traits of a task; `is_unseen` tells if an asset is held out from training.
+/// Balanced traits of a task; `is_unseen` is true for assets held out from training.
 ///
 /// `relation`: of its goal. `objects`: number of objects, in three ranges. `axis`: true if the goal names an object
 /// held out from training. `steps`: conditions of the shortest alternative, of long-horizon tasks. `clues`: objects

@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use super::SuiteFile;
 
-/// The file `review.json` of a suite's folder; not part of the frozen suite.
+/// Document `review.json` of a suite's folder; it is not part of the frozen suite.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ReviewFile {
-    /// One per scenario and reviewer, ordered by both.
+    /// Reviews, one per scenario and reviewer, ordered by both.
     pub reviews: Vec<Review>,
 }
 
@@ -27,9 +27,9 @@ pub struct Review {
     pub reviewer: String,
     /// SHA-256 of the reviewed scenario's file.
     pub sha256: String,
-    /// Verdict.
+    /// Verdict of the reviewer.
     pub verdict: ReviewVerdict,
-    /// Reason; may be empty.
+    /// Reason for the verdict; may be empty.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub note: String,
 }
@@ -42,12 +42,12 @@ pub enum ReviewVerdict {
     Sound,
     /// The sentence could mean something else in this scene.
     Ambiguous,
-    /// Something is wrong: with the scene, the sentence or the goal.
+    /// The scene, the sentence or the goal is wrong.
     Flawed,
 }
 
 impl ReviewVerdict {
-    /// All of them.
+    /// All verdicts, in the order of the variants.
     pub const ALL: [Self; 3] = [Self::Sound, Self::Ambiguous, Self::Flawed];
 
     /// The name in files and on the command line.
@@ -69,7 +69,7 @@ impl ReviewFile {
         self.reviews.sort();
     }
 
-    /// Reviews of scenarios that do not exist or have changed since.
+    /// Reviews of scenarios that are no longer in the suite, or have changed since the review.
     pub fn stale<'a>(&'a self, suite: &'a SuiteFile) -> impl Iterator<Item = &'a Review> {
         let is_current = |review: &Review| {
             suite.scenarios.iter().any(|entry| entry.id == review.scenario && entry.sha256 == review.sha256)

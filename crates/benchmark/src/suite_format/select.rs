@@ -1,23 +1,23 @@
-//! Selection of candidates for a balanced suite.
+//! Selection of the scenarios of a balanced suite from candidates.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Target shares by trait and value; a trait that is absent wants the same share of all its values.
+/// Target shares (0 to 1) by trait and value; a trait that is absent has equal targets for all values.
 pub type Targets = BTreeMap<String, BTreeMap<String, f64>>;
 
 /// A candidate scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
-    /// Kind of task; the same number is selected of each.
+    /// Name of the task kind; equally many candidates of each kind are selected.
     pub kind: String,
-    /// Balanced traits by name, with their values.
+    /// Values of the balanced traits by name.
     pub traits: BTreeMap<String, Vec<String>>,
-    /// Properties to repeat as little as possible: objects in the goal, the sentence template.
+    /// Properties to repeat as little as possible: objects in the goal, and the sentence template.
     pub once: Vec<String>,
-    /// True if it is selected first, whatever the balance.
+    /// True to select this candidate first, regardless of the balance.
     pub is_preferred: bool,
 }
 
@@ -26,11 +26,11 @@ pub struct Candidate {
 pub struct Marginal {
     /// Name of the trait.
     pub name: String,
-    /// The value.
+    /// Value of the trait.
     pub value: String,
-    /// Share among all values of the trait.
+    /// Share of this value among all values of the trait, 0 to 1.
     pub share: f64,
-    /// Target share: the same for all values.
+    /// Target share, equal for all values of the trait.
     pub wanted: f64,
 }
 
@@ -41,13 +41,13 @@ impl Marginal {
     }
 }
 
-/// Weight of repeated properties against the squared relative deviations of the marginals; chosen as a tie-breaker
-/// among candidates that balance equally.
+/// Weight of repeated properties relative to the squared relative deviations of the marginals. Chosen by hand, so
+/// small that it only decides between candidates of equal balance.
 const AGAIN: f64 = 0.0005;
-/// Maximum number of exchange rounds; stops earlier without improvement.
+/// Maximum number of exchange rounds; the search ends earlier if a round improves nothing.
 const ROUNDS: usize = 8;
 
-/// Counts of a selection, updated incrementally.
+/// Counts of trait values and properties in a selection, updated incrementally.
 struct Tally<'a> {
     targets: &'a Targets,
     values: BTreeMap<String, BTreeMap<String, f64>>,
@@ -55,7 +55,8 @@ struct Tally<'a> {
 }
 
 impl<'a> Tally<'a> {
-    /// Counts of nothing yet, with every value of the candidates, so that missing ones count too.
+    /// Tally of an empty selection that knows every value of the candidates, so that missing values count as
+    /// deviations.
     fn of(candidates: &[Candidate], targets: &'a Targets) -> Self {
         let mut tally = Self { targets, values: BTreeMap::new(), once: BTreeMap::new() };
         candidates.iter().for_each(|candidate| tally.add(candidate, 0.0));
@@ -82,7 +83,7 @@ impl<'a> Tally<'a> {
                     None => all / counts.len() as f64,
                     Some(shares) => all * shares.get(value).copied().unwrap_or(0.0),
                 };
-                // Rare values must not outweigh the others, nor those that nobody wants.
+                // Lower bound, so that neither rare values nor values with target 0 dominate the cost.
                 let scale = if targets.is_none() { wanted } else { wanted.max(all * even / 2.0) };
                 ((count - wanted) / scale.max(1.0)).powi(2)
             };
@@ -93,8 +94,8 @@ impl<'a> Tally<'a> {
     }
 }
 
-/// Indices of the candidates of a suite: as [`select`], and at least half of the spatial ones identify two objects by
-/// position.
+/// Indices of the selected candidates of a suite: as [`select`], but in at least half of the spatial tasks two objects
+/// are identified by their place.
 pub fn choose(candidates: &[Candidate], per_kind: usize, targets: &Targets) -> BTreeSet<usize> {
     let has_one_clue = |index: &usize| {
         candidates[*index].traits.get("clues").is_some_and(|clues| clues.iter().any(|clue| clue == "one"))
@@ -112,11 +113,11 @@ pub fn choose(candidates: &[Candidate], per_kind: usize, targets: &Targets) -> B
     }
 }
 
-/// Indices of `per_kind` candidates of each kind, ascending, such that the values of every trait have about their target
-/// shares; fewer if a kind has fewer candidates.
+/// Indices of `per_kind` candidates of each kind, ascending, whose trait values have about their target shares;
+/// fewer if a kind has fewer candidates.
 ///
-/// Preferred candidates are selected first and stay; the others are added greedily, then exchanged while that reduces
-/// the cost. Deterministic.
+/// Preferred candidates are selected first and never exchanged. The others are added greedily, then exchanged while
+/// that reduces the cost. The result is deterministic.
 pub fn select(candidates: &[Candidate], per_kind: usize, targets: &Targets) -> Vec<usize> {
     let mut tally = Tally::of(candidates, targets);
     let mut kinds: Vec<&str> = candidates.iter().map(|candidate| candidate.kind.as_str()).collect();
@@ -149,7 +150,7 @@ pub fn select(candidates: &[Candidate], per_kind: usize, targets: &Targets) -> V
     (0..candidates.len()).filter(|&index| chosen[index]).collect()
 }
 
-/// Exchanges each selected candidate for the best free one of its kind; returns true if any exchange helped.
+/// Exchanges each selected candidate for the best free one of its kind; true if an exchange reduced the cost.
 fn exchange(candidates: &[Candidate], chosen: &mut [bool], tally: &mut Tally<'_>) -> bool {
     let mut has_helped = false;
     for out in 0..candidates.len() {
@@ -178,7 +179,7 @@ fn exchange(candidates: &[Candidate], chosen: &mut [bool], tally: &mut Tally<'_>
     has_helped
 }
 
-/// Shares of all values of all traits among scenarios.
+/// Shares of all values of all traits among these scenarios.
 pub fn marginals<'a>(traits: impl Iterator<Item = &'a BTreeMap<String, Vec<String>>>) -> Vec<Marginal> {
     let mut counts: BTreeMap<&str, BTreeMap<&str, usize>> = BTreeMap::new();
     for own in traits {

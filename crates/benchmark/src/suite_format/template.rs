@@ -1,7 +1,7 @@
-//! Sentence templates: the frame of an instruction without its referents.
+//! Sentence templates: instructions with their referents blanked.
 
-/// Words of the frame of a request; runs of all others become one blank. Chosen from the designer's phrases and those
-/// of recorded answers.
+/// Words that are kept; a run of any other words becomes one blank. Collected by hand from the designer's phrases and
+/// from recorded answers.
 const FRAME: [&str; 74] = [
     "a", "after", "and", "are", "as", "at", "back", "be", "before", "beside", "between", "both", "bottom", "build",
     "by", "can", "clear", "close", "could", "down", "either", "ends", "far", "finally", "find", "first", "front",
@@ -11,8 +11,8 @@ const FRAME: [&str; 74] = [
     "want", "what", "you",
 ];
 
-/// The sentence in lower case with its referents blanked, e.g. `put the _ into the _`; of a sentence that states a need
-/// first, the request alone.
+/// The sentence in lower case with its referents blanked, e.g. `put the _ into the _`. Of an instruction that
+/// states a need before the request, only the request is used.
 ///
 /// ```
 /// # use genmanip_benchmark::suite_format::template;

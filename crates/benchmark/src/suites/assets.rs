@@ -1,4 +1,4 @@
-//! Objects of a frozen suite, from its folder.
+//! Objects of a frozen suite, read from its folder.
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::{Read, Write};
@@ -15,10 +15,10 @@ use genmanip_core::{AssetHashes, AssetRef, Document, ObjectCard, ObjectModel, li
 
 use genmanip_workspace::documents;
 
-/// Maximum size of an unpacked object; chosen, a hundred times the usual one.
+/// Maximum size of an uncompressed object file, bytes. Chosen by hand, a hundred times the usual size.
 const MAX_BYTES: u64 = 4 << 20;
 
-/// Objects that are read on first use, and again when nobody holds them any more. Only those of the suite are known.
+/// Source of a suite's objects only, each read on first use, and again once no scene holds it any more.
 pub struct SuiteAssets {
     folder: PathBuf,
     files: HashMap<AssetRef, FrozenFile>,
@@ -26,23 +26,23 @@ pub struct SuiteAssets {
     known: Mutex<HashMap<AssetRef, Known>>,
 }
 
-/// An object read before. Its model has megabytes of meshes, so only scenes keep it in memory.
+/// An object that was read. Its model has megabytes of meshes, so it is held weakly: only scenes keep it in memory.
 struct Known {
     model: Weak<ObjectModel>,
     hashes: AssetHashes,
 }
 
 impl SuiteAssets {
-    /// Objects of a suite; `None` if they are not frozen.
+    /// Source of a suite's objects; `None` if they are not frozen.
     pub fn of(folder: &Path, suite: &SuiteFile) -> Option<Self> {
         let files = suite.assets.iter().map(|file| (file.asset.clone(), file.clone())).collect();
         (!suite.assets.is_empty()).then(|| Self { folder: folder.to_owned(), files, known: Mutex::default() })
     }
 
-    /// A frozen object, if its file is unchanged and within the size limit.
+    /// A frozen object, if its file has the recorded hash and is within the size limit.
     ///
     /// # Errors
-    /// A message with the name of the file.
+    /// Description of the fault with the name of the file.
     pub fn read(folder: &Path, file: &FrozenFile) -> Result<FrozenAsset, String> {
         if !is_file_name(&file.file) {
             return Err(format!("suite.json names a file `{}`: expected one in assets/", file.file));
@@ -89,7 +89,7 @@ impl AssetSource for SuiteAssets {
         let read = Arc::new(Self::read(&self.folder, file).map_err(wrong)?.model()?);
         let mut known = self.known();
         let entry = known.entry(asset.clone()).or_insert_with(|| Known { model: Weak::new(), hashes: read.hashes() });
-        // Another thread may have read it meanwhile; all get the same.
+        // If another thread has read the object meanwhile, all use that one.
         let model = entry.model.upgrade().unwrap_or(read);
         entry.model = Arc::downgrade(&model);
         Ok(model)
@@ -104,7 +104,7 @@ impl AssetSource for SuiteAssets {
     }
 }
 
-/// Bytes of an object's file: one line of JSON, compressed because of its many exact digits.
+/// Content of an object's file: one line of JSON, compressed with gzip since it holds many exact numbers.
 pub(super) fn to_bytes(frozen: &FrozenAsset) -> std::io::Result<Vec<u8>> {
     let mut packed = GzEncoder::new(Vec::new(), Compression::best());
     writeln!(packed, "{}", frozen.to_value())?;
@@ -116,7 +116,7 @@ pub(super) fn path(folder: &Path, file: &FrozenFile) -> PathBuf {
     folder.join("assets").join(&file.file)
 }
 
-/// One object per file name, of all objects in the scenarios.
+/// Distinct objects of all scenarios, by the name of their file.
 pub(super) fn distinct<'a>(
     objects: impl Iterator<Item = &'a AssetRef>,
     uid: impl Fn(&AssetRef) -> Result<String, AssetError>,

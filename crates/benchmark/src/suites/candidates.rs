@@ -1,4 +1,4 @@
-//! Candidate tasks of a suite: recorded ones, then designed ones, balanced over the traits.
+//! Candidate tasks of a suite: recorded ones, then designed ones, balanced over their traits.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,18 +16,18 @@ use genmanip_tasks::references::{self, Clue, clues_at_places, is_needless};
 use super::KINDS;
 use genmanip_workspace::Progress;
 
-/// Maximum number of designs of a kind per wanted candidate.
+/// Maximum number of designed tasks of a kind per wanted candidate.
 const DESIGNS_PER_CANDIDATE: usize = 200;
-/// Numbers of steps of long-horizon tasks, in equal shares, and number of batches composed in parallel: about one
-/// design in 1,000 with three steps succeeds, with four one in 7,000.
+/// Numbers of steps of long-horizon tasks, in equal shares, each with the number of batches composed in parallel.
+/// Designs with more steps rarely succeed: with three about one in 1,000, with four one in 7,000.
 const LOTS_OF_STEPS: [(usize, usize); 3] = [(2, 1), (3, 2), (4, 6)];
-/// Maximum number of draws for one long-horizon design.
+/// Maximum number of random draws for one long-horizon design.
 const DRAWS_OF_STEPS: usize = 40_000;
-/// Threshold of a frequent trait value, as a multiple of the mean over its values.
+/// Frequency from which a trait value counts as frequent, as a multiple of the mean over the values of that trait.
 const FREQUENT: f64 = 1.1;
-/// Minimum frequency of each relation in spatial and appearance tasks, as a share of the mean.
+/// Minimum frequency of each relation in spatial and appearance tasks, as a share of the mean over relations.
 const OF_EACH_RELATION: f64 = 0.1;
-/// Designs with a frequent value that are skipped per selected candidate; fewer if a design takes seconds.
+/// Maximum number of designs with a frequent value skipped per selected candidate; fewer if a design takes seconds.
 const PASSED_OVER: usize = 10;
 const PASSED_OVER_OF_STEPS: usize = 2;
 
@@ -35,7 +35,7 @@ const PASSED_OVER_OF_STEPS: usize = 2;
 pub struct CandidateRequest<'a> {
     /// Number of tasks per kind.
     pub of_each_kind: usize,
-    /// Tasks used before designed ones.
+    /// Recorded tasks, used before any are designed.
     pub recorded: &'a [Task],
     /// Catalogue of the objects.
     pub catalogue: &'a Catalogue,
@@ -50,14 +50,16 @@ struct Lot {
     kind: TaskKind,
     settings: DesignSettings,
     seed: Seed,
-    /// Number of tasks requested.
+    /// Number of tasks requested of this batch.
     share: usize,
     passed_over: usize,
-    /// Design settings for the balance.
+    /// Candidates of the kind so far, which the batch continues to balance.
     chosen: Chosen,
 }
 
-/// Tasks of each kind that need the property of their kind; `None` if interrupted.
+/// Candidate tasks of every kind, each of which cannot be understood without the clue of its kind, and the record of
+/// this
+/// selection step; `None` if interrupted.
 pub fn design(wanted: &CandidateRequest, progress: &dyn Progress, stop: &AtomicBool) -> Option<(Vec<Task>, BuildStep)> {
     let mut stage = BuildStep::new("say what their kind is about, and need it");
     progress.begin("designing", wanted.of_each_kind * KINDS.len());
@@ -112,7 +114,7 @@ pub fn design(wanted: &CandidateRequest, progress: &dyn Progress, stop: &AtomicB
     Some((tasks, stage))
 }
 
-/// Batches of the kinds without a prescribed relation; long-horizon batches have equal shares of each number of steps.
+/// Batches of the kinds without a prescribed relation. Long-horizon tasks have equal shares of each number of steps.
 fn lots_of_steps(chosen: &[(TaskKind, Chosen)], seed: Seed) -> Vec<Lot> {
     let mut lots = Vec::new();
     for (kind, own) in chosen {
@@ -135,7 +137,7 @@ fn lots_of_steps(chosen: &[(TaskKind, Chosen)], seed: Seed) -> Vec<Lot> {
     lots
 }
 
-/// Batches of the other kinds, mostly for the relations that are rarest so far.
+/// Batches of the other kinds; most of their tasks are for the relations that are rarest so far.
 fn lots_of_relations(chosen: &[(TaskKind, Chosen)], seed: Seed) -> Vec<Lot> {
     let count = |relation| {
         let tasks = chosen.iter().flat_map(|(_, own)| &own.tasks);
@@ -146,7 +148,7 @@ fn lots_of_relations(chosen: &[(TaskKind, Chosen)], seed: Seed) -> Vec<Lot> {
         chosen.iter().filter(|(kind, _)| [TaskKind::Spatial, TaskKind::Appearance].contains(kind)).collect();
     let left: usize = chosen.iter().map(|(_, own)| own.left()).sum();
     let mean = (counts.iter().sum::<f64>() + left as f64) / counts.len() as f64;
-    // Some of each in any case, so that no kind lacks a relation.
+    // A few tasks for every relation, so that no kind lacks one.
     let wanted = counts.map(|count| (mean - count).max(0.0) + OF_EACH_RELATION * mean);
     let mut lots = Vec::new();
     for (kind, own) in chosen {
@@ -162,7 +164,7 @@ fn lots_of_relations(chosen: &[(TaskKind, Chosen)], seed: Seed) -> Vec<Lot> {
     lots
 }
 
-/// Tasks missing from the batches.
+/// Batches for the tasks that all previous batches failed to give.
 fn lots_of_the_rest(chosen: &[(TaskKind, Chosen)], seed: Seed) -> Vec<Lot> {
     let rest = |(kind, own): &(TaskKind, Chosen)| {
         let lot = Lot::new(*kind, "rest", DesignSettings::default(), own.left(), seed);
@@ -188,7 +190,7 @@ fn shares(number: usize, parts: usize) -> impl Iterator<Item = usize> {
     (0..parts).map(move |part| number / parts + usize::from(part < number % parts))
 }
 
-/// Tasks of a batch, and the reasons of rejected designs.
+/// Tasks of a batch, and the reasons why designs were rejected.
 fn compose(lot: &Lot, catalogue: &Catalogue, progress: &dyn Progress, stop: &AtomicBool) -> (Vec<Task>, Vec<String>) {
     let kinds = [lot.kind];
     let (mut tasks, mut refusals, mut passed_over) = (Vec::new(), Vec::new(), 0);
@@ -220,22 +222,22 @@ fn compose(lot: &Lot, catalogue: &Catalogue, progress: &dyn Progress, stop: &Ato
     (tasks, refusals)
 }
 
-/// Candidates of a kind so far.
+/// Candidates of a kind selected so far.
 #[derive(Clone, Default)]
 struct Chosen {
     tasks: Vec<Task>,
-    /// Requested number.
+    /// Number of candidates requested of this kind.
     wanted: usize,
-    /// Number of uses of each need.
+    /// Number of candidates by stated need.
     needs: BTreeMap<String, usize>,
-    /// Number of spatial tasks with one clue.
+    /// Number of spatial candidates in which one object is identified by its place.
     with_one_clue: usize,
-    /// Frequency of each trait value, by name and value; 0 for values only seen in rejected designs.
+    /// Number of candidates by trait and value; 0 for values only seen in rejected designs.
     traits: BTreeMap<String, BTreeMap<String, usize>>,
 }
 
 impl Chosen {
-    /// Number of missing candidates.
+    /// Number of candidates still missing.
     fn left(&self) -> usize {
         self.wanted.saturating_sub(self.tasks.len())
     }
@@ -253,7 +255,8 @@ impl Chosen {
         self.tasks.push(task);
     }
 
-    /// True if a trait of the task has a value that is more frequent than the others seen.
+    /// True if a trait of the task has a value with more candidates than the mean over the values seen, see
+    /// [`FREQUENT`].
     fn is_frequent(&mut self, task: &Task, catalogue: &Catalogue) -> bool {
         let mut is_frequent = false;
         for (name, values) in traits(task, catalogue) {
@@ -267,7 +270,7 @@ impl Chosen {
         is_frequent
     }
 
-    /// Reason why a task is not a candidate.
+    /// Reason why a task cannot be a candidate; `None` if it can.
     fn refusal(&self, task: &Task) -> Option<String> {
         match Clue::of(task.kind).filter(|&clue| is_needless(task, clue)) {
             Some(Clue::Need) => return Some("what is meant is clear without the need".into()),
@@ -278,7 +281,7 @@ impl Chosen {
         if need(task).is_some_and(|need| self.needs.get(&need).is_some_and(|&count| count >= 2)) {
             return Some("its need occurs twice already".into());
         }
-        // The reader may fail to parse a recorded sentence, but must not understand something else.
+        // The rule-based reader may fail to parse a recorded sentence, but must not give it another meaning.
         match references::check(task) {
             Ok(()) => {}
             Err(mismatch) if references::is_beyond_the_reader(task, &mismatch) => {}
@@ -296,7 +299,7 @@ fn asks_for(task: &Task, relation: Relation) -> bool {
     task.goal.alternatives.iter().flatten().any(is_asked)
 }
 
-/// Need stated by a common-sense task before its request.
+/// Need that a common-sense task states before its request, in lower case; `None` for other kinds.
 pub(crate) fn need(task: &Task) -> Option<String> {
     let need = || task.instruction.split(['.', ':', ';']).next().unwrap_or_default().to_lowercase();
     (task.kind == TaskKind::CommonSense).then(need)

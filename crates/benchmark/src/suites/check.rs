@@ -22,10 +22,10 @@ use genmanip_workspace::documents;
 use genmanip_workspace::scenarios;
 use genmanip_workspace::worlds;
 
-/// Maximum number of differing places named per object.
+/// Maximum number of differing JSON paths named per object.
 const MAX_PLACES: usize = 3;
 
-/// Findings.
+/// Result of the integrity check.
 #[derive(Clone, Debug, Serialize)]
 pub struct SuiteCheck {
     /// Name of the suite.
@@ -34,17 +34,18 @@ pub struct SuiteCheck {
     pub scenarios: usize,
     /// Largest relative deviation of a trait value from its even share.
     pub worst_marginal: f64,
-    /// Share of the most frequent sentence template.
+    /// Share of scenarios with the most frequent sentence template, 0 to 1.
     pub template_share: f64,
-    /// Notes that are not faults, one per line: frozen objects that the catalogue now generates differently, and
-    /// recorded sentences that the independent reader cannot parse.
+    /// Notes that are no faults, one per line: frozen objects that the catalogue now generates differently, and
+    /// recorded
+    /// sentences that the rule-based reader cannot parse.
     pub notes: Vec<String>,
     /// Faults, one per line; empty for an intact suite.
     pub faults: Vec<String>,
 }
 
-/// Checks every scenario of a suite: bytes, objects, agreement of sentence and goal, and necessity of the kind's
-/// property; `None` if interrupted.
+/// Checks every scenario of a suite: hash of its file, objects, agreement of sentence and goal, and that the goal is
+/// unclear without the property that defines the kind. `None` if interrupted.
 ///
 /// # Errors
 /// If the suite's file cannot be read; an unreadable scenario is a fault.
@@ -89,20 +90,20 @@ pub fn check(
         }
         match references::check(&scenario.task) {
             Ok(()) => {}
-            // The reader may fail to follow sentences of people or language models.
+            // The rule-based reader may fail to parse sentences of people or language models.
             Err(mismatch) if references::is_beyond_the_reader(&scenario.task, &mismatch) => {
                 notes.push(format!("{}: the reader does not follow: {mismatch}", entry.id));
             }
             Err(mismatch) => fault(format!("its sentence does not mean its goal: {mismatch}")),
         }
-        // The other request is a pick_and_place task, which needs no property.
+        // The alternative request is a pick_and_place task, whose kind has no defining property.
         if Clue::of(scenario.task.kind).is_some_and(|clue| is_needless(&scenario.task, clue)) {
             fault("its goal is clear without what its kind is about".into());
         }
         if entry.certificate.verified < entry.certificate.episodes || entry.certificate.episodes == 0 {
             fault("has no certificate".into());
         }
-        // Physics of its objects, by hash.
+        // Opening the stage fails if the hash of an object's physics differs from the one in the scenario.
         let robot = worlds::robot(&scenario.world)?;
         if let Err(error) = Stage::open(Arc::new(scenario.clone()), source, &robot) {
             fault(error.to_string());
@@ -130,15 +131,15 @@ pub fn check(
     Ok((!stop.load(Ordering::Relaxed)).then_some(checked))
 }
 
-/// Differences from the frozen state (faults), and from the current catalogue (notes).
+/// Differences from the frozen state (faults) and from the current catalogue (notes), one text each.
 #[derive(Default)]
 struct Differences {
     faults: Vec<String>,
     notes: Vec<String>,
 }
 
-/// Compares the frozen objects with their files and with the catalogue, and the image hashes with freshly rendered
-/// ones.
+/// Compares the frozen objects with their files and with the catalogue, and the image hashes with those of newly
+/// rendered images.
 fn differences(
     folder: &Path,
     suite: &SuiteFile,
@@ -162,7 +163,8 @@ fn differences(
         }
         match FrozenAsset::of(&file.asset, Catalogue::builtin()) {
             Ok(mut today) => {
-                // Suites frozen with full-resolution meshes still match the catalogue.
+                // Suites that were frozen with full-resolution meshes are compared with the catalogue's full-resolution
+                // model.
                 if Catalogue::builtin().full_mesh_model(&file.asset).is_ok_and(|(_, looks)| looks == frozen.looks_hash)
                 {
                     today.looks_hash.clone_from(&frozen.looks_hash);
@@ -180,7 +182,7 @@ fn differences(
     {
         for (scenario, pictures) in scenarios.iter().zip(pictures) {
             let Some(entry) = suite.scenarios.iter().find(|entry| entry.id == scenario.id) else { continue };
-            // Including cameras that only one of the two has.
+            // Cameras of both, so that one that is missing on either side is a difference.
             let all = pictures.keys().chain(entry.pictures.keys()).collect::<BTreeSet<_>>();
             let other = all.into_iter().filter(|camera| pictures.get(*camera) != entry.pictures.get(*camera));
             let cameras: Vec<&str> = other.map(String::as_str).collect();
@@ -200,7 +202,7 @@ fn template_share(scenarios: &[Scenario]) -> f64 {
     counts.values().max().map_or(0.0, |&most| most as f64 / scenarios.len() as f64)
 }
 
-/// Files in a folder of the suite that it does not list.
+/// Faults for files in a folder of the suite that `suite.json` does not list.
 fn strangers(folder: &Path, inside: &str, wanted: &BTreeSet<String>) -> Result<Vec<String>, WorkspaceError> {
     let path = folder.join(inside);
     let entries = fs::read_dir(&path).and_then(|entries| entries.collect::<Result<Vec<_>, _>>());

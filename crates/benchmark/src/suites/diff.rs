@@ -1,4 +1,4 @@
-//! Difference of two suites.
+//! Comparison of the contents of two suites.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -9,25 +9,25 @@ use serde::Serialize;
 use super::open;
 use genmanip_workspace::WorkspaceError;
 
-/// Difference of two suites.
+/// Differences of two suites.
 #[derive(Clone, Debug, Serialize)]
 pub struct Difference {
     /// True if both have the same scenarios, so that results are comparable.
     pub same_scenarios: bool,
-    /// Scenarios only in the first.
+    /// Ids of scenarios only in the first suite.
     pub only_first: Vec<String>,
-    /// Scenarios only in the second.
+    /// Ids of scenarios only in the second suite.
     pub only_second: Vec<String>,
-    /// Scenarios in both that differ, with the differing parts.
+    /// Ids of scenarios in both suites that differ, with the names of the differing parts.
     pub changed: BTreeMap<String, Vec<String>>,
-    /// Files of frozen objects that only one has, or that differ.
+    /// Names of the files of frozen objects that only one suite has, or that differ.
     pub changed_assets: Vec<String>,
 }
 
-/// Compares the files of two suites.
+/// Compares the `suite.json` of two suites.
 ///
 /// # Errors
-/// If one cannot be read.
+/// If one of the two cannot be read.
 pub fn diff(first: &Path, second: &Path) -> Result<Difference, WorkspaceError> {
     let (first, second) = (open(first)?, open(second)?);
     let by_id = |entries: &[SuiteEntry]| -> BTreeMap<String, SuiteEntry> {

@@ -1,4 +1,4 @@
-//! Freezing of a suite: its objects, and hashes of its camera images.
+//! Freezing of a suite: copies of its objects, and hashes of its initial camera images.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -15,9 +15,9 @@ use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 use genmanip_workspace::scenarios;
 
-/// Writes the objects of a suite's scenarios and the hashes of its images beside them; `None` if interrupted.
+/// Stores the objects of a suite's scenarios and the hashes of its images in its folder; `None` if interrupted.
 ///
-/// From then on the suite is evaluated with these objects, whatever the catalogue generates under their names.
+/// A frozen suite is evaluated with the stored objects, even if the catalogue later generates others under their names.
 ///
 /// # Errors
 /// If the suite is already frozen or has changed since it was built, an object cannot be stored, or a file cannot be

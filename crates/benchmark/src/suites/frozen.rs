@@ -1,4 +1,4 @@
-//! Writing of a suite, shared by building and perturbing: trials by scenario, certificates.
+//! Writing of a suite, shared by building and perturbing: certificates from trials, and the files.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -16,17 +16,17 @@ use genmanip_workspace::documents;
 pub struct SuiteHeader {
     /// Name of the suite.
     pub name: String,
-    /// Seed it was built from.
+    /// Seed that the suite was built from.
     pub seed: Seed,
-    /// Scenarios of each kind.
+    /// Number of scenarios requested per kind of task.
     pub per_kind: usize,
-    /// Perturbation of the suite it was made from, if any.
+    /// Change of the original suite; `None` for a built suite.
     pub perturbation: Option<Perturbation>,
-    /// Candidates that passed each build step.
+    /// Selection steps, with the number of candidates that passed each.
     pub funnel: Vec<BuildStep>,
 }
 
-/// Rejects a folder that already holds a suite.
+/// Fails for a folder that already holds a suite.
 ///
 /// # Errors
 /// If `suite.json` exists.
@@ -39,7 +39,7 @@ pub fn refuse_another(folder: &Path) -> Result<(), WorkspaceError> {
     }
 }
 
-/// Results by the id of their scenario.
+/// Groups results by the id of their scenario.
 pub fn by_scenario(results: Vec<EpisodeResult>) -> BTreeMap<String, Vec<EpisodeResult>> {
     let mut grouped: BTreeMap<String, Vec<EpisodeResult>> = BTreeMap::new();
     for result in results {
@@ -48,7 +48,8 @@ pub fn by_scenario(results: Vec<EpisodeResult>) -> BTreeMap<String, Vec<EpisodeR
     grouped
 }
 
-/// Certificate of a scenario: shortest path (m) and time (s) of the expert's verified trials.
+/// Certificate of a scenario from the expert's trials: numbers, shortest path (m) and shortest time (s) of verified
+/// ones.
 pub fn certificate(trials: &[EpisodeResult]) -> Certificate {
     let verified = || trials.iter().filter(|trial| trial.success);
     let least = |value: fn(&EpisodeResult) -> f64| verified().map(value).fold(f64::INFINITY, f64::min);
@@ -60,8 +61,8 @@ pub fn certificate(trials: &[EpisodeResult]) -> Certificate {
     }
 }
 
-/// Writes the scenarios first and `suite.json` last, as a mark of completeness. Removes the folder `work`, if there
-/// is one.
+/// Writes the scenarios first and `suite.json` last, so that its existence marks a complete suite. Then removes the
+/// folder `work` of the build, if there is one.
 ///
 /// # Errors
 /// If a file cannot be written.

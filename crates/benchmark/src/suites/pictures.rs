@@ -1,4 +1,4 @@
-//! Hashes of the camera images of scenarios.
+//! Hashes of the initial camera images of scenarios.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,10 +13,10 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::worlds::CameraFile;
 
-/// SHA-256 of each camera's colour image at the start of a scenario, by camera name.
+/// SHA-256 of each camera's initial colour image, hexadecimal, by camera name.
 pub(super) type Pictures = BTreeMap<String, String>;
 
-/// Image hashes of scenarios; `None` if interrupted.
+/// Image hashes of these scenarios, in their order; `None` if interrupted.
 pub(super) fn draw(
     scenarios: &[Scenario],
     source: &SuiteAssets,

@@ -1,4 +1,4 @@
-//! Human reviews of a suite's scenarios, stored beside it.
+//! Human reviews of a suite's scenarios, stored in its folder.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use super::open;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
-/// Reviews of a suite so far; empty without a file.
+/// Reviews of a suite so far; empty if there is no review file.
 ///
 /// # Errors
 /// If the file is damaged.
@@ -18,7 +18,7 @@ pub fn reviews(folder: &Path) -> Result<ReviewFile, WorkspaceError> {
     if path.exists() { documents::read_document(&path, limits::SUITE) } else { Ok(ReviewFile::default()) }
 }
 
-/// Stores a person's review of a scenario, replacing their previous one.
+/// Stores a person's review of a scenario; it replaces an earlier one by the same person.
 ///
 /// # Errors
 /// If the suite has no such scenario, or the file cannot be read or written.
@@ -46,7 +46,7 @@ pub fn review(
     Ok(file)
 }
 
-/// Counts by verdict as text.
+/// Number of reviews by verdict, as one line of text.
 pub fn describe(file: &ReviewFile) -> String {
     let count = |verdict: ReviewVerdict| format!("{} {}", file.count(verdict), verdict.name());
     format!("{} reviews: {}\n", file.reviews.len(), ReviewVerdict::ALL.map(count).join(", "))

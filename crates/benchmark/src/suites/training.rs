@@ -1,4 +1,4 @@
-//! Training tasks for a suite: about training objects only, without overlap with the suite.
+//! Training tasks for a suite: only about objects of the training split, without overlap with the suite.
 
 use genmanip_workspace::documents;
 use genmanip_workspace::scenarios;
@@ -18,39 +18,39 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::designed_tasks;
 
-/// Maximum number of designs of a kind per wanted task.
+/// Maximum number of designed tasks of a kind per wanted task.
 const DESIGNS_PER_TASK: usize = 8;
 
-/// Request for training tasks.
+/// Options of [`training`].
 #[derive(Clone, Debug)]
 pub struct TrainingOptions {
     /// Folder of the suite used for testing.
     pub suite: PathBuf,
-    /// Folder of the tasks.
+    /// Folder to write the tasks to.
     pub out: PathBuf,
     /// Number of tasks per kind.
     pub per_kind: usize,
-    /// Seed of each kind's series.
+    /// Seed of the designer's series of each kind.
     pub seed: Seed,
 }
 
-/// The file `training.json` beside the tasks: the information to reproduce them.
+/// Document `training.json` beside the tasks: everything needed to reproduce them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Training {
     /// Name of the suite.
     pub suite: String,
-    /// Hash of its scenarios.
+    /// [`crate::suite_hash`] of the suite's scenarios.
     pub suite_hash: String,
-    /// Seed of each kind's series.
+    /// Seed of the designer's series of each kind.
     pub seed: Seed,
     /// Number of tasks requested per kind.
     pub per_kind: usize,
-    /// Program version.
+    /// Version of this program.
     pub genmanip_version: String,
-    /// Catalogue of the objects.
+    /// Number of objects of the catalogue.
     pub objects: usize,
-    /// Number of tasks per kind, and reasons of rejected ones.
+    /// Number of tasks per kind, and of rejected ones by reason.
     pub funnel: BuildStep,
 }
 
@@ -58,15 +58,16 @@ impl Document for Training {
     const SCHEMA: &'static str = "genmanip.training/1";
 }
 
-/// Designs tasks of the suite's kinds about training objects, and writes those that share neither sentence nor scene
-/// graph with the suite into `out/tasks`, and `out/training.json` last.
+/// Designs tasks of the suite's kinds about objects of the training split. Those that share neither sentence nor scene
+/// graph with the suite are written to `out/tasks`; `out/training.json` is written last.
 ///
 /// # Errors
-/// If there is no suite, a kind has too few such tasks, the folder holds others, or a file cannot be written.
+/// If the suite does not exist, a kind has too few such tasks, the folder already has tasks, or a file cannot be
+/// written.
 pub fn training(options: &TrainingOptions, progress: &dyn Progress) -> Result<Training, WorkspaceError> {
     let file = options.out.join("training.json");
     let tasks = options.out.join("tasks");
-    // Tasks without that file are from an interrupted call, perhaps with another seed.
+    // Tasks without `training.json` are left from an interrupted call, perhaps with another seed.
     if let Some(there) = [&file, &tasks].into_iter().find(|path| path.exists()) {
         return Err(
             WorkspaceError::input(format!("{} exists", there.display())).with_hint("choose another --out folder")
@@ -121,10 +122,10 @@ pub fn training(options: &TrainingOptions, progress: &dyn Progress) -> Result<Tr
     Ok(training)
 }
 
-/// Overlaps of tasks with a suite that training forbids, one per line.
+/// Overlaps of tasks with a suite that training forbids, one text per task with an overlap.
 ///
 /// # Errors
-/// If there is no suite, or a task cannot be read.
+/// If the suite does not exist, or a task cannot be read.
 pub fn shared(suite: &Path, tasks: &[PathBuf]) -> Result<Vec<String>, WorkspaceError> {
     let tested = Tested::of(&scenarios(suite)?);
     let tasks = task_files::read_tasks(tasks)?;
@@ -136,7 +137,7 @@ fn scenarios(folder: &Path) -> Result<Vec<Scenario>, WorkspaceError> {
     entries.iter().map(|entry| scenarios::read_scenario(&scenario_file(folder, &entry.id))).collect()
 }
 
-/// Content of a suite that must not occur in training.
+/// Content of a suite that training tasks must not share.
 struct Tested {
     sentences: BTreeSet<String>,
     graphs: BTreeSet<String>,
@@ -148,7 +149,7 @@ impl Tested {
         Self { sentences: tasks().map(sentence).collect(), graphs: tasks().map(graph).collect() }
     }
 
-    /// Reason why a task must not be used for training.
+    /// Reason why a task must not be used for training; `None` if it may.
     fn shared(&self, task: &Task) -> Option<&'static str> {
         let is_unseen = |card: &ObjectCard| Catalogue::full().split(&card.uid) != Split::Train;
         match () {
@@ -166,7 +167,7 @@ fn sentence(task: &Task) -> String {
     task.instruction.trim().to_lowercase()
 }
 
-/// Objects and their relations, independent of the order.
+/// Objects and relations of a scene graph as text, independent of their order.
 fn graph(task: &Task) -> String {
     let mut lines: Vec<String> = task.scene_graph.nodes.iter().map(|node| node.id.clone()).collect();
     lines.extend(task.scene_graph.edges.iter().map(|edge| serde_json::to_string(edge).unwrap_or_default()));

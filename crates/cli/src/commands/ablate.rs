@@ -1,4 +1,4 @@
-//! `genmanip ablate`.
+//! `genmanip ablate`: evaluation of an agent with one of its settings varied at a time.
 
 use genmanip_pipeline::ablate::{ablate, describe};
 use genmanip_pipeline::evaluate::{EndingRules, EvaluateOptions, Suite};

@@ -1,4 +1,4 @@
-//! `genmanip agent`.
+//! `genmanip agent act`: motions that the agent plans from one RGB-D image and an instruction.
 
 use genmanip_agent_sim::AgentChoice;
 use genmanip_agent_sim::act_on_files::{ActFiles, act};

@@ -33,7 +33,7 @@ use genmanip_terminal::{ExitStatus, Failed};
 const FOUND: usize = 20;
 /// Pixels per side of the views of `show` and `audit`.
 const VIEW_PX: u32 = 320;
-/// Pictures per row of the sheet of `audit`.
+/// Images per row of the sheet of `audit`.
 const AUDITED_COLUMNS: usize = 6;
 
 pub fn run(command: &AssetsCommand, packs: &Path, printer: &Printer) -> Result<ExitStatus, Failed> {
@@ -49,7 +49,7 @@ pub fn run(command: &AssetsCommand, packs: &Path, printer: &Printer) -> Result<E
     }
 }
 
-/// The catalogue of a name that the command line has checked.
+/// The catalogue of a name; the command line has validated the name, so the default is never used.
 pub fn catalogue(name: &str) -> &'static Catalogue {
     Catalogue::named(name).unwrap_or_else(Catalogue::builtin)
 }

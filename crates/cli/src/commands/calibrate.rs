@@ -1,4 +1,4 @@
-//! `genmanip calibrate`.
+//! `genmanip calibrate`: pose of a camera from views of a calibration board.
 
 mod board;
 mod images;
@@ -58,7 +58,8 @@ fn solve(views: &std::path::Path, arguments: &CalibrateArguments, printer: &Prin
     Ok(ExitStatus::Done)
 }
 
-/// Hand link in the base from joint positions of the arm.
+/// Pose of the hand link in the base frame from joint positions of the arm (rad); an error if their number is wrong or
+/// one is not finite.
 fn hand_of(robot: &RobotModel, joints: &[f64]) -> Result<Pose, String> {
     let wanted = robot.home.len();
     if joints.len() != wanted || !joints.iter().all(|joint| joint.is_finite()) {

@@ -1,4 +1,4 @@
-//! `genmanip collect`.
+//! `genmanip collect`: demonstrations of tasks by the expert, as a run.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -23,7 +23,7 @@ use genmanip_terminal::{ExitStatus, Failed};
 
 /// Attempts per task by default.
 const ATTEMPTS_PER_TASK: usize = 2;
-/// Attempts per layout of a suite by default; further ones have layouts that are not frozen.
+/// Attempts per layout of a suite by default: only the first attempt uses the frozen layout.
 const ATTEMPTS_PER_LAYOUT: usize = 1;
 
 pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
@@ -69,19 +69,19 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
     Ok(status(&collected))
 }
 
-/// Attempts that the arguments ask for.
+/// Tasks and attempts that the arguments of `collect` select.
 pub struct Planned {
-    /// The tasks; of a suite of task distributions one per layout.
+    /// The tasks; of a suite of task distributions, one per layout.
     pub tasks: Tasks,
-    /// Seed of the run.
+    /// Seed of the run's attempts.
     pub seed: Seed,
-    /// Attempts per task.
+    /// Number of attempts per task.
     pub attempts: usize,
-    /// Suite of task distributions.
+    /// Suite of task distributions; `None` if task files were given.
     pub suite: Option<Distributions>,
 }
 
-/// Reads the tasks, or draws those of a suite of task distributions.
+/// Reads the tasks, or draws those of a suite of task distributions, as the arguments say.
 pub fn planned(arguments: &CollectArguments) -> Result<Planned, Failed> {
     let Some((suite, choice)) = arguments.layouts.layouts(arguments.suite.as_deref())? else {
         let tasks = task_files::spool_tasks(&arguments.tasks, &arguments.out)?;
@@ -103,7 +103,7 @@ pub fn merge_run(arguments: &MergeArguments, printer: &Printer) -> Result<ExitSt
     Ok(status(&merged))
 }
 
-/// The parts of the look that differ from episode to episode, and whether physics does.
+/// Appearance factors that are randomised in every episode, and true if physics is randomised as well.
 fn varied(arguments: &CollectArguments) -> Result<(Vec<AppearanceFactor>, bool), Failed> {
     if arguments.variation.is_none() {
         return Ok((Vec::new(), false));
@@ -118,12 +118,12 @@ fn varied(arguments: &CollectArguments) -> Result<(Vec<AppearanceFactor>, bool),
     Ok((if physics && looks.is_empty() { Vec::new() } else { vary(&looks) }, physics))
 }
 
-/// Randomised parts: the named ones in canonical order, or all if none is named.
+/// Randomised appearance factors: the named ones in canonical order, or all if none is named.
 pub fn vary(named: &[AppearanceFactor]) -> Vec<AppearanceFactor> {
     AppearanceFactor::ALL.into_iter().filter(|part| named.is_empty() || named.contains(part)).collect()
 }
 
-/// Collects a run and says what came of it; also used by the demo.
+/// Collects a run and prints its result; also used by `demo`.
 pub fn collect_run(
     out: &Path,
     run: Run,

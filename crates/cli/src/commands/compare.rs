@@ -1,4 +1,4 @@
-//! `genmanip compare`.
+//! `genmanip compare`: paired comparison of two evaluations.
 
 use genmanip_benchmark::compare::{compare_files, describe};
 

@@ -1,4 +1,4 @@
-//! `genmanip data`.
+//! `genmanip data`: check, show, edit, import and transfer datasets.
 
 use genmanip_workspace::documents;
 use genmanip_workspace::workers;
@@ -29,11 +29,11 @@ use crate::args::{
 use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
 
-/// Leaks that are printed; with --json all are.
+/// Maximum number of leaks in the text output; JSON has all.
 const LISTED_LEAKS: usize = 12;
-/// Tasks that are printed; with --json all are.
+/// Maximum number of tasks in the text output; JSON has all.
 const LISTED_TASKS: usize = 20;
-/// Longest bar of a histogram, characters.
+/// Length of the longest bar of a histogram, characters.
 const BAR: usize = 30;
 
 pub fn run(command: &DataCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
@@ -87,7 +87,7 @@ pub fn run(command: &DataCommand, printer: &Printer) -> Result<ExitStatus, Faile
     }
 }
 
-/// Moves a folder to or from S3 storage and says how much was moved.
+/// Uploads a folder to S3 storage or downloads it, and prints the amount of data.
 fn moved(
     (what, done, address): (&str, &str, &str),
     printer: &Printer,
@@ -114,7 +114,7 @@ fn moved(
     Ok(ExitStatus::Done)
 }
 
-/// Makes a data set of another one, with what decodes its video.
+/// Converts a dataset with `take`, decoding its videos with `ffmpeg` if given, and prints the result.
 fn taken_over(
     (what, dataset, ffmpeg): (&str, &Path, &Option<PathBuf>),
     printer: &Printer,
@@ -140,7 +140,7 @@ fn line(made: &ExportReport) -> String {
     format!("{}: {}, {} rows\n", made.dataset.display(), plural(made.episodes, "episode"), made.frames)
 }
 
-/// Counts episodes of how many there are.
+/// Progress callback: begins the activity `what` at the first of `total` episodes, and advances it at each.
 fn counted<'a>(what: &'a str, printer: &'a Printer) -> impl FnMut(usize) + 'a {
     let mut copied = 0_usize;
     move |total: usize| {
@@ -155,7 +155,7 @@ fn counted<'a>(what: &'a str, printer: &'a Printer) -> impl FnMut(usize) + 'a {
     }
 }
 
-/// Draws a data set again and says what was made.
+/// Renders the images of a dataset again, and prints the result.
 fn rerender(arguments: &DataRerenderArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let options = RerenderOptions {
         look: arguments.look,
@@ -172,7 +172,7 @@ fn rerender(arguments: &DataRerenderArguments, printer: &Printer) -> Result<Exit
     Ok(ExitStatus::Done)
 }
 
-/// Makes data sets of others and says what was made.
+/// Runs an edit that makes datasets from others, and prints the result.
 fn edited(
     printer: &Printer,
     make: impl FnOnce(edit::Progress) -> Result<Vec<ExportReport>, DataError>,
@@ -219,7 +219,7 @@ fn check_all(arguments: &DataCheckArguments, printer: &Printer) -> Result<ExitSt
     Ok(if is_sound { ExitStatus::Done } else { ExitStatus::NotMet })
 }
 
-/// Findings from replaying some of a dataset's recorded episodes.
+/// Findings from replaying `count` of a dataset's recorded episodes; none if `count` is 0.
 fn replayed(dataset: &Path, count: usize, printer: &Printer) -> Result<Vec<Finding>, Failed> {
     if count == 0 {
         return Ok(Vec::new());
@@ -286,7 +286,7 @@ fn show(arguments: &DataShowArguments, printer: &Printer) -> Result<ExitStatus, 
         return Ok(ExitStatus::Done);
     }
     let mut tables = vec![groups, lengths(overview)];
-    // Where there are no kinds, the episodes are by task already.
+    // Without kinds, the groups already are the tasks.
     if overview.tasks.iter().map(|task| &task.kind).ne(overview.groups.iter().map(|group| &group.kind)) {
         tables.push(tasks(&overview.tasks, LISTED_TASKS));
     }
@@ -297,7 +297,7 @@ fn show(arguments: &DataShowArguments, printer: &Printer) -> Result<ExitStatus, 
     Ok(ExitStatus::Done)
 }
 
-/// Cameras with the sizes of their images.
+/// Text of the cameras with their image sizes.
 fn images(overview: &Overview) -> String {
     let image = |image: &check::ImageFeature| {
         let sizes: Vec<String> = image.shape.iter().map(usize::to_string).collect();
@@ -309,7 +309,7 @@ fn images(overview: &Overview) -> String {
     }
 }
 
-/// Some moments of some episodes, each with its sentence.
+/// Film strips of some episodes, each captioned with the episode's instruction.
 fn sheet(dataset: &Path) -> Result<Vec<FilmStrip>, Failed> {
     let strips = check::contact_sheet(dataset).map_err(|error| {
         Failed::because("cannot show pictures", &error).hint("genmanip data check says what is wrong with them")
@@ -321,7 +321,7 @@ fn sheet(dataset: &Path) -> Result<Vec<FilmStrip>, Failed> {
     Ok(strips.into_iter().map(|strip| FilmStrip { caption: caption(&strip), pictures: strip.pictures }).collect())
 }
 
-/// A row per sentence, those with the lowest success first.
+/// Table rows, one per task, lowest success rate first; at most `most`.
 fn tasks(tasks: &[check::Group], most: usize) -> Vec<Vec<String>> {
     let share = |task: &check::Group| task.succeeded.map_or(1.0, |count| count as f64 / task.episodes.max(1) as f64);
     let mut sorted: Vec<&check::Group> = tasks.iter().collect();
@@ -338,7 +338,7 @@ fn tasks(tasks: &[check::Group], most: usize) -> Vec<Vec<String>> {
     rows
 }
 
-/// The histogram of lengths as bars.
+/// Table rows of the histogram of episode lengths, with bars.
 fn lengths(overview: &Overview) -> Vec<Vec<String>> {
     let most = overview.lengths.iter().map(|bin| bin.episodes).max().unwrap_or(0).max(1);
     let row = |bin: &check::Bin| {

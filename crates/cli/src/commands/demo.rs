@@ -1,4 +1,5 @@
-//! `genmanip demo`: the whole loop on the recorded answers that come with the program.
+//! `genmanip demo`: all steps from recorded model answers to an evaluation, with the answers that come with the
+//! program.
 
 use genmanip_workspace::task_files;
 use genmanip_workspace::workers;

@@ -1,4 +1,4 @@
-//! `genmanip doctor`: what this machine has, what is missing and how to fix it.
+//! `genmanip doctor`: checks of this machine: what is installed, what is missing and how to fix it.
 
 use std::path::Path;
 use std::process::Command;
@@ -13,14 +13,14 @@ use serde::Serialize;
 use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
 
-/// Control steps for which physics are tried.
+/// Number of control steps of the physics test.
 const HELD_STEPS: usize = 6;
 
 #[derive(Serialize)]
 struct Finding {
     what: &'static str,
     ok: bool,
-    /// True if `collect` and `evaluate` need it.
+    /// True if `collect` and `evaluate` do not work without it.
     needed: bool,
     found: String,
     mend: String,
@@ -45,7 +45,8 @@ fn processor() -> Finding {
     processor_with(std::thread::available_parallelism().map_or(1, usize::from), has_fused_products())
 }
 
-/// Note on the processor; images were timed on an emulated one without fused products (docs/benchmark.md).
+/// Finding on the processor. Rendering times without fused multiply-add were measured in emulation, see
+/// docs/benchmark.md.
 fn processor_with(cores: usize, has_fused_products: bool) -> Finding {
     let found = format!("{cores} cores, {} {}", std::env::consts::ARCH, std::env::consts::OS);
     let (found, mend) = match has_fused_products {
@@ -70,7 +71,8 @@ fn has_fused_products() -> bool {
     }
 }
 
-/// Compiles the robot and holds it still for a moment: proves that the linked library is there and works.
+/// Compiles the robot and holds it at home for a few control steps, which proves that the physics library is linked and
+/// works.
 fn physics() -> Finding {
     let robot = panda();
     let stay: Vec<f32> = robot.home.iter().chain([&robot.gripper.max_width]).map(|&value| value as f32).collect();
@@ -89,7 +91,7 @@ fn physics() -> Finding {
     Finding { what: "physics", ok, needed: true, found, mend }
 }
 
-/// The reader that checks datasets independently.
+/// Finding on the Python environment whose reader checks datasets independently.
 fn python() -> Finding {
     let interpreter = std::env::var("GENMANIP_PYTHON").unwrap_or_else(|_| ".python/bin/python".into());
     let probe = Command::new(&interpreter)

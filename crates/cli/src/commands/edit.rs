@@ -91,7 +91,7 @@ pub fn run(arguments: &EditArguments, printer: &Printer) -> Result<ExitStatus, F
     Ok(status)
 }
 
-/// An operation from JSON, or from a file if the text begins with `@`.
+/// Operation from a JSON text, or from a file if the text begins with `@`.
 fn operation(text: &str) -> Result<Operation, Failed> {
     let hint = r#"an operation is {"op": "place", "args": {…}}; docs/formats/edits.md lists them"#;
     let read = |text: &str| {
@@ -105,7 +105,7 @@ fn operation(text: &str) -> Result<Operation, Failed> {
     }
 }
 
-/// Ids and times of the commands of this call.
+/// Generator of author, time and operation id for each command of this call.
 struct Stamps<'a> {
     author: &'a str,
     number: usize,
@@ -161,7 +161,7 @@ fn history(document: &EditedScenario) -> String {
     text_table(&rows)
 }
 
-/// Name of an operation, as in files.
+/// Name of an operation, as in files: the value of `op`.
 fn name(operation: &Operation) -> String {
     let value = json!(operation);
     value["op"].as_str().unwrap_or_default().to_owned()

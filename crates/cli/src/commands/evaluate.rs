@@ -1,4 +1,4 @@
-//! `genmanip evaluate`.
+//! `genmanip evaluate`: success of a policy on a suite.
 
 use std::sync::atomic::Ordering;
 

@@ -1,4 +1,4 @@
-//! `genmanip export`.
+//! `genmanip export`: a dataset from a run, or a scenario as a 3-D file.
 
 use std::path::Path;
 
@@ -42,7 +42,7 @@ pub fn run(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus,
     Ok(if exported.left_out.is_empty() { ExitStatus::Done } else { ExitStatus::NotMet })
 }
 
-/// Export settings of the dataset's rows.
+/// Columns, rate and cameras that the arguments select.
 fn rows(arguments: &DatasetArguments) -> Result<ExportSettings, Failed> {
     let usual = ExportSettings::default();
     let name = arguments.action.as_deref().unwrap_or(ACTIONS[0].0);
@@ -89,7 +89,7 @@ fn mjcf(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus, Fa
 fn glb(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let scenario = scenarios::read_scenario(&arguments.source)?;
     let bytes = exported::scenario_file(&scenario, Catalogue::all())?;
-    // The parser demands a path.
+    // The command-line parser requires a path, so the default is never used.
     let path = arguments.out.as_deref().unwrap_or(Path::new("scenario.glb"));
     documents::write_file(path, &bytes)?;
     printer.say(format!("wrote {}, {} kB", path.display(), bytes.len().div_ceil(1000)));

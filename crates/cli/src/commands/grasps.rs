@@ -14,7 +14,7 @@ use crate::commands::assets::catalogue;
 use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
 
-/// Distance of the finger tips ahead of a GraspNet row's origin, m.
+/// Distance from the origin of a GraspNet row to the fingertips along the approach direction, m.
 const DEPTH_M: f64 = 0.02;
 
 pub fn bake(arguments: &BakeArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
@@ -98,7 +98,7 @@ struct ShownGrasp {
     object_from_tcp: Grasp,
     held: u32,
     trials: u32,
-    /// The 17 numbers of the GraspNet convention in the object's frame; the score is the share that held.
+    /// One row of the GraspNet format (17 numbers) in the object's frame; its score is the share of trials that held.
     graspnet: Vec<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! `genmanip launch`.
+//! `genmanip launch`: a collection as a job array of a cluster.
 
 use std::process::Command as Process;
 
@@ -16,10 +16,10 @@ use genmanip_terminal::{ExitStatus, Failed};
 struct Launched {
     sample: Sample,
     need: Need,
-    /// Free space where the shards will write, where that is known.
+    /// Free space on the disk of the shards, MiB; `None` if unknown.
     free_mib: Option<u64>,
     script: String,
-    /// Command that submits the job, or has submitted it.
+    /// Command line that submits the job; a dry run does not execute it.
     submission: Vec<String>,
 }
 
@@ -78,7 +78,7 @@ pub fn run(arguments: &LaunchArguments, printer: &Printer) -> Result<ExitStatus,
     Ok(if status.success() { ExitStatus::Done } else { ExitStatus::NotMet })
 }
 
-/// The call of `collect`, which is understood as if it were typed.
+/// Arguments of `collect`, parsed from the words after `--`.
 fn collecting(call: &[String]) -> Result<CollectArguments, Failed> {
     let typed = ["genmanip".to_owned()].into_iter().chain(call.iter().cloned());
     let understood = Arguments::try_parse_from(typed)

@@ -1,4 +1,4 @@
-//! `genmanip layout`.
+//! `genmanip layout`: scenario files from tasks.
 
 use std::sync::atomic::AtomicBool;
 
@@ -25,7 +25,7 @@ pub fn run(arguments: &LayoutArguments, printer: &Printer) -> Result<ExitStatus,
     let settings = LayoutSettings { distractors: arguments.distractors, ..LayoutSettings::default() };
     let output = LayoutOutput { folder: arguments.out.clone(), explain: arguments.explain };
     let workers = workers::workers(arguments.workers);
-    // A layout takes seconds and each file is written whole, so Ctrl-C may simply end the program.
+    // Every layout takes seconds and its file is written atomically, so Ctrl-C may end the program at any moment.
     let never = AtomicBool::new(false);
     let (mut list, count) = (printer.list(), arguments.count);
     let mut each = |row: &_| list.add(row);

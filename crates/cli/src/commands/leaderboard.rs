@@ -1,4 +1,4 @@
-//! `genmanip leaderboard`.
+//! `genmanip leaderboard`: tables of the evaluations below folders.
 
 use genmanip_benchmark::leaderboard_files::evaluations_below;
 use genmanip_benchmark::{boards, leaderboard_html, leaderboard_markdown};

@@ -1,4 +1,4 @@
-//! `genmanip data show --learnability`.
+//! `genmanip data show --learnability`: metrics of how well a dataset can be learned from.
 
 use std::path::Path;
 
@@ -21,7 +21,8 @@ pub fn show(path: &Path, progress: &mut dyn FnMut(usize), printer: &Printer) -> 
     Ok(ExitStatus::Done)
 }
 
-/// The recorded episodes of a run, or of a dataset that this program exported.
+/// Episode store of a run, or the episodes that this program recorded within an exported dataset; an error for other
+/// folders.
 fn store_of(path: &Path) -> Result<EpisodeStore, Failed> {
     if path.join("run.json").is_file() {
         return Ok(RunFolder::open(path)?.0.store()?);

@@ -1,4 +1,4 @@
-//! One module per verb.
+//! Subcommands of `genmanip`, one module each.
 
 pub mod ablate;
 pub mod agent;

@@ -1,4 +1,4 @@
-//! `genmanip plan`: one motion of the arm in a scenario, with a picture or an animation of it.
+//! `genmanip plan`: one motion of the arm in a scenario, with an image or a video of it.
 
 use std::path::Path;
 
@@ -42,7 +42,7 @@ pub fn run(arguments: &PlanArguments, printer: &Printer) -> Result<ExitStatus, F
 /// Default opening of the gripper, m.
 const OPENING_M: f64 = 0.08;
 
-/// The scenario as given, or an empty world with the robot as given.
+/// Stage of the given scenario, or of an empty world with the given robot.
 fn stage(arguments: &PlanArguments, printer: &Printer) -> Result<Stage, Failed> {
     let from_urdf = arguments.robot.as_deref().filter(|name| is_urdf(name));
     let from_urdf = from_urdf.map(|path| registered(Path::new(path), arguments, printer)).transpose()?;
@@ -55,13 +55,13 @@ fn stage(arguments: &PlanArguments, printer: &Printer) -> Result<Stage, Failed> 
     Ok(scenarios::empty_stage(worlds::read_world_with(arguments.world.as_deref(), robot)?)?)
 }
 
-/// True for a file or folder rather than the name of a robot.
+/// True for the path of a URDF file or a folder, false for the name of a built-in robot.
 fn is_urdf(name: &str) -> bool {
     let path = Path::new(name);
     name.contains('/') || path.extension().is_some_and(|ending| ending == "urdf" || ending == "xacro")
 }
 
-/// Reads a robot from its URDF and returns the name under which the program knows it.
+/// Reads a robot from its URDF, registers it, and returns the name under which worlds can refer to it.
 fn registered(path: &Path, arguments: &PlanArguments, printer: &Printer) -> Result<String, Failed> {
     let UrdfArguments { packages, tip, visuals_collide } = arguments.urdf.clone();
     let visible = arguments.picture.is_some() || arguments.animation.is_some();

@@ -1,4 +1,4 @@
-//! `genmanip render`.
+//! `genmanip render`: images of scenarios and episodes.
 
 use genmanip_core::ImageChannels;
 use genmanip_core::sensor::SensorPreset;

@@ -1,4 +1,4 @@
-//! `genmanip replay`.
+//! `genmanip replay`: recorded episodes, simulated again or rendered.
 
 use genmanip_viz::replay::{self, Replayed};
 use genmanip_workspace::workers;

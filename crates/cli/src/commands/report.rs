@@ -1,4 +1,4 @@
-//! `genmanip report`.
+//! `genmanip report`: the HTML report of a run.
 
 use std::path::{Path, PathBuf};
 
@@ -26,7 +26,7 @@ pub fn run(arguments: &ReportArguments, printer: &Printer) -> Result<ExitStatus,
     Ok(ExitStatus::Done)
 }
 
-/// Writes the report of a run and says where; also used by the demo.
+/// Writes the report of a run (or of its task `only`) and returns its path; also used by `demo`.
 pub fn write(run: &Path, only: Option<&str>, out: Option<&Path>, printer: &Printer) -> Result<PathBuf, Failed> {
     let html = report(run, only, &ReportSettings::default(), printer)?;
     let name = only.map_or("report.html".into(), |id| format!("report-{id}.html"));

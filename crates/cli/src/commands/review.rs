@@ -70,7 +70,7 @@ pub fn run(arguments: &ReviewArguments, printer: &Printer) -> Result<ExitStatus,
     Ok(status)
 }
 
-/// Keeps the decisions of this call; returns the keys.
+/// Stores the decisions of this call; returns the keys of the decided scenarios.
 fn decide(arguments: &ReviewArguments, desk: &mut ReviewDesk) -> Result<Vec<String>, Failed> {
     let ReviewArguments { approve, reject, send_back, take_back, reviewer, .. } = arguments;
     let reasons = || Decision::Reject { reasons: arguments.reason.iter().copied().collect() };

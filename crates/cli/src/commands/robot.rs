@@ -50,14 +50,14 @@ fn add_robot(arguments: &RobotAddArguments, printer: &Printer) -> Result<ExitSta
     Ok(ExitStatus::Done)
 }
 
-/// A name of lower-case letters, digits and underscores.
+/// The name in lower case with every character but letters and digits replaced by `_`; at most 64 characters.
 fn plain(name: &str) -> String {
     let letter = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' };
     let plain: String = name.chars().map(letter).take(64).collect();
     if plain.is_empty() { "robot".into() } else { plain }
 }
 
-/// The robot at its home, in an empty world.
+/// JPEG or PNG image of the robot at its home configuration in an empty world.
 fn image(model: genmanip_core::RobotModel, path: &Path) -> Result<Vec<u8>, Failed> {
     let name = model.name.clone();
     let refused = |error| {

@@ -47,7 +47,7 @@ fn agent(arguments: &ServeAgentArguments) -> Result<AgentEndpoint, Failed> {
     let choice =
         AgentChoice::named(vlm, masks, path, "full")?.with_grasps(grasps)?.with_depth_error(arguments.depth_error)?;
     let planner = worlds::planner(&default_world(), &PlannerSettings::default())?;
-    // What cannot be made is told now, not to whoever asks first.
+    // Fails at the start, not at the first request, if the agent cannot be made.
     choice.for_one_image(&planner)?;
     let own = Arc::clone(&planner);
     let make = Arc::new(move || choice.for_one_image(&own).map_err(|error| error.to_string()));

@@ -1,4 +1,4 @@
-//! `genmanip sim2real`.
+//! `genmanip sim2real`: agreement of simulated and real success rates.
 
 use genmanip_benchmark::{StatisticsSettings, sim2real};
 use genmanip_core::Seed;

@@ -1,4 +1,4 @@
-//! `genmanip studio`: scenarios in the browser, each change judged at once.
+//! `genmanip studio`: editor for scenarios in the browser, which judges every change at once.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::process::{Command, Stdio};
@@ -47,7 +47,7 @@ pub fn run(arguments: &StudioArguments, printer: &Printer) -> Result<ExitStatus,
     Ok(ExitStatus::Done)
 }
 
-/// Opens an address in the user's browser; false where there is no desktop.
+/// Opens an address in the user's browser; false if there is no desktop or it cannot be opened.
 fn open_in_browser(address: &str) -> bool {
     let is_mac = cfg!(target_os = "macos");
     let has_desktop = is_mac || environment("DISPLAY").is_some() || environment("WAYLAND_DISPLAY").is_some();
@@ -57,7 +57,7 @@ fn open_in_browser(address: &str) -> bool {
     has_desktop && quiet().is_ok()
 }
 
-/// Name that git writes into commits.
+/// Author name of git's configuration (`user.name`); `None` without git or a name.
 fn git_author() -> Option<String> {
     let output = Command::new("git").args(["config", "user.name"]).stderr(Stdio::null()).output().ok()?;
     let name = String::from_utf8(output.stdout).ok()?.trim().to_owned();

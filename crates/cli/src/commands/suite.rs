@@ -1,4 +1,4 @@
-//! `genmanip suite`.
+//! `genmanip suite`: build, check, freeze, perturb and show suites.
 
 use std::path::Path;
 

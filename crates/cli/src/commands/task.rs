@@ -1,4 +1,4 @@
-//! `genmanip task check|show`.
+//! `genmanip task check|show`: validation and display of tasks.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -69,7 +69,7 @@ pub fn check(arguments: &CheckArguments, printer: &Printer) -> Result<ExitStatus
     Ok(ExitStatus::Done)
 }
 
-/// Writes the only task that was checked; a rejected one is not written.
+/// Writes the checked task, which must be the only one; does nothing if it was rejected.
 fn write_checked(path: &Path, task: Option<Value>, count: usize) -> Result<(), Failed> {
     if count != 1 {
         return Err(Failed::new(format!("--out writes one task, and {count} were checked"))
@@ -80,7 +80,7 @@ fn write_checked(path: &Path, task: Option<Value>, count: usize) -> Result<(), F
     Ok(documents::write_file(path, task.to_json().as_bytes())?)
 }
 
-/// A note on ids that several tasks have, which other verbs refuse; empty without any.
+/// Note on ids shared by several tasks, which other subcommands refuse; empty if all are unique.
 fn shared_ids(ids: &BTreeMap<String, usize>) -> String {
     let shared = ids.iter().filter(|(_, count)| **count > 1);
     let shared: Vec<String> = shared.map(|(id, _)| format!("`{id}`")).collect();

@@ -1,4 +1,4 @@
-//! `genmanip task new`: by rules, or by a language model.
+//! `genmanip task new`: tasks from the rule-based designer or a language model.
 
 use genmanip_workspace::documents;
 use genmanip_workspace::task_files;
@@ -21,7 +21,7 @@ use crate::commands::assets::catalogue;
 use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
 
-/// Folder beside the tasks with what the model answered and what was wrong with it.
+/// Folder beside the tasks with the model's answers and the flaws found in them.
 const ROUNDS: &str = "rounds";
 
 pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
@@ -77,7 +77,7 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
     Ok(ExitStatus::Done)
 }
 
-/// The cards that tasks may be about.
+/// Cards of the objects that tasks may contain: those selected by `--objects`, or the whole catalogue.
 fn cards(arguments: &NewArguments) -> Result<Vec<ObjectCard>, Failed> {
     let catalogue = catalogue(&arguments.catalog);
     match &arguments.objects {
@@ -99,7 +99,9 @@ fn by_rules(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> 
     Ok(design_into(&arguments.out, &design, printer)?)
 }
 
-/// The kinds in turn, as with rules; task `k` of a kind has its own stream, so more kinds change nothing.
+/// New tasks by a language model, the kinds in turn. Task `k` of a kind has its own random stream, so the tasks of a
+/// kind do
+/// not depend on which other kinds are requested.
 fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> Result<Vec<NewTask>, Failed> {
     let settings = settings(arguments)?;
     let seed = Seed::new(arguments.seed);
@@ -115,7 +117,7 @@ fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Pri
         .map(|(index, &kind)| (kind, (arguments.count + kinds.len() - 1 - index) / kinds.len()))
         .collect();
     let cards = cards(arguments)?;
-    // What was paid for is kept as it comes.
+    // Every answer has been paid for, so it is written as soon as it arrives.
     let written = Mutex::new(BTreeMap::new());
     let rounds = settings.generation.max_rounds;
     let keep = |event: GenerationEvent<'_>| match event {
@@ -137,7 +139,7 @@ fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Pri
     outcomes.iter().filter_map(|outcome| written.remove(&outcome.id)).collect()
 }
 
-/// Kinds of flaws of a rejected answer and its number of tokens, in one line.
+/// Kinds of flaws of a rejected answer and its number of tokens, as one line.
 fn rejected(round: &Round) -> String {
     let mut kinds: Vec<String> =
         round.flaws.iter().filter(|flaw| !flaw.repaired).map(|flaw| flaw.kind.name()).collect();
@@ -196,7 +198,8 @@ fn write_outcome(outcome: &GenerationOutcome, folder: &Path) -> Result<NewTask, 
     }
 }
 
-/// Number of missing tasks per kind and sort of reason (the text before its first colon), and the reason for the last.
+/// Missing tasks by kind and category of reason (the text before its first colon): their number, and the full reason of
+/// the last one.
 fn shortfall(rows: &[NewTask]) -> BTreeMap<(&'static str, &str), (usize, &str)> {
     let mut missing = BTreeMap::new();
     for (kind, why) in rows.iter().filter_map(|row| Some((row.kind, row.refused.as_deref()?))) {
@@ -207,7 +210,7 @@ fn shortfall(rows: &[NewTask]) -> BTreeMap<(&'static str, &str), (usize, &str)> 
     missing
 }
 
-/// Every task with its sentence; above [`MAX_ROWS`] a row per kind, unless `each` is asked for.
+/// Table of every task with its instruction. Above [`MAX_ROWS`], one row per kind unless `each` is true.
 fn describe(rows: &[NewTask], each: bool) -> String {
     if rows.len() > MAX_ROWS && !each {
         return by_kind(rows);

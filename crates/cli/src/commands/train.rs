@@ -1,4 +1,4 @@
-//! `genmanip train`.
+//! `genmanip train`: a policy from demonstrations.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -52,7 +52,8 @@ pub fn run(arguments: &TrainArguments, printer: &Printer) -> Result<ExitStatus, 
     Ok(ExitStatus::Done)
 }
 
-/// Folder of the run to learn from, whose missing demonstrations are collected if a suite is named; `None` if stopped.
+/// Folder of the run to train on. If a suite is named, missing demonstrations are collected into it first. `None` if
+/// interrupted.
 fn demonstrations(
     arguments: &TrainArguments,
     out: &Path,

@@ -1,4 +1,4 @@
-//! `genmanip world` and `genmanip camera`.
+//! `genmanip world` and `genmanip camera`: worlds with their cameras.
 
 use std::path::Path;
 
@@ -53,7 +53,7 @@ pub fn run_camera(command: &CameraCommand, printer: &Printer) -> Result<ExitStat
 }
 
 fn init(out: Option<&Path>, robot: Option<&str>, printer: &Printer) -> Result<ExitStatus, Failed> {
-    // Refuses an unknown robot; the cameras of the text sit where its wrist camera does.
+    // Fails for an unknown robot; the cameras of the text are mounted where its wrist camera is.
     let world = worlds::read_world_with(None, robot)?;
     let text = DEFAULT_TEXT.replace("name = \"panda\"", &format!("name = \"{}\"", world.robot.name));
     match out {

@@ -1,4 +1,4 @@
-//! Job array and its resources.
+//! Job array of a cluster, and the resources of its shards.
 
 use std::path::{Path, PathBuf};
 
@@ -12,58 +12,58 @@ pub enum Cluster {
     Slurm,
     /// An indexed job of Kubernetes, `kubectl apply`.
     Kubernetes,
-    /// This machine, some shards at a time.
+    /// This machine, with a limited number of shards at the same time.
     Local,
 }
 
-/// Job array to be launched.
+/// Job array that runs `collect` in shards.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// Scheduler.
+    /// Scheduler to submit to.
     pub cluster: Cluster,
-    /// The program on the machines of the cluster.
+    /// Path of this program on the machines of the cluster.
     pub program: PathBuf,
-    /// `collect` and what follows it, without `--shard` and `--workers`.
+    /// Arguments of the program from `collect` on, without `--shard` and `--workers`.
     pub arguments: Vec<String>,
-    /// Folder that the shards' folders come into; disks of all machines must have it under this name.
+    /// Folder for the shards' folders; it must be reachable under this path on all machines.
     pub out: PathBuf,
-    /// Parts that the work is divided into.
+    /// Number of shards.
     pub shards: usize,
-    /// Attempts of all shards together.
+    /// Number of attempts of all shards together.
     pub attempts: usize,
-    /// Cores of each shard.
+    /// Number of cores per shard.
     pub cpus: usize,
-    /// Shards at the same time.
+    /// Maximum number of shards that run at the same time.
     pub at_once: usize,
-    /// Image of the containers and the volume claim that is mounted in them; of Kubernetes only.
+    /// Container image and volume, for Kubernetes; `None` for other schedulers.
     pub container: Option<Container>,
 }
 
 /// Container image and shared volume of a Kubernetes job.
 #[derive(Clone, Debug)]
 pub struct Container {
-    /// Image with this program in it.
+    /// Container image that contains this program.
     pub image: String,
-    /// Persistent volume claim that holds inputs and output.
+    /// Name of the persistent volume claim for inputs and output.
     pub claim: String,
     /// Mount point of the volume, which is also the working directory.
     pub mount: PathBuf,
 }
 
-/// Resources that the shards need.
+/// Resources to request for the shards.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Need {
-    /// Wall-clock limit, minutes.
+    /// Wall-clock limit of a shard, minutes.
     pub minutes: u64,
-    /// Memory limit, MiB.
+    /// Memory limit of a shard, MiB.
     pub memory_mib: u64,
-    /// Disk space of all shards together, MiB.
+    /// Expected disk space of all shards together, MiB.
     pub disk_mib: u64,
-    /// Core hours of all shards together, without any reserve.
+    /// Expected core hours of all shards together, without a safety margin.
     pub core_hours: f64,
 }
 
-/// The arguments with another folder in the place of the one behind `--out`.
+/// The arguments with the value of `--out` replaced by this folder.
 pub fn redirected(arguments: &[String], out: &Path) -> Vec<String> {
     let mut redirected = Vec::new();
     let mut is_folder = false;

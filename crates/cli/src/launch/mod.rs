@@ -1,7 +1,8 @@
-//! Job arrays for clusters: one `collect` per shard, with time and memory from a measured sample.
+//! Job arrays for clusters: one `collect` per shard, with time and memory limits estimated from a measured sample.
 //!
-//! Nothing here schedules: what comes out is a script or a manifest in the cluster's own language. Every shard writes a
-//! folder of its own and goes on where it stopped, so a job that is started again finishes what is missing.
+//! This module schedules nothing: its result is a script or a manifest for the cluster's scheduler. Every shard writes
+//! to
+//! a folder of its own and resumes where it stopped, so a job submitted again does only the missing attempts.
 
 mod job;
 mod sample;
@@ -18,22 +19,25 @@ pub use job::{Cluster, Container, Job, Need, redirected};
 pub use sample::{Sample, measure};
 pub use scripts::script;
 
-/// Longest that a job may ask for, minutes: a week.
+/// Maximum wall-clock limit of a shard, minutes: a week.
 const MAX_MINUTES: u64 = 7 * 24 * 60;
-/// Chosen: a task takes up to three times the mean of a small sample.
+/// Safety factor on the expected time. Chosen by hand: some tasks take up to three times the mean of a small sample.
 const TIME_FACTOR: f64 = 3.0;
-/// Chosen: for starting, reading the catalogue and a node that is slower.
+/// Time added for starting, reading the catalogue and slower nodes, minutes. Chosen by hand.
 const TIME_MINUTES: f64 = 5.0;
-/// Chosen: long episodes hold more frames than those of a small sample.
+/// Safety factor on the sample's peak memory. Chosen by hand: long episodes hold more frames than those of a small
+/// sample.
 const MEMORY_FACTOR: f64 = 1.5;
-/// Chosen.
+/// Memory added to the estimate, MiB. Chosen by hand.
 const MEMORY_MIB: f64 = 256.0;
 
 impl Job {
-    /// Refuses what cannot be launched.
+    /// Fails for a job that cannot be launched.
     ///
     /// # Errors
-    /// When there are no shards, more of them than attempts, or a container is missing or not called for.
+    /// When there are no shards, too many or more than attempts, when a shard has no core or none may run, or when a
+    /// container
+    /// is missing for Kubernetes or given for another scheduler.
     pub fn check(&self) -> Result<(), WorkspaceError> {
         let refuse = |what: String, hint: &str| Err(WorkspaceError::input(what).with_hint(hint));
         if self.shards == 0 || self.shards > shard::MAX_SHARDS || self.shards > self.attempts {
@@ -54,7 +58,7 @@ impl Job {
         }
     }
 
-    /// Path of the script or the manifest.
+    /// Path of the script or manifest.
     pub fn script_path(&self) -> PathBuf {
         self.out.join(match self.cluster {
             Cluster::Slurm => "launch.slurm",
@@ -63,7 +67,7 @@ impl Job {
         })
     }
 
-    /// Command that submits the job.
+    /// Command line that submits the job.
     pub fn submission(&self) -> Vec<String> {
         let path = self.script_path().display().to_string();
         let words: &[&str] = match self.cluster {
@@ -74,16 +78,16 @@ impl Job {
         words.iter().map(|word| (*word).to_owned()).collect()
     }
 
-    /// Free space where the shards will write, MiB; `None` where this machine cannot tell.
+    /// Free space on the disk of the shards, MiB; `None` if this machine cannot determine it.
     pub fn free_mib(&self) -> Option<u64> {
         match self.cluster {
-            // The volume is not here.
+            // The volume of the cluster is not mounted on this machine.
             Cluster::Kubernetes => None,
             Cluster::Slurm | Cluster::Local => disk_space::free_mib(&self.out),
         }
     }
 
-    /// Time, memory and disk that the shards need, from what a sample took.
+    /// Time, memory and disk space of the shards, estimated from the measured sample.
     pub fn need(&self, sample: &Sample) -> Need {
         let per_attempt_s = sample.wall_s / sample.attempts.max(1) as f64;
         let per_shard = self.attempts.div_ceil(self.shards) as f64;
@@ -92,7 +96,7 @@ impl Job {
         let disk = sample.disk_bytes as f64 * self.attempts as f64 / sample.attempts.max(1) as f64;
         Need {
             minutes: (minutes.ceil() as u64).clamp(1, MAX_MINUTES),
-            // In steps that people can read.
+            // Rounded up to 64 MiB, for readability.
             memory_mib: ((memory / 64.0).ceil() as u64) * 64,
             disk_mib: (disk / f64::from(1 << 20)).ceil() as u64,
             core_hours: per_attempt_s * self.attempts as f64 * self.cpus as f64 / 3600.0,
@@ -100,13 +104,13 @@ impl Job {
     }
 }
 
-/// Writes the script or the manifest into the folder of the shards, and says where it lies.
+/// Writes the script or manifest into the folder of the shards, and returns its path.
 ///
 /// # Errors
-/// When the disk refuses.
+/// When the folder or the file cannot be written.
 pub fn write(job: &Job, script: &str) -> Result<PathBuf, WorkspaceError> {
     let path = job.script_path();
-    // Slurm drops what a job says where there is no folder for it.
+    // Slurm discards the output of a job if the folder of its log does not exist.
     let folder = if job.cluster == Cluster::Slurm { job.out.join("logs") } else { job.out.clone() };
     fs::create_dir_all(&folder)
         .map_err(|error| WorkspaceError::broken(format!("cannot make the folder {}", folder.display()), error))?;

@@ -1,4 +1,4 @@
-//! A few attempts made here, to learn what the others will need.
+//! Sample of a few attempts of the job, run on this machine to estimate time, memory and disk space of all.
 
 use std::fs;
 use std::path::Path;
@@ -13,28 +13,31 @@ use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::disk_space::{SAMPLE, bytes_below};
 use genmanip_workspace::shard::Shard;
 
-/// Interval between memory measurements of the sample.
+/// Interval between memory measurements of the sample, short against an attempt (seconds).
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Measured resources of some attempts.
+/// Measured resources of the sample.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Sample {
-    /// Number of attempts.
+    /// Number of attempts of the sample.
     pub attempts: usize,
-    /// Wall-clock time of all on the cores of one shard, s.
+    /// Wall-clock time of all these attempts, on as many cores as a shard has, s.
     pub wall_s: f64,
-    /// Peak memory.
+    /// Peak resident memory, bytes.
     pub peak_bytes: u64,
-    /// Disk space of their output.
+    /// Disk space of their output, bytes.
     pub disk_bytes: u64,
 }
 
-/// Makes some of the job's attempts, evenly chosen, in a folder of its own that is removed again, and measures them.
+/// Runs a small, evenly spread shard of the job's attempts, in a scratch folder that is removed afterwards, and
+/// measures them.
 ///
-/// The folder lies inside `beside`, which should be on the disk of the shards, or where the system keeps such things.
+/// The folder is created inside `beside`, which should be on the disk of the shards; in the system's temporary folder
+/// if
+/// `None`.
 ///
 /// # Errors
-/// When the program cannot be started or fails: then the shards would, too.
+/// When the scratch folder cannot be made, or the program cannot be started or fails; the shards would fail, too.
 pub fn measure(job: &Job, program: &Path, beside: Option<&Path>) -> Result<Sample, WorkspaceError> {
     let failed = |error: std::io::Error| WorkspaceError::broken("cannot make a folder for the sample", error);
     let mut builder = tempfile::Builder::new();
@@ -67,19 +70,19 @@ pub fn measure(job: &Job, program: &Path, beside: Option<&Path>) -> Result<Sampl
         }
     };
     let wall_s = begun.elapsed().as_secs_f64();
-    // 1: some task has no verified demonstration, which is no fault of the command.
+    // Exit code 1: some task has no verified demonstration, which is a valid result.
     if !matches!(status.code(), Some(0 | 1)) || !folder.is_dir() {
         return Err(WorkspaceError::input(format!("the sample of {attempts} attempts ended with {status}"))
             .with_hint("what it said stands above; the shards would end like it"));
     }
-    // All shards share the record of the run, which holds all tasks.
+    // The shards of the job share one record of the run, which holds all tasks, so the sample measures one shard of it.
     let shard = Shard::new(0, shards).map_or_else(|_| folder.clone(), |shard| folder.join(shard.name()));
     let record = fs::metadata(shard.join("run.json")).map_or(0, |about| about.len());
     let disk_bytes = bytes_below(&shard).saturating_sub(record);
     Ok(Sample { attempts, wall_s, peak_bytes, disk_bytes })
 }
 
-/// Most memory that a process ever had, as Linux tells; 0 where nothing does.
+/// Peak resident memory of a process, bytes (Linux); 0 if unknown.
 fn resident_bytes(process: u32) -> u64 {
     let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));

@@ -1,10 +1,10 @@
-//! The job in the language of its cluster.
+//! Scripts and manifests that run a job array on its cluster.
 
 use serde_json::{Value, json};
 
 use super::{Cluster, Job, Need};
 
-/// The script of Slurm or of the shell, or the manifest of Kubernetes.
+/// Script for Slurm or the shell, or manifest for Kubernetes as JSON.
 pub fn script(job: &Job, need: &Need) -> String {
     match job.cluster {
         Cluster::Slurm => slurm(job, need),
@@ -52,7 +52,7 @@ fn local(job: &Job) -> String {
     )
 }
 
-/// The program with all its arguments, as a shell takes them.
+/// Shell command line of one shard; `shard` is the text of its `--shard` argument.
 fn call(job: &Job, shard: &str) -> String {
     let program = job.program.display().to_string();
     words(job, shard, program).iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
@@ -75,7 +75,7 @@ fn kubernetes(job: &Job, need: &Need) -> Value {
             "completionMode": "Indexed",
             "completions": job.shards,
             "parallelism": job.at_once,
-            // Retries of each shard: it is also repeated when its node is lost, which is no fault of it.
+            // Number of retries of each shard; losing a node counts as a failure too.
             "backoffLimitPerIndex": 5,
             "template": {
                 "metadata": {"labels": {"app": "genmanip"}},
@@ -100,7 +100,7 @@ fn kubernetes(job: &Job, need: &Need) -> Value {
     })
 }
 
-/// A word as a shell takes it.
+/// A word quoted for the shell, if necessary.
 fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./=%:,@+".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {

@@ -1,4 +1,4 @@
-//! Datasets: cost of collecting and exporting, and success of exported actions when played back.
+//! Datasets: cost of collecting and exporting, and success of exported actions played back open loop.
 
 mod playback;
 mod synthetic;
@@ -36,30 +36,31 @@ pub use synthetic::measure as measure_synthetic;
 pub struct Measured {
     /// Seed of tasks, layouts and attempts.
     pub seed: u64,
-    /// Verified episodes, one attempt per task; all figures refer to these.
+    /// Number of verified episodes, from one attempt per task; all figures refer to these.
     pub episodes: usize,
-    /// Number of their 60 Hz frames.
+    /// Number of 60 Hz frames of these episodes.
     pub frames: usize,
-    /// CPU time of all episodes, s.
+    /// CPU time of all these episodes by stage, s.
     pub cpu_s: CpuSeconds,
-    /// Size of one colour and depth image in the datasets, bytes.
+    /// Size of one pair of colour and depth image in the datasets, bytes.
     pub bytes_per_rgbd_frame: f64,
-    /// CPU time of encoding and writing one colour and depth image, ms.
+    /// CPU time of encoding and writing one pair of colour and depth image, ms.
     pub encode_and_write_ms_per_rgbd_frame: f64,
-    /// CPU time of an export with already rendered images, by format, s.
+    /// CPU time of an export whose images are already rendered, by format, s.
     pub export_s: BTreeMap<&'static str, f64>,
-    /// Share of the episodes that succeed when the rows of a dataset are played back open loop through the policy
-    /// interface, by `ACTION@RATE`; the rotation is named unless it is 6d.
+    /// Success rate when the rows of a dataset are played back open loop through the policy interface, by
+    /// `ACTION@RATE`;
+    /// the rotation representation is part of the key unless it is 6d.
     pub playback: BTreeMap<String, f64>,
-    /// Episodes that did not succeed.
+    /// Episodes that failed in playback.
     pub missed: Vec<Missed>,
-    /// Time of `data check`, s.
+    /// Time of `data check`, s; `None` if not measured.
     pub check_s: Option<f64>,
-    /// Time to open the dataset with its episode index, s.
+    /// Time to open the dataset with its episode index, s; `None` if not measured.
     pub open_s: Option<f64>,
-    /// Time to merge the dataset from shards, s; null unless requested.
+    /// Time to merge the dataset from shards, s; `None` unless requested.
     pub merge_s: Option<f64>,
-    /// Size of the dataset and its depth sibling, bytes.
+    /// Size of the dataset and of the separate depth dataset beside it, bytes.
     pub dataset_bytes: u64,
 }
 
@@ -70,16 +71,17 @@ pub struct CpuSeconds {
     pub simulate: f64,
     /// Rendering of colour and depth.
     pub render: f64,
-    /// Encoding.
+    /// Encoding of images.
     pub encode: f64,
     /// Writing episodes and tracks into the store.
     pub write: f64,
 }
 
-/// Collects one attempt per task into the new folder `folder`, exports the verified ones and plays them back.
+/// Collects one attempt per task into `folder`, which must not exist yet, exports the verified ones and plays them
+/// back.
 ///
 /// # Errors
-/// If a stage or the disk fails; failed attempts are left out.
+/// If the folder exists, a stage fails, or a file cannot be written; failed attempts are omitted.
 pub fn measure(tasks: &[Task], seed: Seed, folder: &Path, progress: &dyn Progress) -> Result<Measured, LabError> {
     fs::create_dir(folder)
         .map_err(|error| LabError::broken(format!("cannot make the folder {}", folder.display()), error))?;
@@ -166,7 +168,7 @@ fn attempted(
     Ok((stage, episode))
 }
 
-/// Stores an episode and its images as `collect` does, each part timed.
+/// Stores an episode and its images as `collect` does; adds the CPU time of each part to `cpu_s`.
 fn keep(store: &EpisodeStore, stage: &Stage, episode: &Episode, cpu_s: &mut CpuSeconds) -> Result<(), LabError> {
     let render_failed = |error: RolloutError| LabError::broken(format!("cannot render {}", episode.result.id), error);
     let mut clock = cpu_clock();
@@ -211,7 +213,7 @@ fn broke(error: DataError) -> LabError {
     LabError::broken("the data could not be stored", error).or_hint("check that the disk is not full")
 }
 
-/// Size of all files below a folder.
+/// Size of all files below a folder, bytes.
 fn bytes_below(folder: &Path) -> u64 {
     let mut folders: Vec<PathBuf> = vec![folder.into()];
     let mut bytes = 0;

@@ -1,4 +1,4 @@
-//! A large synthetic dataset: cost of checking and opening it.
+//! Large synthetic dataset: cost of checking and opening it.
 
 use genmanip_workspace::worlds;
 use std::fs;
@@ -22,19 +22,19 @@ use crate::LabError;
 use crate::clock::process_clock;
 use crate::episodes::laid_out;
 
-/// Rows of an episode, and side length of its images, px.
+/// Number of rows per episode, and side length of its square images, px.
 const ROWS: usize = 30;
 const SIDE_PX: u32 = 64;
-/// Number of distinct scenarios and image sets, which the episodes use in turn.
+/// Number of distinct scenarios and image sets; the episodes use them in turn.
 const SCENARIOS: usize = 8;
 /// Rows per second; one control step per row.
 const RATE_HZ: u32 = 15;
 
-/// Writes a dataset of `count` synthetic episodes into the new folder `folder`, opens and checks it; with `shards` also
-/// as that many datasets, which are merged.
+/// Writes a dataset of `count` synthetic episodes into `folder`, which must not exist yet, opens and checks it. With
+/// `shards`, the episodes are also written as that many datasets, which are merged.
 ///
 /// # Errors
-/// If no task can be laid out, the disk fails, or the check reports findings.
+/// If no task can be laid out, a file cannot be written, or the check reports findings.
 pub fn measure(
     (count, shards): (usize, Option<usize>),
     tasks: &[Task],
@@ -107,7 +107,7 @@ pub fn measure(
     })
 }
 
-/// Writes the episodes with these numbers as a dataset.
+/// Function that writes the episodes with these numbers as a dataset into a folder.
 type Write<'a> = dyn Fn(std::ops::Range<usize>, &Path) -> Result<(), LabError> + 'a;
 
 /// Writes the episodes as shards, merges and checks them; returns the time of merging, s.
@@ -136,7 +136,7 @@ fn merged(
     }
 }
 
-/// Arm joints that oscillate about home and a tool that follows; nothing else moves.
+/// Synthetic episode: the arm's joints oscillate about home, and the tool pose follows; nothing else moves.
 fn episode(robot: &RobotModel, scenario: &Scenario, number: usize, seed: Seed) -> Episode {
     let scenario = Scenario { id: format!("{}-{number}", scenario.id), ..scenario.clone() };
     let swing = |joint: usize, row: usize| {
@@ -199,7 +199,7 @@ fn episode(robot: &RobotModel, scenario: &Scenario, number: usize, seed: Seed) -
     Episode { frames: frames.collect(), initial_state: Vec::new(), final_state: Vec::new(), result, scenario }
 }
 
-/// Synthetic camera image: a square that moves over a shaded background.
+/// Synthetic images of every camera: a square that moves over a shaded background.
 fn tracks(number: usize) -> Result<Vec<CameraTrack>, DataError> {
     let intrinsics = Intrinsics::from_vertical_fov(SIDE_PX, SIDE_PX, 0.8);
     ExportSettings::default()

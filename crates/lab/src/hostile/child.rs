@@ -15,7 +15,7 @@ use crate::LabError;
 pub(super) struct Limits {
     /// Address space, MiB (`ulimit -v`); it always exceeds the resident memory.
     pub(super) memory_mib: u64,
-    /// CPU time, s.
+    /// CPU time, s (`ulimit -t`).
     pub(super) cpu_s: u64,
     /// Maximum time without any use of CPU time, s, to end calls that block.
     pub(super) idle_s: u64,
@@ -34,7 +34,7 @@ pub(super) struct Ended {
     pub(super) code: Option<i32>,
     pub(super) stdout: String,
     pub(super) stderr: String,
-    /// CPU time, s.
+    /// CPU time that the call used, s.
     pub(super) cpu_s: f64,
     /// Peak resident memory, MiB, sampled while the call ran.
     pub(super) peak_mib: u64,

@@ -13,7 +13,7 @@ use super::imports::Imports;
 use super::{HostileArguments, Sandbox, imports, listing, mutate};
 use crate::LabError;
 
-/// Kinds of inputs, with the names of `by_kind`.
+/// Kinds of inputs, the keys of `Measured::by_kind`.
 pub const KINDS: [&str; 24] = [
     "tasks",
     "answers",
@@ -40,26 +40,26 @@ pub const KINDS: [&str; 24] = [
     "dataset-original",
     FULL,
 ];
-/// Files at the size limit; each takes seconds, so they are rare.
+/// Kind of files at their size limit; each takes seconds to read, so they are drawn rarely.
 pub(super) const FULL: &str = "full";
 
 /// Prefix of the kinds of datasets.
 const DATASET: &str = "dataset-";
 
-/// Content of a file.
+/// Content of an input file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Content {
     Bytes(Vec<u8>),
-    /// A link to a file outside the sandbox.
+    /// Symbolic link to a file outside the sandbox.
     LinkOutside,
-    /// A link to an endless device.
+    /// Symbolic link to an endless device (`/dev/zero`).
     LinkZero,
     Pipe,
     Folder,
     Nothing,
 }
 
-/// One call and its input files.
+/// One call of the program with its input files.
 #[derive(Clone, Debug)]
 pub(super) struct Case {
     pub(super) kind: String,
@@ -71,24 +71,24 @@ pub(super) struct Case {
     pub(super) only_reads: bool,
 }
 
-/// Valid inputs.
+/// Valid inputs of every kind.
 pub(super) struct Corpus {
     tasks: Vec<(String, Vec<u8>)>,
-    /// A run of two tasks with an evaluation.
+    /// Files of a run of two tasks with an evaluation.
     run: Vec<(String, Vec<u8>)>,
     scenario: Vec<u8>,
     world: Vec<u8>,
     problems: Vec<u8>,
     cassettes: Vec<(String, Vec<u8>)>,
     grasps: Vec<u8>,
-    /// The run as datasets of several formats.
+    /// Files of the same run exported in several dataset formats.
     datasets: Vec<(String, Vec<u8>)>,
     imports: Imports,
     kept: Vec<Case>,
     fillings: Vec<Filling>,
 }
 
-/// A small arm with every kind of geometry.
+/// URDF of a small arm with every kind of geometry.
 const ARM: &str = include_str!("../../testdata/arm.urdf");
 const RULES: &str = "<robot name=\"six\">\n  <disable_collisions link1=\"base\" link2=\"upper\" reason=\"Never\"/>\n  \
                      <end_effector name=\"tool\" parent_link=\"flange\" group=\"hand\"/>\n</robot>\n";
@@ -116,7 +116,7 @@ impl Corpus {
         };
         let example = |name: &str| examples.join(name).display().to_string();
         let (first, second) = (example("021_spatial.json"), example("024_appearance.json"));
-        // Objects to import do not need the program.
+        // Importing objects needs no inputs made by the program, so that such a measurement starts at once.
         let needs_program = arguments.readers || !arguments.kind.as_deref().is_some_and(imports::is_kind);
         if needs_program {
             run(&["collect", &first, &second, "--episodes", "1", "--no-dataset", "--seed", "3", "--out", "run"])?;
@@ -165,7 +165,7 @@ impl Corpus {
         Ok(corpus)
     }
 
-    /// The dataset of a kind with its siblings, and the calls that read it.
+    /// Files of a dataset kind and of the datasets that belong to it, and the calls that read them.
     fn dataset(&self, kind: &str) -> (Vec<(String, Content)>, &'static [&'static str]) {
         let name = kind.trim_start_matches(DATASET);
         let content = |(name, bytes): &(String, Vec<u8>)| (name.clone(), Content::Bytes(bytes.clone()));
@@ -195,7 +195,7 @@ impl Corpus {
         (files, calls)
     }
 
-    /// Inputs that once broke something.
+    /// Inputs of the kept corpus, which once caused a violation.
     pub(super) fn kept(&self) -> Vec<Case> {
         self.kept.clone()
     }
@@ -305,7 +305,7 @@ impl Corpus {
             }
         };
         let call: Vec<String> = calls[rng.random_range(0..calls.len())].split(' ').map(String::from).collect();
-        // Completed parts of a refused call are kept.
+        // These calls may leave the finished part of their output behind when they are refused.
         let writes = ["evaluate", "report", "new", "preview", "card"];
         let only_reads = !call.iter().take(2).any(|word| writes.contains(&word.as_str()));
         let is_target = |name: &str| match kind {
@@ -324,7 +324,7 @@ impl Corpus {
         Ok(Case { kind: kind.into(), files, targets, call, only_reads })
     }
 
-    /// Contents of files at the size limit.
+    /// Files at their size limit, with their contents.
     pub(super) fn fillings(&self) -> &[Filling] {
         &self.fillings
     }
@@ -334,12 +334,12 @@ impl Corpus {
         self.case("episodes", &mut Seed::new(0).rng())
     }
 
-    /// A file at its reader's size limit in place of a valid one.
+    /// Valid inputs with one file replaced by a random one at its size limit.
     fn full(&self, rng: &mut impl Rng) -> Result<Case, LabError> {
         self.filled(&self.fillings[rng.random_range(0..self.fillings.len())])
     }
 
-    /// The same for one content.
+    /// Valid inputs with one file replaced by this one at its size limit.
     pub(super) fn filled(&self, filling: &Filling) -> Result<Case, LabError> {
         let kind = match filling.file.split_once('/') {
             Some(("run", _)) => "episodes",
@@ -366,7 +366,7 @@ impl Corpus {
 }
 
 impl Case {
-    /// Mutates one file in one place.
+    /// Mutates one random target file in one place.
     pub(super) fn change(&mut self, rng: &mut impl Rng) {
         if self.kind == FULL {
             return;
@@ -387,7 +387,7 @@ impl Case {
             return;
         }
         mutate::file(&name, bytes, rng);
-        // Sometimes update the hashes, so that the mutation passes the integrity check.
+        // In 60 % of the mutations, size and hash are updated, so that the mutation passes the integrity check.
         if self.kind == "episodes" && rng.random_bool(0.6) {
             self.hash_again(&name);
         }
@@ -404,7 +404,7 @@ impl Case {
         }
     }
 
-    /// Names that count as a location in a message.
+    /// Names that count as a location in an error message.
     pub(super) fn places(&self) -> Vec<String> {
         let names = self.targets.iter().map(|&index| self.files[index].0.as_str());
         let mut places: Vec<String> = names.flat_map(|name| name.rsplit('/').next()).map(String::from).collect();
@@ -417,7 +417,7 @@ impl Case {
                 "six",
                 "cassettes",
                 "cases.npz",
-                // Records within a file.
+                // Names of records within a file.
                 "original/lmdb/",
                 "021_spatial",
                 "024_appearance",
@@ -434,7 +434,7 @@ impl Case {
 }
 
 impl Content {
-    /// Writes the content; `outside` is the folder that must not change.
+    /// Writes the content to a path; `outside` is the folder that calls must not change.
     pub(super) fn write(&self, path: &Path, outside: &Path) -> std::io::Result<()> {
         use std::os::unix::fs::symlink;
         match self {
@@ -448,7 +448,7 @@ impl Content {
     }
 }
 
-/// The files of a folder, sorted by name.
+/// Files below a folder, sorted by name.
 fn read_all(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, LabError> {
     let files: Vec<_> = listing(folder).into_iter().filter(|(name, _)| !name.ends_with('/')).collect();
     if files.is_empty() {
@@ -458,7 +458,8 @@ fn read_all(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, LabError> {
     Ok(files)
 }
 
-/// Kept cases, one folder each: the files, and in `call.txt` the kind and the words of the call, one per line.
+/// Cases of the kept corpus. Each has a folder with its files and `call.txt`: the kind, then the words of the call, one
+/// per line.
 fn kept(folder: &Path) -> Result<Vec<Case>, LabError> {
     let mut cases = Vec::new();
     let mut names: Vec<_> = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
@@ -483,7 +484,7 @@ fn kept(folder: &Path) -> Result<Vec<Case>, LabError> {
     Ok(cases)
 }
 
-/// A task document from the record of a run.
+/// Task document of the first task in the record of a run.
 fn task_of(run: &[u8]) -> Option<Vec<u8>> {
     let run: Value = serde_json::from_slice(run).ok()?;
     let mut task = run.get("tasks")?.get(0)?.clone();
@@ -491,7 +492,7 @@ fn task_of(run: &[u8]) -> Option<Vec<u8>> {
     Some(task.to_string().into_bytes())
 }
 
-/// The files of a small valid robot, named `six`; the last one, its SRDF, is optional.
+/// Files of a small valid robot named `six`; the last one, the SRDF, is optional.
 pub fn robot() -> Vec<(String, Vec<u8>)> {
     let file = |name: &str, bytes: &[u8]| (name.to_owned(), bytes.to_vec());
     vec![
@@ -502,7 +503,7 @@ pub fn robot() -> Vec<(String, Vec<u8>)> {
     ]
 }
 
-/// A tetrahedron as binary STL.
+/// Tetrahedron as a binary STL file.
 fn stl() -> Vec<u8> {
     let corners = [[0.0_f32; 3], [0.05, 0.0, 0.0], [0.0, 0.05, 0.0], [0.0, 0.0, 0.05]];
     let mut bytes = vec![0; 80];

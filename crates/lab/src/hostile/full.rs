@@ -1,11 +1,11 @@
-//! Files at their reader's size limit, filled with the most expensive and with valid entries.
+//! Files at their reader's size limit, filled with the most expensive entries or with valid ones.
 
 use std::borrow::Cow;
 
 use genmanip_core::limits::{self, Limit};
 use serde_json::Value;
 
-/// A reader's file, its size limit, and its content.
+/// A file at its size limit, and the call that reads it.
 #[derive(Clone, Debug)]
 pub(super) struct Filling {
     /// Name of the file.
@@ -142,16 +142,18 @@ const FILLINGS: [Filling; 45] = [
     ),
 ];
 
-/// Longer run records are read task by task in the same memory; this size is read within the time limit.
+/// Size of the tested run record. Longer ones are read task by task in the same memory; this one is read within the
+/// time
+/// limit.
 const LONG_RUN: Limit = Limit { what: "the record of a run", bytes: 192 << 20 };
 
 impl Filling {
-    /// Contents that do not depend on the corpus.
+    /// Files whose contents do not depend on the corpus.
     pub(super) fn fixed() -> Vec<Self> {
         FILLINGS.to_vec()
     }
 
-    /// Valid documents of a run at maximum length; `value` returns the JSON of one of its files.
+    /// Valid documents of a run, extended to their size limit; `value` returns the JSON of a file of the run.
     pub(super) fn sound(value: impl Fn(&str) -> Option<Value>) -> Vec<Self> {
         const REPORT: &str = "run/evaluation/do_nothing_seconds=0.1.json";
         let run =
@@ -161,7 +163,7 @@ impl Filling {
         [run, report, value(REPORT).and_then(|report| Self::results(&report))].into_iter().flatten().collect()
     }
 
-    /// Unfinished results: the first result of an evaluation, line by line.
+    /// Unfinished results (`results.jsonl`): the first result of an evaluation, repeated line by line.
     fn results(report: &Value) -> Option<Self> {
         let mut line = serde_json::json!({"schema": "genmanip.result/2"});
         line.as_object_mut()?.extend(report.get("results")?.get(0)?.as_object()?.clone());
@@ -175,7 +177,7 @@ impl Filling {
         })
     }
 
-    /// A valid document with the first entry of its list repeated.
+    /// Valid document whose list `list` repeats its first entry up to the size limit.
     fn repeating(
         (file, limit): (&'static str, Limit),
         mut document: Value,
@@ -191,7 +193,7 @@ impl Filling {
         Some(Self { file: file.into(), limit, before: before.into(), unit: unit.into(), after: after.into(), call })
     }
 
-    /// A file exactly at the size limit.
+    /// Content of the file: `before`, as many copies of `unit` as fit, `after`; at most the size limit.
     pub(super) fn bytes(&self) -> Vec<u8> {
         let Self { before, unit, after, limit, .. } = self;
         let room = limit.bytes as usize - before.len() - after.len();

@@ -1,4 +1,4 @@
-//! Hostile files: randomly mutated input of every kind, passed to the program itself.
+//! Robustness against hostile files: randomly mutated input of every kind, passed to the program itself.
 //!
 //! Each try is one call of the real program in a sandbox folder, under limits of memory and CPU time. It may accept its
 //! input or refuse it with one clear message; it must not panic, hang, exceed its memory or write outside the folder.
@@ -29,47 +29,47 @@ pub use corpus::{KINDS, robot};
 pub use readers::Reader;
 pub use starts::Starts;
 
-/// Settings of the measurement.
+/// Program, inputs and amount of the measurement.
 #[derive(Clone, Debug)]
 pub struct HostileArguments {
-    /// Path of `genmanip`.
+    /// Path of the `genmanip` executable.
     pub program: PathBuf,
-    /// Path of `genmanip-lab`.
+    /// Path of the `genmanip-lab` executable.
     pub lab: PathBuf,
-    /// Project folder, with `examples/tasks`, cassettes and the kept corpus.
+    /// Project folder, with `examples/tasks`, recorded answers and the kept corpus.
     pub project: PathBuf,
-    /// CPU time of all calls together, min.
+    /// CPU time of all calls together, minutes.
     pub minutes: f64,
-    /// Only this kind of input.
+    /// Only kind of input to mutate; `None` for all.
     pub kind: Option<String>,
-    /// File for all messages.
+    /// File to write all error messages to; `None` for no file.
     pub refusals: Option<PathBuf>,
-    /// Folder for inputs that broke something.
+    /// Folder to copy inputs to that caused a violation; `None` for no copies.
     pub found: Option<PathBuf>,
     /// True to measure every reader on files at its size limit.
     pub readers: bool,
-    /// Number of pairs of starts that race for one folder.
+    /// Number of pairs of simultaneous starts in one folder.
     pub races: usize,
-    /// Number of kills at random moments.
+    /// Number of calls killed at a random moment.
     pub kills: usize,
 }
 
-/// Results.
+/// Violations, by kind, and cost of the calls.
 #[derive(Debug, Default, Serialize)]
 pub struct Measured {
-    /// Number of calls.
+    /// Number of calls of the program.
     pub tried: u64,
-    /// Calls by kind of input.
+    /// Numbers of calls by kind of input.
     pub by_kind: BTreeMap<String, ByKind>,
-    /// Calls that panicked or were ended by a signal.
+    /// Number of calls that panicked or were ended by a signal.
     pub panics: u64,
-    /// Calls that used more than 10 s of CPU time, or idled for a minute.
+    /// Number of calls that used more than 10 s of CPU time, or were idle for a minute.
     pub hangs: u64,
-    /// Calls that exceeded 1 GiB of memory.
+    /// Number of calls that exceeded 1 GiB of memory.
     pub over_memory: u64,
-    /// Calls that wrote, changed or removed something outside their folder, or modified read-only input.
+    /// Number of calls that created, changed or removed something outside their folder, or modified read-only input.
     pub wrote_outside: u64,
-    /// Messages without location, expectation, actual value or hint.
+    /// Error messages without location, expectation, actual value or hint.
     pub unclear: Vec<String>,
     /// Violations: kind, description, the call, and the input's file under `--found`.
     pub broken: Vec<String>,
@@ -77,11 +77,11 @@ pub struct Measured {
     pub cpu_s: f64,
     /// CPU time of the slowest call that ended normally, s.
     pub slowest_s: f64,
-    /// The slowest such call.
+    /// Command line of that slowest call.
     pub slowest: String,
     /// Cost of every reader on files at its size limit, if requested.
     pub readers: Vec<Reader>,
-    /// Results of racing starts and kills.
+    /// Results of simultaneous starts and of kills; `None` unless requested.
     pub starts: Option<Starts>,
     /// Seed of the mutations.
     pub seed: u64,
@@ -90,18 +90,19 @@ pub struct Measured {
 /// Calls on one kind of input.
 #[derive(Debug, Default, Serialize)]
 pub struct ByKind {
-    /// Number of calls.
+    /// Number of calls on this kind.
     pub tried: u64,
-    /// Calls that accepted the input.
+    /// Number of calls that accepted the input.
     pub accepted: u64,
-    /// Calls that refused it.
+    /// Number of calls that refused the input.
     pub refused: u64,
 }
 
 /// Maximum number of unclear messages and violations listed.
 const SHOWN: usize = 200;
 
-/// Tries mutated inputs for some minutes of CPU time; if `stop` becomes true, returns the results so far.
+/// Calls the program with mutated inputs for some minutes of CPU time; if `stop` becomes true, returns the results so
+/// far.
 ///
 /// # Errors
 /// If the program cannot be started, or the valid inputs cannot be made.
@@ -120,13 +121,13 @@ pub fn measure(
     progress.begin("trying", (budget_s.max(1.0)) as usize);
     let mut rng = seed.fork("hostile").rng();
     let mut done = 0;
-    // Inputs that once broke something come first.
+    // Inputs of the kept corpus, which once caused a violation, come first.
     let kept = corpus.kept().into_iter().filter(|case| arguments.kind.as_ref().is_none_or(|kind| *kind == case.kind));
     for case in kept.collect::<Vec<_>>() {
         attempt(arguments, &sandbox, &case, (&mut measured, &mut refusals), stop)?;
     }
     while measured.cpu_s < budget_s && !stop.load(Ordering::Relaxed) {
-        // The last kind costs as much as a hundred others.
+        // One in 100 calls has a file at its size limit, which costs as much as a hundred other calls.
         let is_full = rng.random_bool(0.01);
         let any = || if is_full { corpus::FULL } else { KINDS[rng.random_range(0..KINDS.len() - 1)] }.to_owned();
         let kind = arguments.kind.clone().unwrap_or_else(any);
@@ -153,7 +154,7 @@ pub fn measure(
     Ok(measured)
 }
 
-/// One call on one input.
+/// Makes one call on one input and records its outcome.
 fn attempt(
     arguments: &HostileArguments,
     sandbox: &Sandbox,
@@ -165,7 +166,7 @@ fn attempt(
     let before = if case.only_reads { listing(&sandbox.work()) } else { BTreeMap::new() };
     let ended = child::run(arguments, &case.call, sandbox, Limits::default())?;
     if stop.load(Ordering::Relaxed) {
-        // The signal that stops this program may have ended the call too.
+        // Ctrl-C reaches the call as well, so its outcome does not count.
         return sandbox.clear();
     }
     measured.tried += 1;
@@ -210,13 +211,13 @@ fn attempt(
     sandbox.clear()
 }
 
-/// The part missing in a message: location, expectation, actual value, or hint.
+/// Missing part of an error message: location, expectation, actual value, or hint; `None` if it is complete.
 fn lacks(ended: &Ended, case: &Case) -> Option<&'static str> {
     if imports::is_kind(&case.kind) && !ended.stdout.trim().is_empty() {
         return imports::lacks(ended);
     }
     let said = &ended.stderr;
-    // Verdicts on answers, tasks, worlds and episodes are tables on stdout, with at most one line of log.
+    // Refusals of answers, tasks, worlds and episodes are tables on stdout, with at most one line on stderr.
     if ended.code == Some(1) && !ended.stdout.trim().is_empty() {
         return None;
     }
@@ -255,7 +256,7 @@ fn last_lines(text: &str) -> String {
     lines[lines.len().saturating_sub(3)..].join(" / ")
 }
 
-/// Saves an input that broke something; returns its location.
+/// Saves an input that caused a violation below `--found`; returns its path, or an empty text without that option.
 fn keep(arguments: &HostileArguments, sandbox: &Sandbox, number: usize, case: &Case) -> Result<String, LabError> {
     let Some(folder) = &arguments.found else { return Ok(String::new()) };
     let folder = folder.join(format!("{}-{number}", case.kind));
@@ -272,7 +273,7 @@ fn keep(arguments: &HostileArguments, sandbox: &Sandbox, number: usize, case: &C
     Ok(format!(" ({})", folder.display()))
 }
 
-/// Sandbox: a working folder next to files that must not change.
+/// Sandbox: a working folder for calls, beside files that the calls must not change.
 pub(super) struct Sandbox {
     root: PathBuf,
     outside: BTreeMap<String, Vec<u8>>,
@@ -301,7 +302,7 @@ impl Sandbox {
         self.root.join("outside")
     }
 
-    /// Writes the files of a case.
+    /// Empties the working folder and writes the files of a case into it.
     fn fill(&self, case: &Case) -> Result<(), LabError> {
         self.clear()?;
         for (name, content) in &case.files {
@@ -334,7 +335,7 @@ impl Drop for Sandbox {
     }
 }
 
-/// All files under a folder with their contents; links and pipes by their kind.
+/// Contents of all files below a folder, by relative path; for links and pipes their type.
 pub fn listing(root: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = BTreeMap::new();
     let mut folders = vec![root.to_owned()];

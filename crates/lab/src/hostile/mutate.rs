@@ -7,10 +7,10 @@ use rand::{Rng, RngExt};
 use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
 
-/// Number of mutations per input, sampled uniformly from these.
+/// Numbers of mutations per input, one of which is drawn.
 pub const CHANGES: [usize; 6] = [1, 1, 1, 2, 3, 8];
 
-/// Mutates a file in one place: three times in four with respect to the format that its extension names, else blindly.
+/// Mutates a file in one place: with probability 3/4 within the format that its extension names, otherwise bytewise.
 pub fn file(name: &str, bytes: &mut Vec<u8>, rng: &mut impl Rng) {
     let is_blind = rng.random_bool(0.25);
     match Path::new(name).extension().and_then(|ending| ending.to_str()) {
@@ -20,7 +20,7 @@ pub fn file(name: &str, bytes: &mut Vec<u8>, rng: &mut impl Rng) {
     }
 }
 
-/// Updates size and hash of a file in the record of its episode, so that a mutation passes the integrity check.
+/// Updates size and hash of a file in the record of its episode, so that its mutation passes the integrity check.
 pub fn hash_again(record: &mut Vec<u8>, name: &str, bytes: &[u8]) {
     let Ok(mut value) = serde_json::from_slice::<Value>(record) else { return };
     let listed = value.get_mut("files").and_then(Value::as_array_mut).into_iter().flatten();
@@ -32,7 +32,7 @@ pub fn hash_again(record: &mut Vec<u8>, name: &str, bytes: &[u8]) {
     *record = value.to_string().into_bytes();
 }
 
-/// Problematic numbers, as text.
+/// Numbers that parsers and computations often mishandle, as text.
 const NUMBERS: [&str; 26] = [
     "0",
     "-0.0",
@@ -61,7 +61,7 @@ const NUMBERS: [&str; 26] = [
     "-inf",
     "1e999",
 ];
-/// Problematic strings.
+/// Strings that parsers and file systems often mishandle.
 const TEXTS: [&str; 14] = [
     "",
     " ",
@@ -91,7 +91,7 @@ fn text(rng: &mut impl Rng) -> String {
     }
 }
 
-/// A random JSON value.
+/// Random JSON value, such as null, a problematic number or an empty list.
 fn value(rng: &mut impl Rng) -> Value {
     match rng.random_range(0..9) {
         0 => Value::Null,
@@ -104,7 +104,7 @@ fn value(rng: &mut impl Rng) -> Value {
     }
 }
 
-/// Mutates one place of a JSON text; invalid JSON is mutated as bytes.
+/// Mutates a JSON text in one place; a text that is no valid JSON is mutated bytewise.
 fn json(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
     let Ok(mut document) = serde_json::from_slice::<Value>(bytes) else { return blind(bytes, rng) };
     let count = count(&document);
@@ -121,7 +121,7 @@ fn count(value: &Value) -> usize {
     }
 }
 
-/// Mutates the value `place` positions further in document order.
+/// Mutates the value that comes `place` positions after this one in document order; true if it was reached.
 fn change(value: &mut Value, place: &mut usize, rng: &mut impl Rng) -> bool {
     if *place == 0 {
         replace(value, rng);
@@ -215,7 +215,7 @@ fn tokens(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
     *bytes = changed.into_bytes();
 }
 
-/// Replaces one of several spans.
+/// Replaces one random span (start and end, bytes) of a text; the text unchanged if there are none.
 fn in_one<R: Rng>(text: &str, spans: &[(usize, usize)], rng: &mut R, new: &dyn Fn(&str, &mut R) -> String) -> String {
     if spans.is_empty() {
         return text.to_owned();
@@ -225,7 +225,7 @@ fn in_one<R: Rng>(text: &str, spans: &[(usize, usize)], rng: &mut R, new: &dyn F
     format!("{}{inside}{}", &text[..from], &text[to..])
 }
 
-/// Runs of characters of one class that contain a digit.
+/// Spans (start and end, bytes) of consecutive characters of one class with at least one digit.
 fn spans(text: &str, belongs: impl Fn(char) -> bool) -> Vec<(usize, usize)> {
     let (mut found, mut start) = (Vec::new(), None);
     for (index, c) in text.char_indices().chain([(text.len(), ' ')]) {
@@ -243,13 +243,13 @@ fn spans(text: &str, belongs: impl Fn(char) -> bool) -> Vec<(usize, usize)> {
     found
 }
 
-/// Contents of double quotes.
+/// Spans (start and end, bytes) between double quotes.
 fn quoted(text: &str) -> Vec<(usize, usize)> {
     let marks: Vec<usize> = text.match_indices('"').map(|(index, _)| index).collect();
     marks.chunks_exact(2).map(|pair| (pair[0] + 1, pair[1])).collect()
 }
 
-/// Mutates bytes without regard to the format.
+/// Mutates bytes without regard to the format of the file.
 fn blind(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
     if bytes.is_empty() {
         bytes.extend((0..rng.random_range(1..64)).map(|_| rng.random::<u8>()));
@@ -271,7 +271,7 @@ fn blind(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
             bytes.splice(at..at, noise);
         }
         6 => bytes[at..at + some].fill([0, 0xff][rng.random_range(0..2)]),
-        // Four bytes are a number in many formats.
+        // Many formats store lengths and counts as four bytes.
         _ => {
             let number = [0_u32, 1, 0x7fff_ffff, 0xffff_ffff, 1 << 20, f32::NAN.to_bits(), 1e30_f32.to_bits()];
             let number = number[rng.random_range(0..number.len())].to_le_bytes();

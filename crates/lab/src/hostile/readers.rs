@@ -16,15 +16,15 @@ use crate::LabError;
 pub struct Reader {
     /// Call or file that is read.
     pub file: String,
-    /// Its size limit, bytes.
+    /// Size limit of the file, as text.
     pub limit: String,
-    /// Content of the file.
+    /// Description of the file's content.
     pub filled_with: String,
     /// Outcome: accepted, refused, or the violation.
     pub outcome: &'static str,
     /// CPU time of the call, s.
     pub cpu_s: f64,
-    /// Peak memory, MiB.
+    /// Peak resident memory of the call, MiB.
     pub peak_mib: u64,
 }
 

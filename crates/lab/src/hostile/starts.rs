@@ -1,4 +1,4 @@
-//! Simultaneous starts in one folder, and calls that are killed and restarted.
+//! Simultaneous starts in one folder, and calls that are killed and repeated.
 
 mod kills;
 
@@ -16,34 +16,34 @@ use serde_json::Value;
 use super::{HostileArguments, Sandbox};
 use crate::LabError;
 
-/// Results of starts and kills.
+/// Results of simultaneous starts and of kills.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Starts {
-    /// Pairs of starts with different seeds in one new folder, both begun before either had written.
+    /// Number of pairs of `collect` with different seeds in one new folder, both started before either had written.
     pub pairs: usize,
-    /// Pairs with exactly one winner, and an explanation from the other.
+    /// Number of pairs of which exactly one succeeded and the other explained its failure.
     pub one_won: usize,
-    /// Folders with the record of one run and episodes of the other.
+    /// Number of folders with the record of one run and episodes of the other.
     pub mixed: usize,
-    /// Calls that were killed at a random moment and then repeated: `collect` in each of its phases, and the other
+    /// Number of calls that were killed at a random moment and repeated: `collect` in each of its phases, and the other
     /// subcommands that write runs and datasets, in turn.
     pub kills: usize,
-    /// Activity at the moment of the kill, inferred from the files.
+    /// Number of kills by the call's activity at that moment, inferred from its files.
     pub killed_while: BTreeMap<&'static str, usize>,
-    /// Calls that were killed before they had ended.
+    /// Number of calls that were killed before they ended by themselves.
     pub killed_in_time: usize,
-    /// Calls with the same final bytes as an uninterrupted one.
+    /// Number of repeated calls whose final files have the same bytes as those of an uninterrupted call.
     pub identical: usize,
-    /// Violations.
+    /// Descriptions of violations.
     pub wrong: Vec<String>,
 }
 
-/// The fastest of the example tasks.
+/// Task of the runs, the fastest of the example tasks.
 const TASK: &str = "024_appearance";
-/// Maximum restarts of a pair if one had written before the other had begun.
+/// Maximum number of repetitions of a pair of which one had written before the other started.
 const TRIES: usize = 20;
 
-/// Races pairs of starts, and kills and continues runs.
+/// Starts pairs of `collect` in one folder, and kills and repeats calls.
 pub(super) fn measure(
     arguments: &HostileArguments,
     sandbox: &Sandbox,
@@ -57,7 +57,7 @@ pub(super) fn measure(
         let before = starts.clone();
         race(arguments, sandbox, pair as u64, &mut starts)?;
         if stop.load(Ordering::Relaxed) {
-            // The signal that stops this program may have ended both too.
+            // Ctrl-C reaches both calls as well, so their outcome does not count.
             return Ok(before);
         }
         progress.advance();
@@ -96,7 +96,7 @@ fn race(arguments: &HostileArguments, sandbox: &Sandbox, pair: u64, starts: &mut
             |path: &Path| -> Value { serde_json::from_slice(&fs::read(path).unwrap_or_default()).unwrap_or_default() };
         let record = value(&run.join("run.json"))["seed"].as_u64();
         let episode = value(&run.join(format!("episodes/{TASK}-000/episode.json")))["result"]["seed"].as_u64();
-        // As in `Attempt::all`.
+        // Same stream as `Attempt::all`, so that an episode's seed tells which run made it.
         let of_run = |seed: u64| Seed::new(seed).fork("attempt").fork(TASK).fork_index(0).value();
         if episode.is_some() && record.map(of_run) != episode {
             starts.mixed += 1;
@@ -112,7 +112,7 @@ fn race(arguments: &HostileArguments, sandbox: &Sandbox, pair: u64, starts: &mut
     Ok(())
 }
 
-/// Starts `collect` of one attempt, with its output in a file.
+/// Starts `collect` with one attempt; its output goes to the file `said`.
 fn collect(arguments: &HostileArguments, sandbox: &Sandbox, options: &[String], said: &str) -> Result<Child, LabError> {
     start(arguments, sandbox, &collect_call(arguments, options), said)
 }
@@ -122,7 +122,7 @@ fn collect_call(arguments: &HostileArguments, options: &[String]) -> Vec<String>
     [&["collect".to_owned(), task, "--episodes".into(), "1".into()], options].concat()
 }
 
-/// Starts the program, with its output in a file.
+/// Starts the program; its output goes to the file `said`.
 fn start(arguments: &HostileArguments, sandbox: &Sandbox, call: &[String], said: &str) -> Result<Child, LabError> {
     let said = sandbox.work().join(said);
     let file = File::create(&said).map_err(|error| LabError::file("write", &said, error))?;

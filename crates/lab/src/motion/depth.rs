@@ -1,4 +1,4 @@
-//! From a depth image to a path: the planner knows only the camera image and the table.
+//! Planning from a depth image: the planner knows only the camera image and the table.
 
 use std::sync::Arc;
 
@@ -12,46 +12,46 @@ use super::problems::Problem;
 use super::{OPEN, SHOWN, states, timed};
 use crate::LabError;
 
-/// Fine cloud for checking paths against all visible points: voxel size and point radius, m.
+/// Fine point cloud that stands for the visible surfaces when paths are checked: voxel size and point radius, m.
 const FINE_CLOUD: (f64, f64) = (0.002, 1e-4);
-/// Name of the cloud as an obstacle of the world.
+/// Name of the point cloud as an obstacle.
 const SEEN: &str = "what is seen";
 
-/// Results; only the check knows the true obstacles.
+/// Results of planning from depth images; only the check knows the true obstacles.
 #[derive(Default, Serialize)]
 pub struct Depth {
-    /// Problems rendered.
+    /// Number of problems rendered.
     pub problems: usize,
-    /// Problems with start or goal inside the inflated cloud; they are not planned.
+    /// Number of problems whose start or goal lies within the inflated cloud; they are not planned.
     pub start_or_goal_in_cloud: usize,
-    /// Problems planned.
+    /// Number of problems planned.
     pub planned: usize,
-    /// Problems with a path.
+    /// Number of problems with a path.
     pub solved: usize,
-    /// Paths with a state, every 0.02 rad, that touches the cloud they were planned in.
+    /// Number of paths with a state, checked every 0.02 rad, that touches the cloud they were planned in.
     pub touching_cloud: usize,
-    /// Paths that touch a point of the fine cloud, which stands for the visible surfaces.
+    /// Number of paths that touch a point of the fine cloud.
     pub touching_seen_surfaces: usize,
-    /// Paths that touch the true geometry, including unseen parts.
+    /// Number of paths that touch the true geometry, unseen parts included.
     pub touching_anything: usize,
-    /// Share of paths clear of the visible surfaces.
+    /// Share of paths that touch no point of the fine cloud, 0 to 1.
     pub clear_of_seen_surfaces: f64,
-    /// Median number of points in the cloud.
+    /// Median number of points of the planner's cloud.
     pub points: f64,
-    /// Median CPU time from the image to the world, ms.
+    /// Median CPU time from the depth image to the planner's collision world, ms.
     pub perceive_ms: f64,
     /// Median CPU time of planning, ms.
     pub plan_ms: f64,
-    /// The first unsolved problems with reasons.
+    /// Reasons of the first unsolved problems.
     pub failures: Vec<String>,
 }
 
-/// Measurements of the problems so far; [`DepthTally::finish`] summarises them in `depth`.
+/// Collected measurements of the problems; [`DepthTally::finish`] summarises them in `depth`.
 pub struct DepthTally {
-    /// CPU time from the image to a path or failure, ms, of each planned problem.
+    /// CPU time of each planned problem from the image to a path or failure, ms.
     pub total_ms: Vec<f64>,
     pub depth: Depth,
-    /// The planner with the settings of the fine cloud.
+    /// Planner whose settings give the fine cloud.
     fine: Planner,
     camera: Camera,
     perceive_ms: Vec<f64>,
@@ -116,7 +116,7 @@ impl DepthTally {
         Ok(())
     }
 
-    /// Computes medians and shares after all problems.
+    /// Computes medians and shares, once all problems are measured.
     pub fn finish(&mut self) {
         let median = |values: &mut Vec<f64>| super::Spread::of(std::mem::take(values)).median;
         let Depth { solved, touching_seen_surfaces, .. } = self.depth;
@@ -131,20 +131,20 @@ fn around<'a>(world: &'a CollisionWorld, allowed: &'a AllowedCollisions) -> Plan
     PlanningScene { world, attached: None, allowed, gripper_width: OPEN }
 }
 
-/// True if a state of the path, every 0.02 rad, one of its corners, or a command touches anything.
+/// True if anything touches: a state of the path (every 0.02 rad), a waypoint, or a state of the timed trajectory.
 fn is_touched_by(planner: &Planner, around: &PlanningScene, path: &Path) -> bool {
     let (exact, trajectory) = (planner.checker(around, 0.0), planner.time(path, 1.0));
     states(path).iter().chain(path.waypoints()).chain(&trajectory.configs).any(|state| exact.check(state).is_some())
 }
 
-/// Depth image of the obstacles and of the robot at the start, from their collision pieces.
+/// Depth image of the obstacles and of the robot at its start, rendered from collision pieces.
 fn draw(robot: &RobotModel, problem: &Problem, camera: &Camera) -> Result<RgbdImage, LabError> {
     let mut drawn = robot.clone();
     for link in &mut drawn.links {
         link.visual = link.pieces.iter().map(visual).collect::<Result<_, _>>()?;
     }
     let obstacles = problem.pieces.iter().map(visual).collect::<Result<Vec<_>, _>>()?;
-    // The base is at the world's origin.
+    // The base link is at the world's origin, so obstacles attached to it keep their world poses.
     drawn.links[0].visual.extend(obstacles);
     let no_picture = |error| LabError::broken("the problem cannot be rendered", error);
     let assets = RenderAssets::new(Arc::new(drawn), &[], None).map_err(no_picture)?;

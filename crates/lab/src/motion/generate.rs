@@ -55,7 +55,7 @@ pub fn generate(planner: &Planner, hard: bool, count: usize, seed: Seed) -> Resu
 /// Obstacles of a scene; the first is the table top.
 struct Scene {
     obstacles: Vec<Obstacle>,
-    /// Indices of graspable objects.
+    /// Range of the graspable objects' indices among the obstacles.
     objects: std::ops::Range<usize>,
     shelf: Option<Shelf>,
 }

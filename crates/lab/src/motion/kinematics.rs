@@ -1,4 +1,4 @@
-//! Inverse kinematics at poses reached by random configurations.
+//! Inverse kinematics at the tool poses of random configurations: success, cost and accuracy.
 
 use genmanip_core::Seed;
 use genmanip_motion::{Chain, IkSettings, InverseKinematics, Planner};
@@ -8,27 +8,28 @@ use serde::Serialize;
 use crate::LabError;
 use crate::clock::cpu_clock;
 
-/// Divisor of the number of poses for arms with numeric inverse kinematics.
+/// Divisor of the number of poses for arms with numeric inverse kinematics, which is slower.
 const PER_NUMERIC_POSE: usize = 200;
 
-/// Results of the inverse kinematics.
+/// Success, cost and accuracy of inverse kinematics.
 #[derive(Serialize)]
 pub struct Kinematics {
-    /// True if the arm has a closed form.
+    /// True if the arm has closed-form inverse kinematics.
     pub analytic: bool,
-    /// Number of poses.
+    /// Number of poses tried.
     pub poses: usize,
-    /// Poses with at least one solution.
+    /// Number of poses with at least one solution.
     pub solved: usize,
-    /// Mean time of all branches for one value of the redundant joint; for a numeric arm, of one search, µs.
+    /// Mean CPU time of all solution branches at one value of the redundant joint; for a numeric arm, of one search,
+    /// µs.
     pub branches_us: f64,
-    /// Mean time of all solutions: sweep of the redundant joint, ranking, refinement, µs.
+    /// Mean CPU time of all solutions of a pose (sweep of the redundant joint, ranking, refinement), µs.
     pub sweep_us: f64,
     /// Largest position error of the tcp over all solutions, m.
     pub worst_error_m: f64,
 }
 
-/// Measures at a number of poses; fewer for a numeric arm.
+/// Measures at `poses` reachable poses; at fewer for a numeric arm.
 pub fn measure(planner: &Planner, poses: usize, seed: Seed) -> Result<Kinematics, LabError> {
     let robot = planner.robot();
     let chain = Chain::new(robot).map_err(|error| LabError::broken("the robot has no arm", error))?;

@@ -1,4 +1,5 @@
-//! Motion planning: plans problems from a file or random ones, checks the paths again, and times everything.
+//! Motion planning: problems from a file or random ones are planned, every path is checked again, and all steps are
+//! timed.
 
 mod depth;
 mod generate;
@@ -21,80 +22,80 @@ use genmanip_workspace::Progress;
 pub use kinematics::Kinematics;
 use problems::Problem;
 
-/// Runs per problem; the median time counts.
+/// Runs per problem; the median CPU time is reported.
 const RUNS: usize = 3;
-/// Largest joint step between states of a path when it is checked again, rad.
+/// Maximum joint step between the states of a path when it is checked again, rad.
 const RECHECK: f64 = 0.02;
-/// Gripper width, m (a robot from a file keeps the finger positions of the file).
+/// Opening of the gripper, m. A robot from a file keeps the finger positions of that file.
 const OPEN: f64 = 0.08;
-/// Maximum number of failures and contacts named.
+/// Maximum number of failures and of contacts in the text summary.
 const SHOWN: usize = 20;
 
-/// Settings of the measurement.
+/// Robot, problems and outputs of the measurement.
 #[derive(Clone, Debug)]
 pub struct MotionArguments {
-    /// The arm.
+    /// The robot to plan for.
     pub robot: Arc<RobotModel>,
     /// Source of the problems.
     pub problems: Source,
-    /// Longest edge of the search tree, rad; `None` for the planner's default.
+    /// Maximum edge length of the search tree, rad; `None` for the planner's default.
     pub rrt_range: Option<f64>,
-    /// Number of poses for inverse kinematics; a numeric arm uses one in 200.
+    /// Number of poses for inverse kinematics; arms with numeric inverse kinematics use one in 200.
     pub ik_poses: usize,
-    /// File for the states of every path, every 0.02 rad.
+    /// File to write the states of every path to, 0.02 rad apart; `None` for no file.
     pub paths: Option<PathBuf>,
 }
 
 /// Source of motion problems.
 #[derive(Clone, Debug)]
 pub enum Source {
-    /// A file.
+    /// Problems from a file.
     File {
-        /// Path of the file.
+        /// Path of the file, JSON with a list of problems.
         path: PathBuf,
-        /// Maximum number of its problems, from the front.
+        /// Maximum number of problems, from the front of the file.
         count: usize,
     },
     /// Random pick-and-place motions on a table.
     Generated {
         /// True for a shelf and taller objects.
         is_hard: bool,
-        /// Number of problems.
+        /// Number of problems to generate.
         count: usize,
-        /// File to which they are also written.
+        /// File to write the generated problems to; `None` for no file.
         out: Option<PathBuf>,
     },
 }
 
-/// Results.
+/// Success, validity and cost of the planner.
 #[derive(Serialize)]
 pub struct Measured {
-    /// Number of problems.
+    /// Number of problems planned.
     pub problems: usize,
-    /// Problems with a path.
+    /// Number of problems with a path.
     pub solved: usize,
-    /// Paths with a state, every 0.02 rad, in collision.
+    /// Number of paths with a state in collision, checked every 0.02 rad.
     pub invalid_paths: usize,
     /// CPU time of planning and smoothing one path, ms.
     pub cpu_ms: Spread,
-    /// Sum of the Euclidean joint-space steps.
+    /// Path length: sum of Euclidean distances in joint space, rad.
     pub path_length_rad: Spread,
     /// Median CPU time of time parameterisation, ms.
     pub time_scaling_ms: f64,
-    /// Median time of all inverse kinematics branches for one value of the redundant joint (numeric arms: one
-    /// solution), µs.
+    /// Mean CPU time of all inverse kinematics branches at one value of the redundant joint (numeric arms: one search),
+    /// µs.
     pub ik_us: f64,
     /// Further results of inverse kinematics.
     pub ik: Kinematics,
     /// 95th percentile of the CPU time of time parameterisation, ms.
     pub time_scaling_p95_ms: f64,
-    /// Timed paths that exceed a velocity or acceleration limit.
+    /// Number of timed paths that exceed a velocity or acceleration limit.
     pub limits_exceeded: usize,
-    /// Duration of the motions, s.
+    /// Duration of the timed paths, s.
     pub duration_s: Spread,
-    /// Time to compile the robot once, ms.
+    /// CPU time to build the planner for the robot, ms.
     pub setup_ms: f64,
-    /// CPU time from a depth image to a path, ms; see `depth`.
+    /// CPU time from a depth image to a path, ms; details are in `depth`.
     pub depth_to_path_ms: Spread,
     /// Results of planning from depth images.
     pub depth: Depth,
@@ -104,20 +105,20 @@ pub struct Measured {
     pub seed: u64,
     /// Runs per problem; the median time counts.
     pub runs_per_problem: usize,
-    /// The first unsolved problems with reasons.
+    /// Reasons of the first unsolved problems.
     pub failures: Vec<String>,
-    /// The first paths in collision with their contacts.
+    /// Contacts of the first paths in collision.
     pub contacts: Vec<String>,
 }
 
-/// Median, 95th percentile and maximum.
+/// Median, 95th percentile and maximum of measured values.
 #[derive(Serialize)]
 pub struct Spread {
-    /// Median.
+    /// Median of the values.
     pub median: f64,
-    /// 95th percentile.
+    /// 95th percentile of the values.
     pub p95: f64,
-    /// Maximum.
+    /// Maximum of the values.
     pub max: f64,
 }
 
@@ -186,7 +187,7 @@ pub fn measure(arguments: &MotionArguments, seed: Seed, progress: &dyn Progress)
     })
 }
 
-/// Problems from a file, or random ones.
+/// Problems from a file, or random ones, which are also written to a file if requested.
 fn problems(source: &Source, planner: &Planner, seed: Seed) -> Result<Vec<Problem>, LabError> {
     let (is_hard, count, out) = match source {
         Source::File { path, count } => return problems::read(path, planner.robot().arm_dof(), *count),
@@ -225,7 +226,7 @@ impl Tally {
         let states = states(&path);
         self.lengths.push(states.windows(2).map(|pair| distance(&pair[0], &pair[1])).sum());
         let exact = planner.checker(&around, 0.0);
-        // Also check the corners, which smoothing cuts, and the commands at the control rate.
+        // Also check the waypoints, which smoothing cuts off, and the trajectory at the control rate.
         let all = states.iter().chain(path.waypoints()).chain(&trajectory.configs);
         if let Some(report) = all.into_iter().find_map(|state| exact.check(state)) {
             self.invalid += 1;
@@ -237,7 +238,7 @@ impl Tally {
     }
 }
 
-/// Result, and median CPU time of identical runs, s.
+/// Result of the work, and median CPU time of [`RUNS`] identical runs, s.
 fn timed<T>(work: impl Fn() -> T) -> (T, f64) {
     let run = || {
         let mut clock = cpu_clock();
@@ -250,7 +251,7 @@ fn timed<T>(work: impl Fn() -> T) -> (T, f64) {
     (answer, seconds[RUNS / 2])
 }
 
-/// The path as states with joint steps of at most `RECHECK`.
+/// States of a path with joint steps of at most [`RECHECK`].
 fn states(path: &Path) -> Vec<Vec<f64>> {
     let coarse = path.states(RECHECK);
     let mut states: Vec<Vec<f64>> = coarse.first().cloned().into_iter().collect();

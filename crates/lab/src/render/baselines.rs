@@ -23,75 +23,76 @@ use crate::LabError;
 
 /// Minimum number of triangles of the scene.
 const TRIANGLES: usize = 150_000;
-/// Image sizes, px.
+/// Width and height of the compared images, px.
 const SIZES: [[u32; 2]; 2] = [[512, 288], [1280, 720]];
-/// Grid of object positions; objects repeat, and as many are used as the number of triangles requires.
+/// Grid of object positions; the distinct objects repeat, and the first positions are used until the scene has
+/// [`TRIANGLES`].
 const GRID: Grid = Grid { columns: 10, from_m: [0.25, -0.585], step_m: [0.13, 0.13], jitter_m: [0.005, 0.005] };
 const ROWS: usize = 6;
 const PROGRAM: &str = include_str!("../../../../docs/benchmark/against_renderers.py");
 
-/// Cost of our images and those of other engines.
+/// CPU time of this renderer and of other engines on the same scene.
 #[derive(Debug, Serialize)]
 pub struct Baselines {
-    /// Triangles of the scene.
+    /// Number of triangles of the scene.
     pub triangles: usize,
-    /// Objects on the table.
+    /// Number of objects on the table.
     pub objects: usize,
-    /// By image size.
+    /// Comparisons by image size.
     pub sizes: BTreeMap<String, Comparison>,
 }
 
-/// Images of one size: colour, depth and ids of the static camera.
+/// CPU times per image of one size: colour, depth and ids of the static camera.
 #[derive(Debug, Serialize)]
 pub struct Comparison {
-    /// Ours, median over the frames of an episode, each reusing the previous one.
+    /// This renderer, ms: median over the frames of an episode, each reusing the cache of the previous one.
     pub ms_static: f64,
-    /// Ours with nothing to reuse.
+    /// This renderer without a cached frame, ms.
     pub ms_first_frame: f64,
-    /// MuJoCo's renderer, three passes.
+    /// MuJoCo's renderer, in one pass each for colour, depth and ids; `None` if it is not installed.
     pub mujoco: Option<Engine>,
-    /// PyBullet's TinyRenderer, one pass without anti-aliasing.
+    /// PyBullet's TinyRenderer, in one pass without anti-aliasing; `None` if it is not installed.
     pub pybullet: Option<Engine>,
-    /// Ratio of MuJoCo's time to ours.
+    /// MuJoCo's CPU time divided by that of this renderer.
     pub times_mujoco: Option<f64>,
-    /// Ratio of PyBullet's time to ours.
+    /// PyBullet's CPU time divided by that of this renderer.
     pub times_pybullet: Option<f64>,
 }
 
-/// CPU time per image of another engine, ms, and its difference from ours.
+/// CPU time per image of another engine, ms, and differences of its depth and ids from those of this renderer.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Engine {
-    /// Version of the package.
+    /// Version of the Python package.
     pub version: String,
-    /// OpenGL back end, if any.
+    /// OpenGL back end; empty for a renderer without OpenGL.
     pub gl_backend: String,
     /// OpenGL's `renderer` and `version` strings.
     #[serde(default)]
     pub gl: BTreeMap<String, String>,
     /// All channels together.
     pub ms: f64,
-    /// By channel, if each is a pass of its own.
+    /// Colour pass; `None` if one pass renders all channels.
     pub rgb_ms: Option<f64>,
-    /// Depth.
+    /// Depth pass; `None` if one pass renders all channels.
     pub depth_ms: Option<f64>,
-    /// Ids.
+    /// Ids pass; `None` if one pass renders all channels.
     pub ids_ms: Option<f64>,
-    /// Difference from our depth and ids.
+    /// Difference of depth and ids from those of this renderer.
     pub difference: Difference,
 }
 
 /// Difference of depth and ids of two renderers.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Difference {
-    /// Share of pixels with different ids.
+    /// Share of pixels with different ids, 0 to 1.
     pub ids_differ_share: f64,
-    /// Median over pixels with equal ids, mm.
+    /// Median absolute depth difference over pixels with equal ids, mm.
     pub depth_median_mm: f64,
     /// 99.9th percentile over the same pixels, mm.
     pub depth_p99_9_mm: f64,
 }
 
-/// Output of the script.
+/// JSON output of the script.
 #[derive(Deserialize)]
 struct Answer {
     problems: Vec<String>,
@@ -99,8 +100,8 @@ struct Answer {
     pybullet: Option<Engine>,
 }
 
-/// Renders a scene of at least 150,000 triangles with all engines of a Python interpreter; `None`, after a note with
-/// the reason, if there are none.
+/// Renders a scene of at least 150,000 triangles with this renderer and with the engines of a Python interpreter;
+/// `None`, after a note with the reason, if the interpreter has none of them.
 ///
 /// # Errors
 /// If the scene cannot be rendered or written, or the script's output is invalid.
@@ -162,7 +163,7 @@ pub fn measure(python: &Path, seed: Seed, progress: &dyn Progress) -> Result<Opt
     Ok(Some(baselines))
 }
 
-/// A folder that is removed on drop.
+/// Scratch folder, removed on drop.
 struct Scratch(PathBuf);
 
 impl Scratch {
@@ -175,12 +176,12 @@ impl Scratch {
 
 impl Drop for Scratch {
     fn drop(&mut self) {
-        // Remains of a scratch folder are harmless.
+        // A folder that cannot be removed does no harm.
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
-/// Meshes posed in the world frame, camera, light, and our depth and ids.
+/// Writes meshes posed in the world frame, camera, light, and depth and ids of this renderer.
 fn write_scene(assets: &Arc<RenderAssets>, frame: &FrameState, camera: &Camera, folder: &Path) -> Result<(), LabError> {
     let variation = RenderVariation::default();
     let mut out = [FrameBuffers::default()];

@@ -1,28 +1,28 @@
 //! LDR-FLIP, a difference metric for alternating images (Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and
 //! Fairchild, "FLIP: A Difference Evaluator for Alternating Images", 2020), implemented from the paper.
 //!
-//! Colours are filtered with the contrast sensitivity of the eye and compared in a perceptually uniform colour space;
-//! differences of edges and points increase the result.
+//! Colours are filtered with the contrast sensitivity of the eye and compared in a perceptually uniform colour space.
+//! Differences of edges and points then increase the result.
 
 use glam::Vec3A;
 
 use genmanip_render::color::linear_from_srgb8;
 
-/// Pixels per degree of the paper's observer: 0.7 m from a screen with 3840 pixels on 0.7 m.
+/// Pixels per degree of visual angle for the paper's observer: 0.7 m from a 0.7 m wide screen with 3840 pixels.
 pub const PIXELS_PER_DEGREE: f32 = 0.7 * 3840.0 / 0.7 * (std::f32::consts::PI / 180.0);
 
 /// Contrast sensitivity of the achromatic, red-green and blue-yellow channels as sums of Gaussians (table 1): height
 /// and width.
 const SENSITIVITY: [[(f32, f32); 2]; 3] =
     [[(1.0, 0.0047), (0.0, 1e-5)], [(1.0, 0.0053), (0.0, 1e-5)], [(34.1, 0.04), (13.5, 0.025)]];
-/// Exponent of the colour difference; the difference at `SHARE_BEND` of the maximum maps to `VALUE_BEND`.
+/// Exponent of the colour difference. A difference of `SHARE_BEND` times the maximum is mapped to `VALUE_BEND`.
 const COLOR_EXPONENT: f32 = 0.7;
 const SHARE_BEND: f32 = 0.4;
 const VALUE_BEND: f32 = 0.95;
-/// Width of detected features, degrees, and exponent of the feature difference.
+/// Width of detected features, degrees of visual angle, and exponent of the feature difference.
 const FEATURE_DEGREES: f32 = 0.082;
 const FEATURE_EXPONENT: f32 = 0.5;
-/// White point D65 in linear sRGB's XYZ.
+/// White point D65 in CIE XYZ.
 const WHITE: Vec3A = Vec3A::new(0.950_428_5, 1.0, 1.088_900_3);
 
 /// Difference per pixel, 0 to 1, between two 8-bit sRGB images with `width` pixels per row; `None` if their sizes
@@ -68,7 +68,7 @@ impl RgbImage {
         Self { width, channels }
     }
 
-    /// The image filtered by the contrast sensitivity, in L*a*b* with Hunt's effect.
+    /// The image filtered with the contrast sensitivity function, in L*a*b* with the Hunt effect.
     fn perceived(&self, pixels_per_degree: f32) -> Vec<Vec3A> {
         let widest = SENSITIVITY.iter().flatten().fold(0.0_f32, |widest, (_, width)| widest.max(*width));
         let deviation = (widest / (2.0 * std::f32::consts::PI.powi(2))).sqrt();
@@ -77,7 +77,7 @@ impl RgbImage {
             .iter()
             .zip(&self.channels)
             .map(|(gaussians, channel)| {
-                // Each Gaussian of the two-dimensional sum is separable, with its own weight.
+                // The sum of two-dimensional Gaussians is not separable, but each one is; they have own weights.
                 let mut sum = vec![0.0; channel.len()];
                 let kernels: Vec<_> = gaussians
                     .iter()
@@ -167,7 +167,7 @@ fn distance(a: Vec3A, b: Vec3A) -> f32 {
     step.x.abs() + step.y.hypot(step.z)
 }
 
-/// Maps small differences to most of the scale.
+/// Nonlinear map that gives small differences most of the scale from 0 to 1.
 fn redistributed(difference: f32, largest: f32) -> f32 {
     let bend = SHARE_BEND * largest;
     if difference < bend {
@@ -177,7 +177,7 @@ fn redistributed(difference: f32, largest: f32) -> f32 {
     }
 }
 
-/// L*a*b* of a linear colour, with chroma scaled by lightness (Hunt's effect).
+/// L*a*b* of a linear sRGB colour, with chroma scaled by lightness (Hunt effect).
 fn hunt(linear: Vec3A) -> Vec3A {
     const KNEE: f32 = 6.0 / 29.0;
     let curve = |value: f32| {
@@ -188,7 +188,7 @@ fn hunt(linear: Vec3A) -> Vec3A {
     Vec3A::new(brightness, 500.0 * (x - y) * brightness * 0.01, 200.0 * (y - z) * brightness * 0.01)
 }
 
-/// IEC 61966-2-1.
+/// XYZ from linear sRGB, IEC 61966-2-1.
 const XYZ_FROM_LINEAR: glam::Mat3A = glam::Mat3A::from_cols(
     Vec3A::new(0.412_390_8, 0.212_639, 0.019_330_8),
     Vec3A::new(0.357_584_3, 0.715_168_7, 0.119_194_8),

@@ -1,4 +1,4 @@
-//! LDR-FLIP between rasterised and path-traced images, with matched exposure.
+//! LDR-FLIP difference of rasterised and path-traced images, with matched exposure.
 
 use genmanip_workspace::documents;
 use genmanip_workspace::workers;
@@ -17,33 +17,35 @@ use super::flip::mean_flip;
 use super::{CHANNELS, GRID, OBJECTS, episode, objects, render_failed, sized};
 use crate::LabError;
 
-/// Image size, px.
+/// Width and height of the images, px.
 const SIZE: [u32; 2] = [512, 288];
 
-/// Comparison of rasterised and path-traced images.
+/// Difference of rasterised and path-traced images.
 #[derive(Debug, Serialize)]
 pub struct Flip {
     /// Mean FLIP over all scenes: 0 identical, 1 maximal.
     pub mean: f64,
-    /// Light paths per pixel of the traced images.
+    /// Number of light paths per pixel of the traced images.
     pub paths: u32,
-    /// By scene.
+    /// Results by scene.
     pub scenes: Vec<FlipScene>,
 }
 
-/// A scene, rasterised and traced.
+/// Difference of one scene's rasterised and path-traced image.
 #[derive(Debug, Serialize)]
 pub struct FlipScene {
     /// Name of the camera.
     pub camera: &'static str,
-    /// Mean FLIP over the pixels.
+    /// Mean FLIP over the pixels, 0 to 1.
     pub flip: f64,
-    /// Exposure of the traced image relative to the rasterised one, for equal brightness.
+    /// Factor on the traced image that makes it as bright as the rasterised one.
     pub exposure: f32,
 }
 
-/// Rasterises `scenes` scenes of catalogue objects, seen by the static and the wrist camera in turn, and path-traces the
-/// same with `paths` light paths per pixel; writes both images into a folder, if given. `None` for no scenes.
+/// Rasterises `scenes` scenes of catalogue objects, seen alternately by the static and the wrist camera, and
+/// path-traces the same with `paths` light paths per pixel. Both images are written to `out`, if given. `None` if
+/// `scenes`
+/// is 0.
 ///
 /// # Errors
 /// If the catalogue has too few objects, rendering fails, or an image cannot be written.

@@ -1,4 +1,4 @@
-//! Centres and sizes of objects from the depth of several cameras, compared with their posed geometry.
+//! Centres and sizes of objects from the depth of several cameras, compared with the posed geometry.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -15,56 +15,56 @@ use super::{FOUND_IOU, MIN_PIXELS, SPARE, SegmentArguments};
 use crate::LabError;
 use crate::quantile::quantile;
 
-/// Cameras whose depth the agent uses; the first one is shown to models.
+/// Cameras whose depth the agent uses; the image of the first one is shown to the model.
 const CAMERAS: [&str; 3] = ["overview", "left", "right"];
 
-/// Errors of some objects, mm.
+/// Position and size errors of a group of objects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Errors {
-    /// Objects with a mask in the first camera.
+    /// Number of objects with a mask in the first camera's image.
     pub objects: usize,
-    /// Median distance of the centre of the box from the true one in the table plane.
+    /// Median horizontal distance of the bounding box's centre from the true one, mm.
     pub centre_mm_median: f64,
-    /// Its 95th percentile.
+    /// 95th percentile of the same distance, mm.
     pub centre_mm_p95: f64,
-    /// Its maximum.
+    /// Maximum of the same distance, mm.
     pub centre_mm_max: f64,
-    /// Median of the largest deviation of width, depth and height of the box.
+    /// Median over objects of the largest error of width, depth and height of the bounding box, mm.
     pub size_mm_median: f64,
-    /// Its 95th percentile.
+    /// 95th percentile of the same error, mm.
     pub size_mm_p95: f64,
 }
 
-/// Results.
+/// Errors of located objects.
 #[derive(Clone, Debug, Serialize)]
 pub struct Measured {
-    /// Scenes.
+    /// Number of scenes.
     pub scenes: usize,
-    /// Objects with at least 200 visible pixels in the first camera.
+    /// Number of objects with at least 200 visible pixels in the first camera's image.
     pub visible: usize,
-    /// All that have a mask.
+    /// Errors of all objects with a mask.
     #[serde(flatten)]
     pub all: Errors,
-    /// By category.
+    /// Errors by category of object.
     pub strata: BTreeMap<Stratum, Errors>,
-    /// Visible objects with a handle.
+    /// Number of visible objects with a handle.
     pub handles: usize,
-    /// Those of them that are not cut: no other mask covers more than 3 % of their pixels.
+    /// Number of visible objects with a handle that are not cut: no second mask covers more than 3 % of their pixels.
     pub handles_joined: usize,
-    /// Largest errors of the centre: scene, camera and object, for the text summary.
+    /// Largest centre errors, mm, each with scene, camera and object; for the text summary.
     #[serde(skip)]
     pub worst: Vec<(f64, String)>,
 }
 
-/// Share of an object's visible pixels in other masks from which it is cut.
+/// Share of an object's visible pixels covered by a second mask above which the object counts as cut into parts.
 const CUT_SHARE: f64 = 0.03;
 /// Number of largest errors in the text summary.
 const WORST: usize = 8;
 
-/// Error of one object: of the centre and of the size, mm.
+/// Error of one object: category, errors of centre and size (mm), name.
 type Miss = (Stratum, [f64; 2], String);
 
-/// Renders scenes with the cameras of the agent, and locates every object that has a mask.
+/// Renders scenes with the agent's cameras, and locates every object that has a mask.
 ///
 /// # Errors
 /// If a scene cannot be rendered or the segmenter fails.
@@ -108,7 +108,7 @@ pub fn measure(
     Ok(Measured { scenes: made, visible, all, strata, handles, handles_joined, worst })
 }
 
-/// Numbers of objects of a scene.
+/// Counts of the visible objects of a scene.
 #[derive(Default)]
 struct Found {
     visible: usize,
@@ -116,7 +116,7 @@ struct Found {
     handles_joined: usize,
 }
 
-/// Adds the errors of the objects of a scene; returns the numbers of visible ones.
+/// Adds the errors of a scene's objects to `misses`; returns the counts of its visible objects.
 fn located(views: Vec<SegmentView>, segmenter: &dyn Segmenter, misses: &mut Vec<Miss>) -> Result<Found, LabError> {
     let ignore: Vec<Vec<bool>> = views.iter().map(|view| view.ignore.clone()).collect();
     let images = views.iter().map(|view| (view.name.clone(), Arc::new(view.image.clone()))).collect();
@@ -144,14 +144,14 @@ fn located(views: Vec<SegmentView>, segmenter: &dyn Segmenter, misses: &mut Vec<
     Ok(found)
 }
 
-/// True if another mask than its own covers a part of an object.
+/// True if a mask other than the object's own covers more than [`CUT_SHARE`] of it.
 fn is_cut(object: &Mask, own: usize, masks: &[Mask]) -> bool {
     let covered = |mask: &Mask| object.indices().filter(|index| mask.pixels[*index]).count();
     let others = masks.iter().enumerate().filter(|(index, _)| *index != own);
     others.map(|(_, mask)| covered(mask)).max().is_some_and(|most| most as f64 > CUT_SHARE * object.area() as f64)
 }
 
-/// Error of the centre in the plane, and the largest one of the sizes, mm.
+/// Horizontal error of the centre, and largest error of the three sizes, mm.
 fn miss_mm(observed: &ObservedObject, bounds: &Aabb) -> [f64; 2] {
     let centre = (observed.pose.position - bounds.center()).truncate().length();
     let size = (2.0 * observed.half).extend(observed.height_m) - bounds.size();

@@ -1,4 +1,4 @@
-//! Weights of region merging, fitted to regions of rendered scenes.
+//! Fit of the weights of region merging (RGB-D segmentation) to the oversegmentation of rendered scenes.
 
 use genmanip_workspace::task_files;
 use std::collections::BTreeMap;
@@ -17,27 +17,27 @@ use super::{SPARE, SegmentArguments};
 use crate::LabError;
 use crate::fit::{Sample, chance, fit};
 
-/// Rounds of merging with the previous weights and fitting to all pairs met so far.
+/// Rounds of merging with the previous weights and refitting to all region pairs met so far.
 const ROUNDS: usize = 4;
-/// Minimum share of a region's pixels that belong to one object; other regions are not used.
+/// Minimum share of a region's pixels that belong to one object; less pure regions are not used.
 const PURE: f64 = 0.8;
 
-/// Results of the fit.
+/// Fitted weights, and their accuracy on the pairs that they were fitted to.
 #[derive(Debug, Serialize)]
 pub struct Fitted {
-    /// Number of region pairs.
+    /// Number of region pairs, weighted copies included.
     pub pairs: usize,
-    /// Share of pairs within one object.
+    /// Share of these pairs within one object, 0 to 1.
     pub same: f64,
-    /// Share of pairs classified correctly at probability 0.5.
+    /// Share of these pairs classified correctly at probability 0.5.
     pub right: f64,
-    /// Weights by name.
+    /// Fitted weights by name of the feature.
     pub weights: BTreeMap<&'static str, f64>,
-    /// Weights in order, for the source.
+    /// Weights in the order of the features, to paste into the source.
     pub in_order: Vec<f64>,
 }
 
-/// Fits the weights to scenes, with exact or noisy depth.
+/// Fits the weights to rendered scenes, with exact or noisy depth as the arguments say.
 ///
 /// # Errors
 /// If a scene cannot be rendered.
@@ -82,7 +82,7 @@ pub fn fit_weights(
     Ok(Fitted { pairs: samples.len(), same, right, weights, in_order })
 }
 
-/// Object of each region, numbered from 1; 0 is everything else, `None` is ambiguous.
+/// Object that each region belongs to, numbered from 1; 0 for the background, `None` below the purity [`PURE`].
 fn owners(cut: &Oversegmentation, view: &SegmentView) -> Vec<Option<usize>> {
     let mut counts = vec![BTreeMap::<usize, usize>::new(); cut.graph.count()];
     for (index, label) in cut.labels.iter().enumerate() {
@@ -99,7 +99,7 @@ fn owners(cut: &Oversegmentation, view: &SegmentView) -> Vec<Option<usize>> {
     counts.into_iter().map(of_region).collect()
 }
 
-/// The pairs met while regions of one object are merged, most certain first.
+/// Adds the region pairs met while regions of one object are merged, most probable first, as samples.
 fn meet(cut: &Oversegmentation, owners: &[Option<usize>], weights: &[f64], samples: &mut Vec<Sample>) {
     let mut graph = cut.graph.clone();
     let mut met: Vec<(u32, u32)> = graph.pairs();
@@ -107,7 +107,8 @@ fn meet(cut: &Oversegmentation, owners: &[Option<usize>], weights: &[f64], sampl
         for &(low, high) in &met {
             if let (Some(one), Some(other)) = (owners[low as usize], owners[high as usize]) {
                 let features: Features = graph.features(low, high);
-                // Weight pairs by size, since larger regions matter more.
+                // Weight by region size through copies: wrong merges of large regions spoil more of a mask. Chosen by
+                // hand.
                 let smaller = graph.pixels(low).min(graph.pixels(high));
                 let copies = if smaller >= 200.0 {
                     4

@@ -1,4 +1,4 @@
-//! Segmentation from colour and depth, compared with the renderer's ids.
+//! Segmentation of RGB-D images, compared with the renderer's ids.
 
 pub mod extents;
 pub mod fit;
@@ -25,30 +25,30 @@ pub use scenes::Stratum;
 use scenes::{Scenes, SegmentView, TrueObject};
 use sensor::D435;
 
-/// The fixed cameras used for datasets and for models.
+/// Fixed cameras whose images are used for datasets and shown to models.
 const DATA_CAMERAS: [&str; 2] = ["overview", "static"];
-/// Minimum number of visible pixels of an object that counts.
+/// Minimum number of visible pixels for an object to count.
 const MIN_PIXELS: usize = 200;
-/// Minimum IoU of an object with its mask to count as found.
+/// Minimum IoU of an object with a mask for the object to count as found.
 const FOUND_IOU: f64 = 0.5;
-/// Number of worst views saved as images.
+/// Number of worst views that are saved as images.
 const DRAWN: usize = 24;
-/// Tasks designed per scene, since some have no layout with the requested number of objects.
+/// Number of tasks designed per scene, since some have no layout with the requested number of objects.
 const SPARE: usize = 2;
 
-/// Settings of the measurement.
+/// Number and noise of the scenes, and output folder.
 #[derive(Clone, Debug)]
 pub struct SegmentArguments {
-    /// Scenes, each seen by two cameras.
+    /// Number of scenes, each seen by two cameras.
     pub count: usize,
     /// True for the depth noise of a RealSense D435, false for exact depth.
     pub is_noisy: bool,
-    /// Folder for images of the worst views.
+    /// Folder for images of the worst views; `None` for no images.
     pub out: Option<PathBuf>,
 }
 
 impl SegmentArguments {
-    /// Applies the selected noise to a view.
+    /// Replaces the depth of a view by a noisy one, if noise was requested.
     fn disturb(&self, view: &mut SegmentView, seed: Seed, number: usize) {
         if self.is_noisy {
             view.image = D435.measure(&view.image, seed.fork("sensor").fork_index(number as u64));
@@ -59,36 +59,36 @@ impl SegmentArguments {
 /// Accuracy on the objects of one category.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Found {
-    /// Objects with at least 200 visible pixels.
+    /// Number of objects with at least 200 visible pixels.
     pub objects: usize,
-    /// Mean intersection over union with their masks, 0 for one without a mask.
+    /// Mean intersection over union (IoU) of the objects with their masks; 0 for an object without a mask.
     pub mean_iou: f64,
-    /// Share with an IoU of at least 0.5.
+    /// Share of the objects with an IoU of at least 0.5, 0 to 1.
     pub share_iou_50: f64,
 }
 
-/// Results.
+/// Accuracy and cost of the segmentation.
 #[derive(Clone, Debug, Serialize)]
 pub struct Measured {
-    /// Views segmented.
+    /// Number of views segmented.
     pub views: usize,
-    /// All objects.
+    /// Accuracy on all objects.
     #[serde(flatten)]
     pub found: Found,
-    /// Share of masks without an IoU of 0.5 with any object.
+    /// Share of masks without an IoU of at least 0.5 with any object, 0 to 1.
     pub spurious_share: f64,
     /// Median CPU time per view, one thread, ms.
     pub cpu_ms_median: f64,
     /// 95th percentile of the CPU time per view, ms.
     pub cpu_ms_p95: f64,
-    /// By category.
+    /// Accuracy by category of object.
     pub strata: BTreeMap<Stratum, Found>,
-    /// Missed and all objects by name, for the text summary.
+    /// By name of the object: number of missed objects and of all; for the text summary.
     #[serde(skip)]
     pub missed: BTreeMap<String, [usize; 2]>,
 }
 
-/// Renders scenes with both data cameras, segments every view and compares with the ids.
+/// Renders scenes with both data cameras, segments every view, and compares the masks with the ids.
 ///
 /// # Errors
 /// If a scene cannot be rendered, the segmenter fails, or an image cannot be written.
@@ -188,7 +188,7 @@ fn is_spurious(mask: &Mask, view: &SegmentView) -> bool {
     view.objects.iter().all(|object| object.mask.iou(mask) < FOUND_IOU)
 }
 
-/// Name of a category in JSON.
+/// Name of a category as in JSON.
 fn name_of(stratum: Stratum) -> String {
     serde_json::to_value(stratum).ok().and_then(|name| name.as_str().map(String::from)).unwrap_or_default()
 }

@@ -1,4 +1,4 @@
-//! Images of the worst views: input, ground truth, masks.
+//! Images of the worst views: input, ground truth and masks.
 
 use std::fs;
 use std::path::Path;
@@ -9,10 +9,10 @@ use genmanip_render::encode;
 use super::scenes::SegmentView;
 use crate::LabError;
 
-/// Keeps the worst views.
+/// Collector of the worst views.
 pub struct Worst {
     most: usize,
-    /// Mean IoU, view, masks, worst first.
+    /// Mean IoU, view and masks, lowest IoU first.
     views: Vec<(f64, SegmentView, Vec<Mask>)>,
 }
 
@@ -30,7 +30,7 @@ impl Worst {
         }
     }
 
-    /// One PNG per view: image, ground truth and masks below each other.
+    /// Writes one PNG per view: input, ground truth and masks below each other.
     pub fn write(&self, folder: &Path) -> Result<(), LabError> {
         fs::create_dir_all(folder).map_err(|error| LabError::file("create", folder, error))?;
         for (rank, (mean_iou, view, masks)) in self.views.iter().enumerate() {
@@ -48,7 +48,7 @@ impl Worst {
     }
 }
 
-/// The image in grey with each mask in its own colour and the robot darkened.
+/// The input in grey, with each mask in a colour of its own and the robot darkened.
 fn tinted(view: &SegmentView, masks: &[&Mask]) -> Vec<u8> {
     let mut rgb = Vec::with_capacity(view.image.rgb.len());
     for (index, pixel) in view.image.rgb.chunks_exact(3).enumerate() {
@@ -63,7 +63,7 @@ fn tinted(view: &SegmentView, masks: &[&Mask]) -> Vec<u8> {
     rgb
 }
 
-/// Well separated colours: the hue advances by the golden angle.
+/// Distinct colour of a mask: the hue advances by the golden angle.
 fn color_of(index: usize) -> [u8; 3] {
     let hue = (index as f64 * 0.381_966).fract() * 6.0;
     let value = |shift: f64| {

@@ -18,34 +18,34 @@ use crate::LabError;
 
 /// Minimum and maximum number of objects in a scene.
 const OBJECTS: [usize; 2] = [5, 12];
-/// Number of failed layouts after which a scene is given up.
+/// Maximum number of layouts tried per scene.
 const LAYOUTS: u64 = 4;
-/// Maximum second extent of a thin object, m.
+/// Maximum second largest extent of a thin object, m.
 const THIN_M: f64 = 0.045;
-/// Minimum ratio of its longest extent to that.
+/// Minimum ratio of a thin object's largest extent to the second largest.
 const THIN_RATIO: f64 = 2.5;
 
 /// Category of an object; exactly one applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stratum {
-    /// Alone on the table.
+    /// Touches and hides no other object in the image.
     Free,
-    /// Touches or hides another one in the image.
+    /// Touches or occludes another object in the image.
     Touching,
     /// Lies in or on another one, or another one in or on it.
     InOrOn,
-    /// Long and nowhere thicker than 45 mm, wherever it lies.
+    /// Long and at most 45 mm wide in its second largest extent, wherever it lies. Takes precedence.
     Thin,
 }
 
 /// One camera's image with ground truth.
 pub struct SegmentView {
-    /// Origin: number of the scene, task, camera.
+    /// Number of the scene, id of the task, and name of the camera.
     pub name: String,
-    /// Colour, depth and ids.
+    /// Colour, depth and instance ids.
     pub image: RgbdImage,
-    /// Mask of the robot at its joint positions.
+    /// True for the pixels of the robot at its joint positions, row by row.
     pub ignore: Vec<bool>,
     /// Ground truth of the objects.
     pub objects: Vec<TrueObject>,
@@ -53,19 +53,19 @@ pub struct SegmentView {
 
 /// An object with at least one visible pixel.
 pub struct TrueObject {
-    /// Name.
+    /// Id of the object in the scene.
     pub name: String,
-    /// Visible pixels.
+    /// Mask of the object's visible pixels.
     pub mask: Mask,
-    /// Category.
+    /// Category of the object.
     pub stratum: Stratum,
-    /// Bounds of its posed geometry, world frame.
+    /// Axis-aligned bounds of the posed object, world frame.
     pub bounds: Aabb,
-    /// True if its card says that its shape has a handle.
+    /// True if the object's card has a handle.
     pub has_handle: bool,
 }
 
-/// Generator of scenes.
+/// Generator of rendered scenes.
 pub struct Scenes {
     world: Arc<World>,
     planner: Arc<Planner>,
@@ -83,7 +83,7 @@ impl Scenes {
         Ok(Self { world: Arc::clone(world), planner, silhouette, shapes: ShapeCache::default(), seed, cameras })
     }
 
-    /// Views of a task laid out with additional objects; `None` without a layout.
+    /// Views of a task laid out with additional objects, one per camera; `None` without a layout of enough objects.
     pub fn draw(&mut self, index: usize, task: &Task) -> Result<Option<Vec<SegmentView>>, LabError> {
         let seed = self.seed.fork("segment scenes").fork_index(index as u64);
         let [least, most] = OBJECTS;
@@ -173,14 +173,14 @@ impl Scenes {
     }
 }
 
-/// True if it is long and thin.
+/// True if the object is long and thin, see [`THIN_M`] and [`THIN_RATIO`].
 fn is_thin(object: &PosedObject) -> bool {
     let mut extents = object.model.card.size_m.to_array();
     extents.sort_by(f64::total_cmp);
     extents[1] <= THIN_M && extents[2] >= THIN_RATIO * extents[1]
 }
 
-/// True if it touches or occludes another object in the image.
+/// True if pixels of the object border on those of another object in the image.
 fn borders_another(image: &RgbdImage, id: u16) -> bool {
     let (width, height) = (image.width() as usize, image.height() as usize);
     let differs = |one: u16, other: u16| {

@@ -1,20 +1,20 @@
-//! Depth of a stereo camera: noise, quantised disparity, and missing pixels.
+//! Depth noise of a stereo camera: disparity noise, quantised disparity, and missing pixels.
 
 use genmanip_core::{RgbdImage, Seed};
 use rand::RngExt;
 
-/// A stereo camera.
+/// Model of a stereo depth camera.
 #[derive(Clone, Copy, Debug)]
 pub struct StereoDepth {
-    /// Baseline, m.
+    /// Distance of the two cameras, m.
     pub baseline_m: f64,
     /// RMS error of the disparity, px.
     pub disparity_error_px: f64,
     /// Quantisation step of the disparity, px.
     pub disparity_step_px: f64,
-    /// Minimum cosine between surface normal and view direction.
+    /// Minimum cosine between surface normal and view ray; surfaces at more grazing angles have no depth.
     pub grazing_cosine: f64,
-    /// Relative depth step at which neighbouring pixels mix.
+    /// Relative depth step to a neighbouring pixel above which a pixel may be missing or show the neighbour's depth.
     pub edge_step: f64,
 }
 
@@ -22,7 +22,8 @@ pub struct StereoDepth {
 ///
 /// Baseline of the D400 datasheet (337029); 0.08 px from "Best-known methods for tuning Intel RealSense D400 depth
 /// cameras" (RMS error = z² · subpixel / (focal length · baseline)), with the focal length of the image; disparity
-/// steps of 1/32 px as in the D4 vision processor; the limits of 80 degrees and of 2 % at edges are chosen.
+/// steps
+/// of 1/32 px as in the D4 vision processor. The limits of 80 degrees and of a 2 % step at edges are chosen by hand.
 pub const D435: StereoDepth = StereoDepth {
     baseline_m: 0.05,
     disparity_error_px: 0.08,
@@ -32,7 +33,7 @@ pub const D435: StereoDepth = StereoDepth {
 };
 
 impl StereoDepth {
-    /// The image with the depth this camera would measure; 0 for no measurement.
+    /// The image with the depth that this camera would measure, m; 0 for no measurement.
     pub fn measure(&self, image: &RgbdImage, seed: Seed) -> RgbdImage {
         let rng = &mut seed.fork("stereo depth").rng();
         let (width, height) = (image.width() as usize, image.height() as usize);
@@ -41,7 +42,8 @@ impl StereoDepth {
         let mut depth_m = Vec::with_capacity(image.depth_m.len());
         for y in 0..height {
             for x in 0..width {
-                // Four random numbers per pixel in any case, so that pixels stay independent.
+                // Always draw the same random numbers per pixel, so that the noise of a pixel does not depend on other
+                // pixels.
                 let (coin, neighbour) = (rng.random::<f64>(), rng.random_range(0..4_usize));
                 let normal = gaussian(rng.random(), rng.random());
                 let around = [
@@ -53,7 +55,7 @@ impl StereoDepth {
                 let mut true_m = at(x, y);
                 let is_edge = around.iter().any(|other| (other - true_m).abs() > self.edge_step * true_m);
                 if is_edge && coin < 0.5 {
-                    // Half of these are missing, the others show a neighbour.
+                    // Half of the affected pixels are missing, the others show the depth of a neighbour.
                     true_m = if coin < 0.25 { 0.0 } else { around[neighbour] };
                 } else if is_grazing(image, [x, y], around, self.grazing_cosine) {
                     true_m = 0.0;
@@ -71,7 +73,9 @@ impl StereoDepth {
     }
 }
 
-/// True if the surface through the neighbours is at a grazing angle; `around` left, right, above, below.
+/// True if the surface through the neighbouring pixels is at a grazing angle to the view ray. `around` are the depths
+/// to
+/// the left, right, above and below, m; false if one is missing.
 fn is_grazing(image: &RgbdImage, [x, y]: [usize; 2], around: [f64; 4], least_cosine: f64) -> bool {
     use genmanip_core::glam::DVec2;
     let [left, right, above, below] = around;
@@ -86,7 +90,7 @@ fn is_grazing(image: &RgbdImage, [x, y]: [usize; 2], around: [f64; 4], least_cos
     across.cross(down).normalize_or_zero().dot(view).abs() < least_cosine
 }
 
-/// A normally distributed number from two uniform ones (Box-Muller).
+/// Standard normal deviate from two uniform ones in [0, 1) (Box-Muller).
 fn gaussian(one: f64, other: f64) -> f64 {
     (-2.0 * (1.0 - one).ln()).sqrt() * (std::f64::consts::TAU * other).cos()
 }

@@ -1,4 +1,4 @@
-//! Random motions of an arm: pairs of free configurations, solved by the planner or by a plain search.
+//! Random motions of an arm: pairs of collision-free configurations, connected by the planner or by plain RRT-Connect.
 
 use std::sync::Arc;
 
@@ -9,38 +9,38 @@ use serde::Serialize;
 
 use crate::clock::cpu_clock;
 
-/// Joint step between checked states, rad: half a degree.
+/// Joint distance between checked states, rad: half a degree.
 const STEP_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
-/// CPU time of the plain search per pair, s.
+/// CPU time limit of the plain search per pair, s.
 const PLAIN_S: f64 = 20.0;
-/// Longest edge of the plain search, rad.
+/// Maximum edge length of the plain search (Euclidean distance in joint space), rad.
 const PLAIN_EDGE: f64 = 0.3;
-/// Draws for one free configuration before the robot counts as always in collision.
+/// Maximum samples for one free configuration before the robot counts as always in collision.
 const DRAWS: usize = 200;
 
-/// Results for one arm.
+/// Success, validity and cost of random motions of one arm.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Planned {
-    /// Pairs of free configurations.
+    /// Number of pairs of free configurations.
     pub pairs: usize,
-    /// Pairs that the planner or the plain search joined.
+    /// Number of pairs that the planner or the plain search connected.
     pub solvable: usize,
-    /// Pairs that the planner joined.
+    /// Number of pairs that the planner connected.
     pub solved: usize,
-    /// Paths of the planner with a state, every half degree, that touches.
+    /// Number of the planner's paths with a state in collision, checked every half degree.
     pub touching: usize,
-    /// Median CPU time of a plan, s.
+    /// Median CPU time of a call of the planner, failed calls included, s.
     pub plan_s: f64,
-    /// Reason that there are no pairs.
+    /// Reason that a pair could not be sampled; no further pairs were tried. `None` if all were.
     pub refused: Option<String>,
-    /// Reasons of unsolved pairs.
+    /// Errors of the planner on pairs that it did not connect.
     pub failures: Vec<String>,
 }
 
-/// Plans random motions in an empty world.
+/// Samples pairs of free configurations in an empty world and plans each motion.
 ///
 /// # Errors
-/// If the planner refuses a robot that was read; the error is a description.
+/// If the planner refuses the robot's model; the error is a description.
 pub fn plan(model: RobotModel, pairs: usize, seed: Seed) -> Result<Planned, String> {
     let planner = Planner::new(Arc::new(model), PlannerSettings::default()).map_err(|error| error.to_string())?;
     let (world, allowed) = (CollisionWorld::new(), AllowedCollisions::none());
@@ -97,7 +97,7 @@ fn between(from: &[f64], to: &[f64], share: f64) -> Vec<f64> {
     from.iter().zip(to).map(|(a, b)| a + (b - a) * share).collect()
 }
 
-/// True if RRT-Connect without any refinement joins two configurations in [`PLAIN_S`].
+/// True if RRT-Connect without shortcutting or smoothing connects two configurations within [`PLAIN_S`].
 fn plain<R: Rng>(
     is_free: &dyn Fn(&[f64]) -> bool,
     draw: &mut dyn FnMut(&mut dyn Rng) -> Vec<f64>,

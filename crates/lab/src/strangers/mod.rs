@@ -1,4 +1,6 @@
-//! A folder of other people's robots, objects and datasets: what is read, refused, dropped, and how long it takes.
+//! Robots, objects and datasets of other people, from a folder: files that are read, refused, or read with omissions,
+//! and
+//! the time of reading.
 
 mod arms;
 
@@ -19,34 +21,34 @@ use crate::LabError;
 use crate::clock::cpu_clock;
 pub use arms::Planned;
 
-/// CPU time beyond which a file is slow, s.
+/// CPU time above which a file counts as slow, s.
 const SLOW_S: f64 = 5.0;
-/// Maximum nesting depth of folders.
+/// Maximum depth of the search in folders.
 const MAX_DEPTH: usize = 24;
-/// Degrees of freedom of robots that are planned for.
+/// Range of degrees of freedom of robots that motions are planned for.
 const PLANNED_DOF: std::ops::RangeInclusive<usize> = 3..=20;
 
-/// Settings of the measurement.
+/// Files to read, and amount of planning.
 #[derive(Clone, Debug)]
 pub struct StrangersArguments {
     /// Folder with files of other people.
     pub folder: PathBuf,
-    /// Places of meshes and choices of the reader of robots.
+    /// Folders of meshes, and options of the reader of robots.
     pub urdf: robots::Settings,
-    /// Kinds to try, of [`KINDS`]; all if empty.
+    /// Kinds to try, some of [`KINDS`]; all if empty.
     pub kinds: Vec<String>,
-    /// Random pairs of configurations planned for each arm.
+    /// Number of random motions planned for each arm.
     pub pairs: usize,
 }
 
-/// Kinds of files.
+/// Kinds of files that are recognised, by name.
 pub const KINDS: [&str; 3] = ["robot", "object", "dataset"];
 
-/// Outcome of one file, or one flaw of what was read.
+/// Outcome of one file, or one flaw in reading it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// Read as it is.
+    /// Read without a flaw.
     Ok,
     /// Refused with a message.
     Said,
@@ -54,37 +56,37 @@ pub enum Outcome {
     Silent,
     /// Read, with a result that contradicts the file.
     Wrong,
-    /// A panic.
+    /// The reader panicked.
     Crashed,
 }
 
-/// Counts of outcomes.
+/// Numbers of files by outcome.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Counts {
-    /// Files.
+    /// Number of files tried.
     pub tried: usize,
-    /// Files read.
+    /// Number of files read without a flaw.
     pub ok: usize,
-    /// Files refused with a message.
+    /// Number of files refused with a message.
     pub said: usize,
-    /// Files with parts dropped that no note mentions.
+    /// Number of files read with parts dropped that no note mentions.
     pub silent: usize,
-    /// Files with a result that contradicts them.
+    /// Number of files whose result contradicts them.
     pub wrong: usize,
-    /// Panics.
+    /// Number of files at which a reader panicked.
     pub crashed: usize,
-    /// Files that took more than 5 s of CPU time.
+    /// Number of files that took more than 5 s of CPU time.
     pub slow: usize,
 }
 
-/// A file that was not simply read.
+/// A file whose outcome is not `ok`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Problem {
-    /// The file, relative to the folder.
+    /// Path of the file, relative to the folder.
     pub file: String,
-    /// Its kind.
+    /// Kind of the file, one of [`KINDS`].
     pub kind: &'static str,
-    /// Outcome.
+    /// Outcome of the file.
     pub outcome: Outcome,
     /// Description of what happened.
     pub message: String,
@@ -93,21 +95,21 @@ pub struct Problem {
 /// A robot that was read.
 #[derive(Clone, Debug, Serialize)]
 pub struct RobotRow {
-    /// The file, relative to the folder.
+    /// Path of the file, relative to the folder.
     pub file: String,
-    /// Degrees of freedom.
+    /// Degrees of freedom of the arm.
     pub joints: usize,
     /// Name of the tool frame's link.
     pub tool_frame: String,
-    /// CPU time of reading, s.
+    /// CPU time of reading the robot, s.
     pub load_s: f64,
-    /// Assumptions, repairs and omissions.
+    /// Notes of the reader: assumptions, repairs and omissions.
     pub notes: Vec<String>,
-    /// Random motions; `None` for robots that are no arms.
+    /// Random motions; `None` for robots with fewer than 3 or more than 20 degrees of freedom, or without an arm.
     pub planned: Option<Planned>,
 }
 
-/// Results.
+/// Outcomes of all files of a folder.
 #[derive(Debug, Default, Serialize)]
 pub struct Measured {
     /// Counts over all kinds.
@@ -115,20 +117,20 @@ pub struct Measured {
     pub all: Counts,
     /// Counts by kind.
     pub by_kind: BTreeMap<&'static str, Counts>,
-    /// Files that were not simply read.
+    /// Files whose outcome is not `ok`.
     pub problems: Vec<Problem>,
-    /// Robots that were refused because a mesh does not exist.
+    /// Number of robots refused because a mesh file does not exist.
     pub without_meshes: usize,
     /// Median and largest CPU time of reading a robot, s.
     pub load_s: [f64; 2],
-    /// The robots that were read.
+    /// Robots that were read.
     pub robots: Vec<RobotRow>,
 }
 
-/// Reads everything in a folder.
+/// Reads every file of the requested kinds in a folder and the folders below it.
 ///
 /// # Errors
-/// If the folder cannot be listed, or holds nothing of the kinds.
+/// If the folder cannot be listed, or holds no file of these kinds.
 pub fn measure(arguments: &StrangersArguments, seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
     let mut found = Vec::new();
     list(&arguments.folder, 0, &mut found)?;
@@ -164,8 +166,7 @@ pub fn measure(arguments: &StrangersArguments, seed: Seed, progress: &dyn Progre
     Ok(measured)
 }
 
-/// True for URDFs of objects: those of PartNet-Mobility, and those of which no joint has an effort or velocity and no
-/// name speaks of a robot.
+/// True for URDF files of articulated objects, by the file names that PartNet-Mobility and similar collections use.
 fn is_object(path: &Path) -> bool {
     let named = |names: &[&str]| path.file_name().is_some_and(|name| names.iter().any(|known| name == *known));
     named(&["mobility.urdf", "model.urdf"])
@@ -186,7 +187,7 @@ fn list(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> Result<(), Lab
     Ok(())
 }
 
-/// Result of work, its CPU time (s); a panic is a result too.
+/// Result of the work, `None` if it panicked, and its CPU time, s.
 fn timed<T>(work: impl FnOnce() -> T) -> (Option<T>, f64) {
     let mut clock = cpu_clock();
     let done = catch_unwind(AssertUnwindSafe(work)).ok();
@@ -233,7 +234,9 @@ fn robot(arguments: &StrangersArguments, path: &Path, seed: Seed, measured: &mut
     measured.count("robot", &file, &flaws, load_s, progress);
 }
 
-/// Parts of a URDF that neither the model nor a note has; counted in the text, independently of the reader.
+/// Description of parts of a URDF file that are neither in the model nor mentioned in a note; `None` if there are none.
+/// The
+/// parts are counted in the text, independently of the reader.
 fn dropped(path: &Path, model: &genmanip_core::RobotModel, notes: &[String]) -> Option<String> {
     let text = String::from_utf8_lossy(&files::read(path, limits::ROBOT).ok()?).into_owned();
     let text = without(&without(&text, "<!--", "-->"), "<gazebo", "</gazebo>");
@@ -274,7 +277,7 @@ fn dropped(path: &Path, model: &genmanip_core::RobotModel, notes: &[String]) -> 
         .then(|| "nothing collides".into())
 }
 
-/// A text without what stands between two marks.
+/// A text without everything between two marks, the marks included.
 fn without(text: &str, from: &str, to: &str) -> String {
     let mut kept = String::new();
     let mut rest = text;
@@ -289,7 +292,7 @@ fn relative(folder: &Path, path: &Path) -> String {
     path.strip_prefix(folder).unwrap_or(path).display().to_string()
 }
 
-/// An error with its causes in one line.
+/// An error with its causes, as one line.
 fn explained(error: &dyn std::error::Error) -> String {
     let causes = std::iter::successors(error.source(), |cause| cause.source());
     let parts: Vec<String> = std::iter::once(error.to_string()).chain(causes.map(ToString::to_string)).collect();
@@ -297,7 +300,7 @@ fn explained(error: &dyn std::error::Error) -> String {
 }
 
 impl Measured {
-    /// Counts a file by its worst flaw.
+    /// Counts a file by the worst of its flaws.
     fn count(
         &mut self,
         kind: &'static str,

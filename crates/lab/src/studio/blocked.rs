@@ -1,4 +1,4 @@
-//! Neighbours put so close to an object that no grasp of it is left.
+//! Fault of a blocked grasp: a neighbour so close to an object that no grasp of the object is left.
 
 use std::f64::consts::TAU;
 
@@ -15,21 +15,22 @@ use rand::{Rng, RngExt};
 
 use super::site::{Planted, Site};
 
-/// Gap between the object and its neighbour, m.
+/// Range of the gap between the object and its neighbour, m.
 const GAP_M: [f64; 2] = [0.001, 0.006];
-/// Gap between the neighbour and all others, m.
+/// Minimum gap between the neighbour and all other objects, m.
 const APART_M: f64 = 0.015;
-/// Directions in which the neighbour is tried.
+/// Number of directions in which the neighbour is tried.
 const DIRECTIONS: u32 = 8;
-/// Objects of the catalogue that are tried as neighbours.
+/// Number of objects of the catalogue that are tried as neighbours.
 const ADDED: usize = 6;
-/// Largest extent of an added neighbour in the plane, m.
+/// Maximum horizontal extent of an added neighbour, m.
 const MAX_EXTENT_M: f64 = 0.3;
-/// Random streams in which a grasp is looked for before there is none: many, since the place is the worst of those that
-/// are tried.
+/// Random streams of the grasp search before the object counts as blocked. Many, since the place is selected as the
+/// worst of several, where a single search may fail by chance.
 const STREAMS: u64 = 24;
 
-/// An object of the scene moved beside the target, or an added one.
+/// Plants the fault by moving an object of the scene, or an added one, beside the target; `None` if that never blocks
+/// it.
 pub(super) fn plant(site: &Site, rng: &mut impl Rng) -> Option<Planted> {
     let index = site.target().filter(|&index| site.is_alone(index))?;
     let height_m = site.scene.bounds(index)?.size().z;
@@ -75,7 +76,7 @@ fn found(site: &Site, operations: &[Operation], index: usize, neighbour: String)
     Some(Planted { neighbour: Some(neighbour), ..planted })
 }
 
-/// An object and the neighbour that is to block it.
+/// A target object and the neighbour that is to block it.
 struct Blocking<'a> {
     scene: &'a PosedScene,
     scenario: &'a Scenario,
@@ -85,7 +86,9 @@ struct Blocking<'a> {
 }
 
 impl Blocking<'_> {
-    /// A shift of the neighbour after which no grasp is left, while without it there is one.
+    /// Shift of the neighbour (m) after which no grasp of the target is left, although there is one without the
+    /// neighbour;
+    /// `None` if there is no such shift.
     fn shift(&self, rng: &mut impl Rng) -> Option<DVec3> {
         let Self { scene, index, other, .. } = *self;
         let middle = (scene.bounds(index)?.center() - scene.bounds(other)?.center()).truncate();
@@ -93,7 +96,7 @@ impl Blocking<'_> {
         let mut moved = scene.clone();
         (0..DIRECTIONS).find_map(|direction| {
             let away = DVec2::from_angle(turn + TAU * f64::from(direction) / f64::from(DIRECTIONS));
-            // The smallest distance along this direction at which they are apart.
+            // The smallest distance along this direction at which the two do not overlap.
             let by = (0..200).find_map(|step| {
                 let by = (middle + away * (0.002 * f64::from(step))).extend(0.0);
                 moved.shift(other, by);
@@ -117,7 +120,7 @@ impl Blocking<'_> {
             && !self.is_graspable(scene, None, (2..=STREAMS).map(Seed::new))
     }
 
-    /// True if the search of layouts, with all the arm configurations that the expert tries, finds a grasp.
+    /// True if the layout's grasp search finds a grasp, with all arm configurations that the expert tries.
     fn is_graspable(
         &self,
         scene: &PosedScene,

@@ -1,4 +1,4 @@
-//! Random edits of two authors: cost of verdicts, agreement with the audit, and what is left after a kill.
+//! Random edits by two authors: cost of verdicts, agreement with the audit, and edits lost by a kill of the process.
 
 use std::fs;
 use std::path::Path;
@@ -22,17 +22,17 @@ use crate::LabError;
 use crate::clock::{cpu_clock, process_clock};
 use crate::quantile::Spread;
 
-/// Operations on one scenario.
+/// Operations per scenario before the next one is edited.
 const PER_SCENARIO: usize = 25;
-/// Revisions that an author has not seen, at most.
+/// Maximum number of revisions by which an author's base is behind.
 const MAX_BEHIND: u64 = 3;
 /// Duration of the audit's simulation, simulated s.
 const AUDIT_S: f64 = 2.0;
-/// Last stage of the quick verdict.
+/// Last stage of the quick verdict, which a page shows right after an edit.
 const QUICK: Stage = Stage::Collision;
 const AUTHORS: [&str; 2] = ["ada", "bo"];
 
-/// Gives random operations to scenarios in turn, judges each result, and ends with a kill.
+/// Applies random operations to scenarios in turn, judges each result, and simulates a kill after each scenario.
 pub(super) fn measure(
     scenarios: &[Arc<Scenario>],
     operations: usize,
@@ -113,7 +113,9 @@ fn preview(
     Ok(Some(clock() * 1e3))
 }
 
-/// Bytes in memory, on the disk and after reading the log again; then kills while the last line is written.
+/// Compares the scenario in memory, on disk and reopened from its log; then truncates the last line of the log, as a
+/// kill
+/// while it is written would, and counts lost edits.
 fn check_files(
     document: EditedScenario,
     path: &Path,
@@ -146,7 +148,7 @@ fn check_files(
     Ok(())
 }
 
-/// Compares a verdict with the audit of layouts and with the independent reader.
+/// Compares a verdict with the layout audit and with the independent judgement of an episode at its start.
 fn mismatches(
     inspection: &mut Inspection,
     scenario: &Arc<Scenario>,
@@ -203,7 +205,7 @@ fn mismatches(
     Ok(())
 }
 
-/// True if an episode's judge finds the goal reached at its start; `None` for a scene that has no episodes.
+/// True if an episode's judge finds the goal reached in the initial state; `None` if no episode can be opened.
 fn is_reached(scenario: &Arc<Scenario>, equipment: &Equipment) -> Result<Option<bool>, LabError> {
     let Ok(stage) = genmanip_rollout::Stage::open(Arc::clone(scenario), equipment.assets, equipment.planner.robot())
     else {
@@ -215,7 +217,7 @@ fn is_reached(scenario: &Arc<Scenario>, equipment: &Equipment) -> Result<Option<
     Ok(Some(verdict.success))
 }
 
-/// A random operation that may fit the scenario.
+/// Random operation of any kind on random objects; it may be invalid for the scenario.
 fn random(scenario: &Scenario, rng: &mut impl Rng) -> Operation {
     let of = |count: usize, rng: &mut dyn FnMut(usize) -> usize| rng(count.max(1));
     let mut pick = |count: usize| rng.random_range(0..count);

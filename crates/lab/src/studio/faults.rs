@@ -1,4 +1,4 @@
-//! Faults planted in sound scenarios, each one confirmed by the checks of layouts.
+//! Faults planted in sound scenarios, each confirmed independently by the checks of the layout.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -21,34 +21,34 @@ named_enum! {
     /// Kind of a planted fault.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum Fault {
-        /// An object is lifted.
+        /// An object floats above its support.
         Floating = "floating",
-        /// An object is pushed into another.
+        /// An object penetrates another one.
         Overlap = "overlap",
-        /// The object of the goal is beyond the arm's reach.
+        /// An object that the goal moves is beyond the arm's reach.
         Unreachable = "unreachable",
-        /// The object of the goal is inside a tall container.
+        /// An object that the goal moves is inside a tall container, where no camera sees it.
         Hidden = "hidden",
-        /// The object of the goal is where it shall be.
+        /// The goal already holds.
         GoalHolds = "goal_holds",
-        /// An object has moved away from what its edge names.
+        /// An object has been moved so that an edge of the scene graph is false.
         EdgeFalse = "edge_false",
         /// The instruction fits two objects.
         Ambiguous = "ambiguous_sentence",
-        /// A neighbour is in the way of every grasp.
+        /// A neighbour obstructs every grasp of an object that the goal moves.
         GraspBlocked = "grasp_blocked",
     }
 }
 
-/// Gap that a moved object keeps from all others, m.
+/// Minimum gap between a moved object and all others, m.
 const APART_M: f64 = 0.02;
-/// Gap between two objects of the same category, m.
+/// Range of the gap between the two objects of the same category, m.
 const TWIN_GAP_M: [f64; 2] = [0.05, 0.12];
-/// Random places that are tried.
+/// Maximum number of random places tried.
 const DRAWS: usize = 300;
 
 impl Fault {
-    /// Codes of problems that tell the fault.
+    /// Problem codes of the verdict that count as finding this fault.
     pub fn codes(self) -> &'static [ProblemCode] {
         match self {
             Self::Floating => &[ProblemCode::Floating],
@@ -62,10 +62,10 @@ impl Fault {
         }
     }
 
-    /// The scenario with the fault; `None` if it has no place in this scene.
+    /// The scenario with the fault; `None` if this scene offers no place for it.
     pub fn plant(self, scenario: &Arc<Scenario>, equipment: &Equipment, seed: Seed) -> Option<Planted> {
         let scene = equipment.scene(scenario).ok()?;
-        // Where the goal has alternatives, a fault of one of them leaves the others.
+        // With alternatives in the goal, a fault of one would leave the others feasible.
         let step = match moves(&scenario.task.judged_goal(), &scene).as_slice() {
             [only] => only.iter().find(|step| step.state().is_none()).cloned(),
             _ => None,
@@ -93,14 +93,14 @@ impl Site<'_> {
         self.planted(&[self.shifted(index, lift)], vec![self.id(index)])
     }
 
-    /// Two objects beside each other, one moved towards the other until the simulator finds that they overlap.
+    /// Moves one object towards another until the simulator reports an overlap of the two.
     fn overlap(&self, rng: &mut impl Rng) -> Option<Planted> {
         let mut pairs: Vec<(usize, usize)> = (0..self.count())
             .flat_map(|one| (0..self.count()).map(move |other| (one, other)))
             .filter(|&(one, other)| one != other && self.is_alone(one) && self.is_alone(other))
             .collect();
         pairs.shuffle(rng);
-        // Without a false edge if possible: most edges end where their objects overlap.
+        // Preferably with all edges still true; most edges become false when their objects overlap.
         [true, false].into_iter().find_map(|keeps_edges| {
             pairs.iter().take(6).find_map(|&(index, other)| self.overlapping(index, other, keeps_edges, rng))
         })
@@ -143,7 +143,7 @@ impl Site<'_> {
         })
     }
 
-    /// The object inside the smallest container that hides it from all cameras.
+    /// Moves the object into the smallest container that hides it from all cameras.
     fn hidden(&self) -> Option<Planted> {
         let index = self.target().filter(|&index| self.is_alone(index))?;
         let size = self.scene.bounds(index)?.size();
@@ -180,7 +180,7 @@ impl Site<'_> {
         })
     }
 
-    /// One move alone that fulfils the goal, done; if possible without a false edge.
+    /// Carries out a single move that fulfils the goal, preferably with all edges still true.
     fn goal_holds(&self, seed: Seed) -> Option<Planted> {
         let step = self.step.as_ref()?;
         let upright: Vec<_> = self.scene.objects().map(|object| object.pose.rotation).collect();
@@ -230,7 +230,7 @@ impl Site<'_> {
         })
     }
 
-    /// A second object of the target's category beside others, and an instruction that names the category.
+    /// Adds a second object of the target's category, and an instruction that names only the category.
     fn ambiguous(&self, rng: &mut impl Rng) -> Option<Planted> {
         let index = self.target()?;
         let [alternative] = self.scenario.task.goal.alternatives.as_slice() else { return None };

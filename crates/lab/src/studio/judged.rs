@@ -1,4 +1,4 @@
-//! One scenario judged: by the expert, and by the verdict.
+//! Judgement of one scenario: by an episode of the expert, and by the studio's verdict.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use genmanip_studio::verdict::{Equipment, Inspection, Problem};
 
 use crate::LabError;
 
-/// True if the expert solves a scenario; one episode.
+/// True if the expert solves the scenario in one episode.
 pub(super) fn is_solved(scenario: &Arc<Scenario>, equipment: &Equipment, seed: Seed) -> Result<bool, LabError> {
     let broken =
         |error: &dyn std::fmt::Display| LabError::broken(format!("cannot run {}", scenario.id), error.to_string());
@@ -23,7 +23,7 @@ pub(super) fn is_solved(scenario: &Arc<Scenario>, equipment: &Equipment, seed: S
     Ok(episode.map_err(|error| broken(&error))?.result.success)
 }
 
-/// The blocking problems of a scenario.
+/// Blocking problems in the verdict on a scenario.
 pub(super) fn blocking(scenario: &Arc<Scenario>, equipment: &Equipment) -> Result<Vec<Problem>, LabError> {
     let verdict = Inspection::new(Arc::clone(scenario), equipment).verdict(0);
     let verdict = verdict.map_err(|error| LabError::broken(format!("cannot judge {}", scenario.id), error))?;

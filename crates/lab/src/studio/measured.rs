@@ -4,55 +4,56 @@ use serde::Serialize;
 
 use crate::quantile::Spread;
 
-/// Results.
+/// Cost and correctness of the studio's verdicts, edits and repairs.
 #[derive(Debug, Default, Serialize)]
 pub struct Measured {
-    /// Seed.
+    /// Seed of the random operations and faults.
     pub seed: u64,
-    /// Random operations given.
+    /// Number of random operations tried.
     pub operations: usize,
-    /// Those applied.
+    /// Number of operations that were applied; the others were conflicts or invalid.
     pub applied: usize,
-    /// Median CPU time from an edit to wording, relations, goal and collision, ms.
+    /// Median CPU time from an edit to the quick verdict (wording, relations, goal and collision), ms.
     pub verdict_ms_p50: f64,
-    /// 95th percentile of the same.
+    /// 95th percentile of the CPU time of the quick verdict, ms.
     pub verdict_ms_p95: f64,
     /// 95th percentile of the CPU time from an edit to all stages, ms.
     pub all_checks_ms_p95: f64,
-    /// 95th percentile of the CPU time of a camera's image of 512×288 pixels after an edit, ms.
+    /// 95th percentile of the CPU time of rendering one camera (512×288 pixels) after an edit, ms; `None` without
+    /// cameras.
     pub preview_ms_p95: Option<f64>,
-    /// First paint of the page; not measured here.
+    /// Time to the page's first paint, ms; measured in a browser, always `None` here.
     pub first_paint_ms: Option<f64>,
-    /// Robot and objects movable in the page; not measured here.
+    /// Time until robot and objects can be moved in the page, ms; measured in a browser, always `None` here.
     pub movable_ms: Option<f64>,
-    /// Mean CPU time by stage, ms.
+    /// Mean CPU time by stage of the verdict, ms.
     pub stage_ms: Vec<(&'static str, f64)>,
-    /// Acknowledged edits that are missing after a kill.
+    /// Number of acknowledged edits that are missing after a simulated kill.
     pub lost: usize,
-    /// Operations answered as conflicts.
+    /// Number of operations refused as conflicts.
     pub conflicts: usize,
-    /// True if memory, disk and a log that is read again always agree.
+    /// True if memory, disk and the reopened log always held the same bytes.
     pub equal_bytes: bool,
-    /// Verdicts that differ from the audit of layouts or from the independent reader.
+    /// Number of verdicts that differ from the layout audit or from the judge of an episode.
     pub verdict_mismatches: usize,
-    /// Planted faults.
+    /// Number of faults planted in sound scenarios.
     pub planted: usize,
-    /// Faults found, with the right object named.
+    /// Number of planted faults that the verdict found, naming the right object.
     pub found: usize,
-    /// Faults after whose repair, by offered repairs one after another, no blocking problem is left.
+    /// Number of faults whose offered repairs, applied one after another, removed every blocking problem.
     pub repaired: usize,
-    /// Repaired scenarios that the expert tried, once each.
+    /// Number of repaired scenarios that the expert tried, once each.
     pub repaired_tried: usize,
-    /// Those that it solved.
+    /// Number of these that the expert solved.
     pub repaired_solved: usize,
-    /// Sound scenarios: the expert solved each once.
+    /// Number of sound scenarios: those that the expert solved once.
     pub sound: usize,
-    /// Sound scenarios with a blocking problem.
+    /// Number of sound scenarios with a blocking problem in the verdict.
     pub false_alarms: usize,
-    /// Planted, found and repaired by kind of fault.
+    /// Numbers of planted, found and repaired faults, by kind of fault.
     pub by_fault: Vec<(&'static str, [usize; 3])>,
-    /// Median and 95th percentile of the CPU time of repairing all that can be repaired, s.
+    /// CPU time of applying the offered repairs of a fault, s.
     pub repair_s: Spread,
-    /// Particulars of mismatches, missed faults and false alarms.
+    /// Details of mismatches, missed faults and false alarms, for people.
     pub notes: Vec<String>,
 }

@@ -1,4 +1,5 @@
-//! The studio: random edits of two authors on fresh layouts, verdicts against the audit, planted faults and repairs.
+//! The studio: random edits by two authors on new layouts, verdicts compared with the audit, planted faults and
+//! repairs.
 
 mod blocked;
 mod edits;
@@ -21,14 +22,14 @@ use crate::LabError;
 use judged::{blocking, is_solved};
 pub use measured::Measured;
 
-/// Amounts of a measurement.
+/// Numbers of operations, faults and scenarios of the measurement.
 #[derive(Clone, Copy, Debug)]
 pub struct StudioArguments {
-    /// Random operations.
+    /// Number of random operations.
     pub operations: usize,
-    /// Planted faults.
+    /// Number of faults to plant.
     pub faults: usize,
-    /// Sound scenarios.
+    /// Number of sound scenarios to judge.
     pub sound: usize,
 }
 
@@ -66,7 +67,7 @@ pub fn measure(
     Ok(measured)
 }
 
-/// Tasks of all kinds, laid out, that the expert solves.
+/// Layouts of designed tasks of all kinds that the expert solves.
 fn fresh(
     count: usize,
     world: &World,

@@ -1,4 +1,4 @@
-//! Planted faults: found, repaired, and solved by the expert after the repair.
+//! Planted faults: how many are found, repaired, and then solved by the expert.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use crate::LabError;
 use crate::clock::cpu_clock;
 use crate::quantile::Spread;
 
-/// Plants faults of all kinds in turn, each kind in all scenarios in turn; looks for each, and repairs it.
+/// Plants faults of all kinds in turn, each kind in the scenarios in turn; judges and repairs each.
 pub(super) fn measure(
     scenarios: &[Arc<Scenario>],
     count: usize,
@@ -25,13 +25,13 @@ pub(super) fn measure(
 ) -> Result<(), LabError> {
     measured.by_fault = Fault::ALL.map(|fault| (fault.name(), [0; 3])).to_vec();
     let mut repair_s = Vec::new();
-    // The scenario that comes next, for each kind.
+    // Number of scenarios used so far, for each kind of fault.
     let mut next = Fault::ALL.map(|_| 0);
     progress.begin("planting faults", count);
     for number in 0..count {
         let kind = number % Fault::ALL.len();
         let fault = Fault::ALL[kind];
-        // Not every scene has room for every fault.
+        // Scenarios are tried in turn, since not every scene has room for every fault.
         let planted = (0..scenarios.len()).find_map(|_| {
             let turn = next[kind];
             next[kind] += 1;
@@ -84,7 +84,7 @@ pub(super) fn measure(
 }
 
 impl Planted {
-    /// True if a problem tells the fault with the right objects.
+    /// True if a problem reports the fault and names the right objects.
     fn is_told_by(&self, fault: Fault, problem: &Problem) -> bool {
         let names_it = |id: &Option<String>| id.as_ref().is_some_and(|id| self.objects.contains(id));
         fault.codes().contains(&problem.code)

@@ -1,4 +1,4 @@
-//! Scenarios in which a fault is planted, and what must stay as it is.
+//! Scenarios to plant a fault in, with operations and checks that the rest of the scenario stays as it is.
 
 use std::sync::Arc;
 
@@ -11,11 +11,11 @@ use genmanip_studio::verdict::Equipment;
 
 /// A scenario with a fault.
 pub struct Planted {
-    /// The scenario.
+    /// The scenario with the fault.
     pub scenario: Arc<Scenario>,
-    /// Ids of the objects of which one has to be named.
+    /// Ids of the objects of which the verdict must name at least one.
     pub objects: Vec<String>,
-    /// Id of the neighbour that has to be named too.
+    /// Id of the neighbour that the verdict must name as well; `None` if there is none.
     pub neighbour: Option<String>,
 }
 
@@ -24,7 +24,7 @@ pub(super) struct Site<'a> {
     pub scenario: &'a Scenario,
     pub scene: PosedScene,
     pub equipment: &'a Equipment,
-    /// First object that the goal has carried; `None` for a goal with alternatives.
+    /// First move that the goal requires; `None` for a goal with alternatives.
     pub step: Option<Move>,
 }
 
@@ -41,7 +41,7 @@ impl Site<'_> {
         self.step.as_ref().map(|step| step.object)
     }
 
-    /// The scenario after some operations.
+    /// The scenario after these operations, with the objects to be named; `None` if an operation does not apply.
     pub fn planted(&self, operations: &[Operation], objects: Vec<String>) -> Option<Planted> {
         let mut changed = self.scenario.clone();
         for operation in operations {
@@ -50,21 +50,21 @@ impl Site<'_> {
         Some(Planted { scenario: Arc::new(changed), objects, neighbour: None })
     }
 
-    /// The operation that shifts an object.
+    /// Operation that shifts an object by a vector, m.
     pub fn shifted(&self, index: usize, by: DVec3) -> Operation {
         let pose = self.scenario.objects[index].pose;
         let pose = Pose { position: pose.position + by, ..pose };
         Operation::Place { objects: vec![Placement { id: self.id(index), pose, joint_positions: None }] }
     }
 
-    /// The scene with a shifted object.
+    /// The posed scene with an object shifted by a vector, m.
     pub fn moved(&self, index: usize, by: DVec3) -> PosedScene {
         let mut moved = self.scene.clone();
         moved.shift(index, by);
         moved
     }
 
-    /// True if no support edge names the object, so that it stands on the table alone.
+    /// True if no support edge (such as `on` or `in`) names the object: it stands on the table and carries nothing.
     pub fn is_alone(&self, index: usize) -> bool {
         let id = &self.scenario.objects[index].id;
         let mut supports = self.scenario.task.scene_graph.edges.iter().filter(|edge| edge.relation.is_support());
@@ -75,7 +75,7 @@ impl Site<'_> {
         (0..self.count()).all(|other| other == index || outlines_apart(moved, index, other, gap_m))
     }
 
-    /// True if no edge is false and the goal is not reached.
+    /// True if every edge of the scene graph holds and the goal is not reached.
     pub fn keeps_the_rest(&self, moved: &PosedScene) -> bool {
         self.keeps_edges(moved) && !self.is_reached(moved)
     }

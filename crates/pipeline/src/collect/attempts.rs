@@ -1,4 +1,4 @@
-//! Attempts of a run: their order, their shards, and those that are left to make.
+//! Attempts of a run: their order, their distribution over shards, and the unfinished ones.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
@@ -13,29 +13,30 @@ use genmanip_workspace::task_spool::TaskEntry;
 use crate::folder::{Run, RunFolder};
 use crate::index::IndexedAttempt;
 
-/// Outcomes of attempts by id.
+/// Outcomes of finished attempts, by id.
 pub(super) type Outcomes = BTreeMap<String, Outcome>;
 
-/// An attempt of a run.
+/// An attempt that a run comprises, finished or not.
 #[derive(Clone)]
 pub(super) struct Planned {
-    /// Its id.
+    /// Id of the attempt.
     pub id: String,
     /// Index of the task in the run.
     pub task: usize,
-    /// Number among the task's attempts.
+    /// Number among the task's attempts, from 0.
     pub number: u64,
 }
 
 impl Planned {
-    /// The attempts of a run or of a shard of it, task by task.
+    /// Attempts of a run, or of a shard of it, task by task.
     pub fn all(tasks: &[TaskEntry], per_task: usize, shard: Option<Shard>) -> Vec<Self> {
         let named = |(task, number): (usize, u64)| Self { id: attempt_id(&tasks[task].id, number), task, number };
         places(tasks.len(), per_task, shard).map(named).collect()
     }
 
-    /// Attempts `range` of a run without a fixed number of attempts: the first of every task, then the second of every
-    /// task, and so on.
+    /// Attempts with these positions in a run without a fixed number of attempts, where the order is: the first attempt
+    /// of
+    /// every task, then the second of every task, and so on.
     pub fn round_robin(tasks: &[TaskEntry], range: Range<usize>) -> Vec<Self> {
         let named = |piece: usize| {
             let (task, number) = (piece % tasks.len(), (piece / tasks.len()) as u64);
@@ -45,7 +46,7 @@ impl Planned {
     }
 }
 
-/// Index of the task and number of each attempt of a run or of a shard of it, task by task.
+/// Index of the task and number of each attempt of a run, or of a shard of it, task by task.
 fn places(tasks: usize, per_task: usize, shard: Option<Shard>) -> impl Iterator<Item = (usize, u64)> {
     let (first, step) = shard.map_or((0, 1), |shard| (shard.index(), shard.count()));
     (first..tasks.saturating_mul(per_task))
@@ -53,14 +54,14 @@ fn places(tasks: usize, per_task: usize, shard: Option<Shard>) -> impl Iterator<
         .map(move |piece| (piece / per_task, (piece % per_task) as u64))
 }
 
-/// Ids of the attempts of a run or of a shard of it.
+/// Ids of the attempts of a run, or of a shard of it.
 pub(crate) fn share(run: &Run, shard: Option<Shard>) -> impl Iterator<Item = String> {
     let tasks = run.tasks.entries();
     let named = |(task, number): (usize, u64)| attempt_id(&tasks[task].id, number);
     places(tasks.len(), run.episodes_per_task, shard).map(named)
 }
 
-/// Returns the unfinished attempts of `attempts`; outcomes of finished ones go into `outcomes`.
+/// Returns the unfinished ones of `attempts`; adds the outcomes of the finished ones to `outcomes`.
 pub(super) fn left(
     attempts: &[Planned],
     known: &mut BTreeMap<String, IndexedAttempt>,

@@ -1,4 +1,4 @@
-//! Collecting demonstrations into a run folder: attempts, their images, scenario files and the dataset.
+//! Collection of demonstrations into a run folder: attempts, their images, scenario files and the dataset.
 
 mod attempts;
 mod options;
@@ -39,19 +39,20 @@ use runner::{Made, Runner};
 /// Result of [`collect`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Collected {
-    /// One row per task.
+    /// Outcomes by task, one row each.
     pub rows: Vec<TaskRow>,
-    /// The dataset, if one was written.
+    /// Folder of the dataset; `None` if none was written.
     pub dataset: Option<PathBuf>,
-    /// Number of attempts of the run.
+    /// Number of attempts that the run comprises.
     pub attempts: usize,
     /// Number of finished attempts.
     pub finished: usize,
-    /// True if stopped before the end; the same call continues it.
+    /// True if interrupted; the same call continues.
     pub interrupted: bool,
-    /// Ids of omitted damaged episodes, each with the reason.
+    /// Ids of damaged episodes, which were omitted, each with a description of the damage.
     pub damaged: Vec<(String, String)>,
-    /// Attempts whose policy to correct was unreachable or made a mistake; the same call makes them.
+    /// Attempts that the policy to be corrected could not run (unreachable, or a mistake of it); the same call makes
+    /// them.
     pub not_run: Vec<NotRun>,
     /// Shard that was collected; `None` for the whole run.
     pub shard: Option<Shard>,
@@ -62,26 +63,27 @@ pub struct Collected {
 pub struct TaskRow {
     /// Id of the task.
     pub task: String,
-    /// Its kind.
+    /// Kind of the task.
     pub kind: TaskKind,
-    /// Finished attempts.
+    /// Number of finished attempts.
     pub attempts: usize,
-    /// Those with a verified demonstration.
+    /// Number of verified attempts.
     pub verified: usize,
-    /// Failure causes of the other attempts.
+    /// Failure causes with evidence, one text per failed attempt.
     pub failures: Vec<String>,
-    /// Wall-clock time of the attempts, s.
+    /// Wall-clock time of the task's attempts, s.
     pub seconds: f64,
 }
 
-/// Makes all missing attempts of a run, renders their images and writes their scenarios; exports the dataset if an
-/// attempt was verified and the settings ask for images.
+/// Makes all missing attempts of a run, renders their images and writes their scenarios. Then exports the dataset, if
+/// an
+/// attempt was verified and the settings request images.
 ///
-/// Damaged episodes are reported and omitted, or made anew with [`CollectOptions::repair`].
-/// When `stop` becomes true, attempts under way are finished and the rest is left for the next call.
+/// Damaged episodes are reported and omitted, or attempted again with [`CollectOptions::repair`].
+/// When `stop` becomes true, attempts in progress are finished, and the others remain for the next call.
 ///
 /// # Errors
-/// When the folder holds another run, cannot be written, or a stage broke; finished episodes are kept.
+/// When the folder holds another run or cannot be written to, or a stage fails; finished episodes are kept.
 pub fn collect(
     path: &Path,
     run: Run,
@@ -134,7 +136,7 @@ pub fn collect(
         }
         not_run::note(&not_run).iter().for_each(|note| progress.note(note));
     }
-    // A call that finds everything finished does not lengthen the time of collecting.
+    // A call that finds everything finished does not add to the time of collecting.
     if has_made {
         folder.add_phase_time("collect", started.elapsed().as_secs_f64());
     }
@@ -150,17 +152,17 @@ pub fn collect(
         folder.save_timings()?;
     }
     let rows = rows(tasks.entries(), &attempts, &outcomes, &folder.timings());
-    // Also those that an interrupted call did not inspect.
+    // Includes attempts in the store that an interrupted call did not inspect.
     let is_finished = |planned: &&Planned| outcomes.contains_key(&planned.id) || store.contains(&planned.id);
     let finished = attempts.iter().filter(is_finished).count();
     if has_changed {
-        // Brings the index up to date.
+        // The survey also updates the index on disk.
         folder.survey(&store)?;
     }
     Ok(Collected { rows, dataset, attempts: all, finished, interrupted, damaged, not_run, shard: options.shard })
 }
 
-/// Resolves the policy whose actions the expert corrects.
+/// Policy whose actions the expert corrects, by name; an error for policies that cannot be corrected.
 fn corrected(name: &str) -> Result<PolicyFactory, WorkspaceError> {
     let policy = PolicyFactory::resolve(name)?;
     let why = if policy.needs_record() {
@@ -174,7 +176,7 @@ fn corrected(name: &str) -> Result<PolicyFactory, WorkspaceError> {
         .with_hint("expected clumsy, blind, random, or a policy of yours: openpi, vla-eval, python"))
 }
 
-/// Factory of the corrected policy for the episodes of a stage.
+/// Factory of the policy to be corrected, for episodes on a stage.
 fn maker<'a>(
     policy: &'a PolicyFactory,
     planner: &'a Arc<Planner>,
@@ -233,16 +235,16 @@ impl Collected {
     }
 }
 
-/// Attempts, verified ones and seconds of tasks.
+/// Total attempts, verified attempts and seconds of tasks, as texts.
 fn sums<'a>(rows: impl Iterator<Item = &'a TaskRow>) -> [String; 3] {
-    // An empty sum is -0.0.
+    // Start from 0.0, since the empty sum of floats is -0.0.
     let (attempts, verified, seconds) = rows.fold((0, 0, 0.0), |(attempts, verified, seconds), row| {
         (attempts + row.attempts, verified + row.verified, seconds + row.seconds)
     });
     [attempts.to_string(), verified.to_string(), format!("{seconds:.1}")]
 }
 
-/// Failure causes with their counts, most frequent first.
+/// Text of the failure causes with their counts, most frequent first.
 fn causes(rows: &[&TaskRow]) -> String {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for failure in rows.iter().flat_map(|row| &row.failures) {
@@ -253,7 +255,7 @@ fn causes(rows: &[&TaskRow]) -> String {
     shortened(&counts.iter().map(|(cause, count)| format!("{cause} {count}")).collect::<Vec<_>>().join(", "), 60)
 }
 
-/// Rejects a run whose data set could not be written in the end.
+/// Fails before collecting if the dataset could not be written at the end.
 fn check_datasets(folder: &RunFolder, hash: &str) -> Result<(), WorkspaceError> {
     let path = folder.join("dataset");
     for target in [lerobot::depth_path(&path), path] {
@@ -263,7 +265,7 @@ fn check_datasets(folder: &RunFolder, hash: &str) -> Result<(), WorkspaceError> 
     Ok(())
 }
 
-/// Writes the dataset of a run whose settings ask for images; returns its folder.
+/// Exports the dataset of a run whose settings request images; returns its folder.
 fn export(
     settings: &PipelineSettings,
     hash: String,
@@ -304,7 +306,7 @@ fn rows(tasks: &[TaskEntry], attempts: &[Planned], outcomes: &Outcomes, timings:
             of_task.entry(*task).or_default().push((id, outcome));
         }
     }
-    // A shard may have no attempt of a task.
+    // A shard may have no attempt at some task, which then has no row.
     let planned: BTreeSet<usize> = attempts.iter().map(|attempt| attempt.task).collect();
     let entries = tasks.iter().enumerate().filter(|(index, _)| planned.contains(index));
     entries
@@ -316,7 +318,7 @@ fn rows(tasks: &[TaskEntry], attempts: &[Planned], outcomes: &Outcomes, timings:
                 attempts: mine().count(),
                 verified: mine().filter(|(_, outcome)| outcome.success).count(),
                 failures: mine().filter_map(|(_, outcome)| Some(outcome.failure()?.to_string())).collect(),
-                // An empty sum is -0.0.
+                // Added 0.0, since the empty sum of floats is -0.0.
                 seconds: mine().filter_map(|(id, _)| timings.attempts.get(*id)).sum::<f64>() + 0.0,
             }
         })

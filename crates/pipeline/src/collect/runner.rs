@@ -1,4 +1,4 @@
-//! Makes the attempts of a run: a fixed number per task, or as many as a number of verified demonstrations needs.
+//! Execution of a run's attempts: a fixed number per task, or until a number of demonstrations are verified.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,10 +19,12 @@ use crate::index::{IndexedAttempt, Survey};
 use crate::not_run::{Series, no_episode};
 use crate::policies::mistaken;
 
-/// Attempts per demonstration and per task after which a run gives up: the expert verifies some 9 of 10.
+/// Maximum number of attempts per wanted demonstration, and per task, before a run gives up. The expert usually
+/// verifies
+/// about 9 of 10 attempts.
 const MAX_ATTEMPTS: usize = 20;
 
-/// Everything that attempts of a run need.
+/// Resources and settings that the attempts of a run share.
 pub(super) struct Runner<'a> {
     pub tasks: &'a Tasks,
     pub seed: Seed,
@@ -31,20 +33,20 @@ pub(super) struct Runner<'a> {
     pub folder: &'a RunFolder,
     pub store: &'a EpisodeStore,
     pub options: CollectOptions,
-    /// True if a dataset follows, which needs disk space again.
+    /// True if a dataset will be written, which needs further disk space.
     pub writes_dataset: bool,
     pub progress: &'a dyn Progress,
     pub stop: &'a AtomicBool,
 }
 
-/// Attempts of a run and their outcomes.
+/// Attempts of a run with their outcomes.
 pub(super) struct Made {
-    /// Attempts, damaged ones apart.
+    /// All attempts except damaged ones.
     pub attempts: Vec<Planned>,
     pub outcomes: Outcomes,
-    /// Ids of damaged episodes, with the reason.
+    /// Ids of damaged episodes, with a description of the damage.
     pub damaged: Vec<(String, String)>,
-    /// Attempts whose policy to correct was unreachable or made a mistake.
+    /// Attempts that the policy to be corrected could not run (unreachable, or a mistake of it).
     pub not_run: Vec<NotRun>,
     /// True if this call made an attempt.
     pub has_made: bool,
@@ -53,10 +55,10 @@ pub(super) struct Made {
 }
 
 impl Runner<'_> {
-    /// Makes a fixed number of attempts per task, or the share of a shard.
+    /// Makes a fixed number of attempts per task, or those of a shard.
     ///
     /// # Errors
-    /// When an episode or a file broke; finished episodes are kept.
+    /// When an episode raises an error or a file cannot be read or written; finished episodes are kept.
     pub fn fixed(&self, per_task: usize) -> Result<Made, WorkspaceError> {
         let mut attempts = Planned::all(self.tasks.entries(), per_task, self.options.shard);
         let (mut known, damaged) = self.known(self.folder.survey(self.store)?, &attempts)?;
@@ -64,7 +66,7 @@ impl Runner<'_> {
         let mut outcomes = Outcomes::new();
         let left = left(&attempts, &mut known, self.folder, self.store, self.settings, &mut outcomes);
         self.progress.begin("collecting", attempts.len());
-        // Outcomes of earlier calls are counted, not reported again.
+        // Outcomes of earlier calls advance the progress, without being reported again.
         outcomes.iter().for_each(|_| self.progress.advance());
         let estimate = Estimate::new(self.folder.path(), left.len(), self.writes_dataset);
         let (has_made, not_run) = self.make(&left, &estimate, &mut outcomes, &|_| true)?;
@@ -72,14 +74,16 @@ impl Runner<'_> {
         Ok(Made { attempts, outcomes, damaged, not_run, has_made, has_changed: !left.is_empty() })
     }
 
-    /// Makes attempts in rounds over all tasks until exactly `count` are verified.
+    /// Makes attempts in rounds over all tasks, until exactly `count` are verified.
     ///
-    /// A wave has as many attempts as verified demonstrations are missing, so none is superfluous, and the attempts
-    /// depend on neither the number of threads nor interruptions. A larger `count` continues the same sequence.
+    /// Each parallel wave has as many attempts as verified demonstrations are missing, so that none is superfluous. The
+    /// attempts therefore depend neither on the number of threads nor on interruptions. A larger `count` continues the
+    /// same
+    /// sequence.
     ///
     /// # Errors
-    /// As [`Runner::fixed`]; when the run has more verified demonstrations already, damaged episodes, an attempt that was
-    /// not run, on which the later ones depend, or too many attempts that fail.
+    /// As [`Runner::fixed`]; also when the run already has more verified demonstrations, or damaged episodes, when an
+    /// attempt could not be run (later ones depend on it), or when too many attempts fail.
     pub fn until_verified(&self, count: usize) -> Result<Made, WorkspaceError> {
         let tasks = self.tasks.entries();
         let survey = self.folder.survey(self.store)?;
@@ -127,7 +131,8 @@ impl Runner<'_> {
         Ok(Made { attempts, outcomes, damaged, not_run: Vec::new(), has_made, has_changed })
     }
 
-    /// Sound episodes of the run by id, and damaged ones among `attempts`; with `repair` these are set aside first.
+    /// Intact episodes of the run by id, and damaged ones among `attempts`. With `repair`, damaged ones are set aside
+    /// first.
     #[expect(clippy::type_complexity, reason = "two lists, taken apart at once")]
     fn known(
         &self,
@@ -139,8 +144,9 @@ impl Runner<'_> {
         Ok((survey.sound.into_iter().map(|known| (known.id.clone(), known)).collect(), damaged))
     }
 
-    /// Makes attempts in parallel; true if one was made rather than found, and those that were not run. `advances` says
-    /// which outcomes count as progress.
+    /// Makes attempts in parallel. Returns true if one was made, not only found, and the attempts that could not be
+    /// run.
+    /// `advances` decides which outcomes count as progress.
     fn make(
         &self,
         left: &[Planned],
@@ -174,7 +180,8 @@ impl Runner<'_> {
             let task = self.tasks.read(planned.task).map_err(Stopped::Run)?;
             let attempt = Attempt::of(&task, planned.number, self.seed);
             let (result, was_there) = match complete(&attempt, self.resources, store, self.settings) {
-                // Without a policy to correct, a service is gone: that stops the run.
+                // Only with a policy to be corrected may an attempt not run; otherwise a service has failed, which ends
+                // the run.
                 Err(RolloutError::NotRun { reason, mistake, .. }) if self.settings.corrects.is_some() => {
                     let left = NotRun { id: attempt.id(), scenario_id: attempt.id(), reason, mistake };
                     series.was_not_run(&left).map_err(Stopped::Run)?;
@@ -205,7 +212,7 @@ impl Runner<'_> {
     }
 }
 
-/// Damaged attempts of the run; with `repair` there are none left afterwards.
+/// Damaged attempts of the run; with `repair` they are set aside, so that none remain.
 fn damaged(
     folder: &RunFolder,
     store: &EpisodeStore,
@@ -220,7 +227,9 @@ fn damaged(
         if !store.has_folder(id) {
             continue;
         }
-        // Repair verifies contents; otherwise only file sizes are checked, and damage within shows on reading.
+        // With `repair`, contents are verified; otherwise only file sizes, so that damaged contents are detected when
+        // they are
+        // read.
         let looked_at = if repair { store.verify(id) } else { store.inspect(id).map(drop) };
         let Err(error) = looked_at else { continue };
         if !repair {

@@ -1,4 +1,4 @@
-//! Ending of the episodes of an evaluation: time limit and stop on success.
+//! Rules that end the episodes of an evaluation: time limit and stop on success.
 
 use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::evaluate::Case;
@@ -6,26 +6,27 @@ use genmanip_workspace::WorkspaceError;
 
 use crate::policies::PolicyFactory;
 
-/// Longest time limit, s: at 60 Hz the recording of an hour takes about half a gigabyte of memory.
+/// Maximum time limit, simulated s. At 60 Hz, an hour takes about half a gigabyte of memory.
 const MAX_HORIZON_S: f64 = 3600.0;
 
-/// Changes to the ending of every episode of an evaluation.
+/// Changes to the rules that end an episode of an evaluation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EndingRules {
-    /// Time limit, simulated s, instead of those of the scenarios.
+    /// Time limit, simulated s; `None` for those of the scenarios.
     pub horizon_s: Option<f64>,
     /// True to end an episode as soon as its goal has held for the settling time, with nothing held or moving; the
-    /// verdict is still the one after settling. `None` for exactly the policies that never finish.
+    /// verdict
+    /// is still the one after settling. `None`: true exactly for policies that never end an episode themselves.
     pub stop_on_success: Option<bool>,
-    /// True to end an episode at its first action out of reach, instead of holding the command in force.
+    /// True to end an episode at the first action that is out of reach; false to hold the previous command instead.
     pub stop_on_unreachable: bool,
 }
 
 impl EndingRules {
-    /// Checks the time limit.
+    /// The rules, if the time limit is valid.
     ///
     /// # Errors
-    /// A time limit that is not positive, not finite, or longer than an hour.
+    /// For a time limit that is not positive, not finite, or longer than an hour.
     pub fn check(self) -> Result<Self, WorkspaceError> {
         match self.horizon_s {
             Some(horizon_s) if !(horizon_s > 0.0 && horizon_s <= MAX_HORIZON_S) => {
@@ -36,12 +37,12 @@ impl EndingRules {
         }
     }
 
-    /// True if the episodes of a policy end on success.
+    /// True if the episodes of this policy end on success.
     pub(super) fn stops_on_success(self, policy: &PolicyFactory) -> bool {
         self.stop_on_success.unwrap_or_else(|| policy.never_finishes())
     }
 
-    /// The settings of a suite with these rules for a policy.
+    /// Settings of a suite, changed by these rules for a policy.
     pub(super) fn settings(self, of_suite: &PipelineSettings, policy: &PolicyFactory) -> PipelineSettings {
         let mut settings = of_suite.clone();
         settings.rollout.horizon_s = self.horizon_s.unwrap_or(settings.rollout.horizon_s);
@@ -50,12 +51,12 @@ impl EndingRules {
         settings
     }
 
-    /// A case with the time limit.
+    /// A case with the time limit of these rules, if they have one.
     pub(super) fn case(self, case: &Case) -> Case {
         Case { horizon_s: if self.horizon_s.is_some() { None } else { case.horizon_s }, ..case.clone() }
     }
 
-    /// Label of a policy with what differs from its usual rules: two evaluations that ended episodes differently have
+    /// Label of a policy with all differences from its usual rules, so that evaluations with different rules have
     /// different labels.
     pub(super) fn label(self, policy: &PolicyFactory) -> String {
         let mut label = policy.label().to_owned();

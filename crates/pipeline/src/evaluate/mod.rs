@@ -1,10 +1,10 @@
-//! Evaluating policies on scenarios: one results file per policy in `evaluation/`.
+//! Evaluation of policies on scenarios: one results file per policy in `evaluation/`.
 //!
 //! ```text
-//! evaluation/LABEL.json          the results, when every case was tried
-//! evaluation/LABEL/episodes/     the episodes, where they are kept
-//! evaluation/LABEL/results.jsonl, identity.json   an evaluation that is not finished: it continues there
-//! evaluation/LABEL/results.shard-I-of-N.jsonl   what shards of it finished; a call that is no shard gathers them
+//! evaluation/LABEL.json          the results, once every case was tried
+//! evaluation/LABEL/episodes/     the episodes, if they are kept
+//! evaluation/LABEL/results.jsonl, identity.json   an unfinished evaluation, continued by the next call
+//! evaluation/LABEL/results.shard-I-of-N.jsonl   results of shards, collected by a call without a shard
 //! ```
 
 mod ending;
@@ -45,35 +45,37 @@ pub use suite::Suite;
 pub struct EvaluateOptions {
     /// Folder of a run in which `evaluation/` is written; `None` to write nothing.
     pub out: Option<PathBuf>,
-    /// True to keep the episodes.
+    /// True to store the episodes with their frames.
     pub keep_episodes: bool,
-    /// Cores that are used.
+    /// Number of cores to use.
     pub workers: usize,
-    /// Episodes under way at once; `None` for as many as there are cores, or [`MAX_CONCURRENT_EPISODES`] of a policy that waits for a
-    /// service.
+    /// Maximum number of concurrent episodes; `None` for the number of cores, or [`MAX_CONCURRENT_EPISODES`] for a
+    /// policy
+    /// that waits for a service.
     pub at_once: Option<usize>,
-    /// The part of the cases that is evaluated, without a results file: a call that is no shard gathers the results of
-    /// all shards and writes it.
+    /// Part of the cases to evaluate, without a results file: a later call without a shard collects the results of all
+    /// shards and writes that file. `None` for all cases.
     pub shard: Option<Shard>,
-    /// Most that the service of a policy may cost, in the currency of its settings.
+    /// Maximum cost of a policy's service, in the currency of its settings; `None` for no limit.
     pub max_cost: Option<f64>,
-    /// Ending of the episodes.
+    /// Rules that end an episode.
     pub ending: EndingRules,
-    /// True to try every episode, also after three in a row that the policy did not run.
+    /// True to go on after three episodes in a row that the policy could not run.
     pub keep_going: bool,
 }
 
-/// Episodes under way at once when they wait for a service: enough to keep two cores busy while a model takes seconds,
-/// at about 35 MB each (measured with `lab batch`).
+/// Default number of concurrent episodes that wait for a service: enough to keep two cores busy while a model takes
+/// seconds, at about 35 MB each (measured with `lab batch`).
 pub const MAX_CONCURRENT_EPISODES: usize = 16;
 
 /// Evaluates the policies, one after the other, on every case of a suite, and writes one file for each.
 ///
-/// Results are kept as they come: an evaluation that was interrupted, or whose policy could not be reached, continues
-/// where it stopped. When `stop` becomes true, the reports of the policies before the one under way are returned.
+/// Results are stored as they come: an interrupted evaluation, or one whose policy could not be reached, continues
+/// where it stopped. When `stop` becomes true, only the reports of the policies finished before are returned.
 ///
 /// # Errors
-/// When there is no scenario, a file cannot be written, an episode broke, or a policy did not run three in a row.
+/// When there is no scenario, a file cannot be written, an episode raises an error, or a policy could not run three
+/// episodes in a row.
 pub fn evaluate(
     suite: &Suite,
     policies: &[PolicyFactory],
@@ -92,14 +94,14 @@ pub fn evaluate(
     for policy in policies {
         let started = Instant::now();
         if options.shard.is_some_and(|shard| shard.index() >= suite.cases.len()) {
-            // There are fewer cases than shards.
+            // With fewer cases than shards, this shard has nothing to do.
             break;
         }
         let Some((report, stream)) = one(suite, policy, folder.as_ref(), options, progress, stop)? else { break };
         if let (Some(folder), None) = (&folder, options.shard) {
             let file = results_file(folder.path(), &report.label);
             documents::write_file(&file, report.to_json().as_bytes())?;
-            // Not before the report is on the disk, which may be full.
+            // The journal is deleted only after the report is written, since the disk may be full.
             stream.map_or(Ok(()), Stream::close)?;
             folder.set_phase_time(&format!("evaluate {}", report.label), started.elapsed().as_secs_f64());
         }
@@ -111,7 +113,7 @@ pub fn evaluate(
     Ok(reports)
 }
 
-/// Evaluates one policy, and gives the results that the report stands for when it is complete; `None` when it was stopped.
+/// Evaluates one policy; returns the results with the stored report, or `None` if interrupted.
 fn one(
     suite: &Suite,
     policy: &PolicyFactory,
@@ -129,7 +131,7 @@ fn one(
     let stream = folder.map(|folder| Stream::open(&folder.join("evaluation").join(&label), &identity, options.shard));
     let stream = stream.transpose()?;
     let mut results: Vec<EpisodeResult> = stream.as_ref().map_or_else(Vec::new, |stream| stream.known().to_vec());
-    // An evaluation with more episodes per scenario may have been begun before.
+    // The folder may hold results of an earlier call with more episodes per scenario.
     let wanted: BTreeSet<&str> = suite.cases.iter().map(|case| case.id.as_str()).collect();
     results.retain(|result| wanted.contains(result.id.as_str()));
     let known: BTreeSet<&str> = results.iter().map(|result| result.id.as_str()).collect();
@@ -160,7 +162,7 @@ fn one(
     progress.begin(&label, cases.len());
     let make = |stage: &_, case: &Case| {
         let recorded = match suite.recorded(&case.id) {
-            // A damaged recording says nothing about a policy that needs it, and is nothing to the others.
+            // A damaged recording is skipped for a policy that needs it; other policies do not read it.
             Err(error) if error.is_damage() && policy.needs_record() => {
                 let reason = format!("what was recorded is damaged: {error}");
                 return Err(RolloutError::NotRun { policy: policy.label().into(), reason, mistake: false });
@@ -251,13 +253,13 @@ fn one(
     Ok(Some((report.leaving(evaluated.not_run), stream)))
 }
 
-/// An error with its causes and its hint, as a mistake of a policy says it.
+/// An error with its causes and its hint, as text.
 fn described(error: &(dyn std::error::Error + Send + Sync + 'static)) -> String {
     let hint = error.downcast_ref::<WorkspaceError>().and_then(WorkspaceError::hint);
     hint.map_or_else(|| error.to_string(), |hint| format!("{error}\nhint: {hint}"))
 }
 
-/// A table of success rates with their intervals.
+/// Table of success rates with their intervals.
 pub fn table(reports: &[EvaluationReport]) -> String {
     let heads = ["policy", "episodes", "success at end", "95 % interval", "score", "failures"];
     let any_left = reports.iter().any(|report| !report.not_run.is_empty());
@@ -280,7 +282,7 @@ pub fn table(reports: &[EvaluationReport]) -> String {
     let mut lines = vec![head];
     for report in reports {
         let success = &report.summary.success;
-        // The episodes that a mistake left out are no random sample.
+        // If a mistake of the policy prevented episodes, the finished ones are no random sample.
         let is_mistaken = report.not_run.iter().any(|left| left.mistake);
         let rate = |text: String| if is_mistaken { "–".to_owned() } else { text };
         let mut line = vec![
@@ -315,10 +317,10 @@ pub fn table(reports: &[EvaluationReport]) -> String {
     text_table(&lines)
 }
 
-/// Number of causes in a cell of the table.
+/// Maximum number of failure causes in a cell of the table.
 const SHOWN_CAUSES: usize = 2;
 
-/// The most frequent causes of failure with their counts, and the count of all others.
+/// The most frequent causes of failure with their counts, and the total count of all others.
 fn most_frequent(failures: &[FailureCount]) -> String {
     let (shown, rest) = failures.split_at(failures.len().min(SHOWN_CAUSES));
     let others: usize = rest.iter().map(|entry| entry.count).sum();
@@ -326,8 +328,8 @@ fn most_frequent(failures: &[FailureCount]) -> String {
     shown.chain((others > 0).then(|| format!("{others} other"))).collect::<Vec<_>>().join(", ")
 }
 
-/// Success by scenario trait, a column per policy; values of few scenarios are omitted. Empty for a suite without
-/// traits.
+/// Table of success by scenario trait, with one column per policy; values with fewer than [`MIN_SCENARIOS`]
+/// scenarios are omitted. Empty for a suite without traits.
 pub fn table_of_traits(reports: &[EvaluationReport]) -> String {
     let mut rows: BTreeMap<(&str, &str), Vec<String>> = BTreeMap::new();
     for (index, report) in reports.iter().enumerate() {
@@ -348,12 +350,12 @@ pub fn table_of_traits(reports: &[EvaluationReport]) -> String {
     text_table(&std::iter::once(head.collect()).chain(rows).collect::<Vec<_>>())
 }
 
-/// File of the results of an evaluation in the folder of a run.
+/// Path of the results file of an evaluation in the folder of a run.
 pub fn results_file(run: &Path, label: &str) -> PathBuf {
     run.join("evaluation").join(format!("{label}.json"))
 }
 
-/// Folder of the kept episodes of an evaluation.
+/// Path of the kept episodes of an evaluation.
 pub fn kept_episodes(folder: &RunFolder, label: &str) -> PathBuf {
     let evaluation: &Path = &folder.join("evaluation");
     evaluation.join(label).join("episodes")

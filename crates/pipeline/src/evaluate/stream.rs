@@ -1,4 +1,4 @@
-//! Results as they come, so that an evaluation can be continued.
+//! Journal of results, so that an interrupted evaluation can be continued.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions, TryLockError};
@@ -19,17 +19,17 @@ use genmanip_workspace::difference::first_difference;
 use genmanip_workspace::documents::{self, sweep};
 use genmanip_workspace::shard::Shard;
 
-/// Identity of an evaluation; results of another one are not continued.
+/// Identity of an evaluation; a journal is continued only if it is equal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Identity {
     suite_hash: String,
     /// Label of the policy.
     policy: String,
-    /// Its arguments that the label names but does not identify.
+    /// Identities of folders among the policy's arguments that the label only names.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     folders: Vec<String>,
     cameras: Option<String>,
-    /// Settings of the loop, as JSON.
+    /// Settings of the episode loop, as JSON.
     settings: serde_json::Value,
     keep_episodes: bool,
     engine: String,
@@ -55,23 +55,25 @@ impl Identity {
     }
 }
 
-/// Files of results, one per line, and the folder they lie in.
+/// Journal of an evaluation: files of results, one per line, in its folder.
 pub(super) struct Stream {
     folder: PathBuf,
     known: Vec<EpisodeResult>,
-    /// File to which results are appended, with its path.
+    /// File that results are appended to.
     file: Mutex<File>,
     path: PathBuf,
-    /// Result files of shards, locked so that no shard continues meanwhile; empty for a shard.
+    /// Result files of shards, locked so that no shard continues meanwhile; empty for a shard's own journal.
     gathered: Vec<(PathBuf, File)>,
 }
 
 impl Stream {
-    /// Continues the results of this identity, or begins: those of a shard, or all, also what shards left.
+    /// Continues or begins the journal of this identity: that of a shard, or that of the whole, which includes the
+    /// results of
+    /// all shards.
     ///
     /// # Errors
-    /// [`WorkspaceError::AnotherEvaluation`] when results or episodes of another one lie there; when a line of the results
-    /// cannot be read, or another program is evaluating the same.
+    /// [`WorkspaceError::AnotherEvaluation`] if the folder holds results or episodes of another identity; an error if a
+    /// line of the results cannot be read, or another program is writing the same journal.
     pub(super) fn open(folder: &Path, identity: &Identity, shard: Option<Shard>) -> Result<Self, WorkspaceError> {
         sweep(folder)?;
         let own = shard.map_or_else(|| RESULTS.into(), |shard| format!("results.{}.jsonl", shard.name()));
@@ -105,7 +107,7 @@ impl Stream {
         Ok(Self { folder: folder.to_owned(), known, file: Mutex::new(file), path, gathered })
     }
 
-    /// Results of the part before.
+    /// Results of earlier calls.
     pub(super) fn known(&self) -> &[EpisodeResult] {
         &self.known
     }
@@ -114,7 +116,7 @@ impl Stream {
         &self.folder
     }
 
-    /// Keeps a result.
+    /// Appends a result and syncs it to the disk.
     pub(super) fn add(&self, result: &EpisodeResult) -> Result<(), WorkspaceError> {
         let line = format!("{}\n", result.to_value());
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
@@ -122,7 +124,7 @@ impl Stream {
         written.map_err(|error| WorkspaceError::file("write", &self.path, error))
     }
 
-    /// Removes the result files, whose content is in the report; kept episodes and their identity stay.
+    /// Removes the result files, since the report contains the results; kept episodes and the identity remain.
     pub(super) fn close(self) -> Result<(), WorkspaceError> {
         drop(self.file);
         let keeps_episodes = self.folder.join("episodes").exists();
@@ -130,16 +132,16 @@ impl Stream {
         for path in self.gathered.into_iter().map(|(path, _)| path).chain([self.path]).chain(identity) {
             fs::remove_file(&path).map_err(|error| WorkspaceError::file("write", &path, error))?;
         }
-        // Only an empty folder goes.
+        // Succeeds only for an empty folder.
         let _ = fs::remove_dir(&self.folder);
         Ok(())
     }
 }
 
-/// Results of what is not a shard.
+/// File name of the journal of a whole evaluation.
 const RESULTS: &str = "results.jsonl";
 
-/// Files of results that shards left, in their order.
+/// Result files of shards, sorted by name.
 fn of_shards(folder: &Path) -> Result<Vec<PathBuf>, WorkspaceError> {
     let entries = match fs::read_dir(folder) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
@@ -152,7 +154,7 @@ fn of_shards(folder: &Path) -> Result<Vec<PathBuf>, WorkspaceError> {
     Ok(paths)
 }
 
-/// A file of results that nobody else writes meanwhile, and what it holds.
+/// Opens and locks a file of results, and reads its complete lines.
 fn continued(path: &Path) -> Result<(File, Vec<EpisodeResult>), WorkspaceError> {
     let unwritable = |error: std::io::Error| WorkspaceError::file("write", path, error);
     if fs::symlink_metadata(path).is_ok() && !files::is_file_no_follow(path) {
@@ -165,19 +167,19 @@ fn continued(path: &Path) -> Result<(File, Vec<EpisodeResult>), WorkspaceError> 
             return Err(WorkspaceError::input(format!("another program is writing {}", path.display()))
                 .with_hint("wait until it has ended; what it finished is kept"));
         }
-        // Some file systems know no locks.
+        // Some file systems do not support locks; the file is then used without one.
         Err(TryLockError::Error(_)) => {}
     }
     let bytes = files::read_no_follow(path, limits::RESULTS);
     let bytes = bytes.map_err(|error| WorkspaceError::of_file("read", path, error))?;
-    // A last line without an end was cut off when its writer was killed.
+    // An incomplete last line was being written when its program was killed.
     let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
     let known = known_results(path, &bytes[..whole])?;
     file.set_len(whole as u64).map_err(unwritable)?;
     Ok((file, known))
 }
 
-/// The results in whole lines, each episode once.
+/// Results in the complete lines, without repetitions of an episode.
 fn known_results(path: &Path, bytes: &[u8]) -> Result<Vec<EpisodeResult>, WorkspaceError> {
     let mut known: Vec<EpisodeResult> = Vec::new();
     let mut ids = BTreeSet::new();

@@ -1,4 +1,4 @@
-//! Scenarios of an evaluation: those of a run, a frozen suite, or scenario files.
+//! Scenarios to evaluate on: those of a run, a frozen suite, or scenario files.
 
 use genmanip_workspace::documents;
 use genmanip_workspace::scenarios;
@@ -28,39 +28,39 @@ use genmanip_workspace::task_spool::Tasks;
 use genmanip_workspace::worlds;
 use genmanip_workspace::{Cause, Progress, WorkspaceError};
 
-/// Separator between the id of a scenario's first episode and the number of a further one.
+/// Separator between the id of a scenario's first episode and the number of a further episode.
 const AGAIN: char = '+';
 
-/// Scenarios with the streams of their episodes.
+/// Scenarios with the random streams of their episodes.
 pub struct Suite {
-    /// Its name.
+    /// Name of the suite or run.
     pub name: String,
-    /// As they were frozen, in the order of their ids.
+    /// Scenarios with unchanged cameras and world, ordered by id.
     pub scenarios: Vec<Arc<Scenario>>,
-    /// One episode for each of them.
+    /// Episodes to run, one per scenario unless more are requested.
     pub cases: Vec<Case>,
     /// Reference path length of the tool by scenario id, m.
     pub reference_paths_m: BTreeMap<String, f64>,
-    /// Traits of the scenarios of a frozen suite.
+    /// Traits of the scenarios of a frozen suite; empty for others.
     pub traits: Traits,
-    /// Settings of the loop.
+    /// Settings of the episode loop.
     pub settings: PipelineSettings,
-    /// Perturbation, if the suite is a perturbed one.
+    /// Change of the original suite; `None` if it is not a perturbed suite.
     pub perturbation: Option<Perturbation>,
-    /// Name of the file whose cameras are used instead of the scenarios' own.
+    /// Name of the file whose cameras replace those of the scenarios; `None` for the scenarios' own.
     pub cameras: Option<String>,
-    /// Episodes that are not evaluated on, damaged or foreign, one message each.
+    /// Messages about episodes of a run that are omitted since they are damaged or foreign.
     pub left_out: Vec<String>,
-    /// Objects of a suite that was frozen with its own.
+    /// Objects of a frozen suite with stored objects; `None` for those of the catalogue.
     pub assets: Option<Arc<SuiteAssets>>,
-    /// Recorded episodes on the same scenarios.
+    /// Store with recorded episodes on the same scenarios; `None` if there are none.
     store: Option<EpisodeStore>,
-    /// True if the scenarios are those of a run, whose folder then holds the evaluations.
+    /// True if the scenarios are those of a run, in whose folder evaluations are then written.
     is_of_run: bool,
 }
 
 impl Suite {
-    /// Opens a path: a frozen suite, a run, or scenarios.
+    /// Opens a frozen suite, a run, or scenario files, whatever the path is.
     ///
     /// # Errors
     /// As [`Suite::frozen`], [`Suite::of_run`] and [`Suite::of_scenarios`].
@@ -72,10 +72,10 @@ impl Suite {
         }
     }
 
-    /// The scenarios of a run: of all its recorded attempts, or, when nothing was collected, those in `scenarios/`.
+    /// Scenarios of a run: those of all its recorded attempts, or, without any, those in `scenarios/`.
     ///
     /// # Errors
-    /// When there is no run or no scenario.
+    /// When there is no run, or it has no scenario.
     pub fn of_run(path: &Path) -> Result<Self, WorkspaceError> {
         let (folder, run) = RunFolder::open(path)?;
         let store = folder.store()?;
@@ -86,7 +86,7 @@ impl Suite {
         let mut left_out = survey.notes();
         let (mut scenarios, mut cases, mut results) = (Vec::new(), Vec::new(), Vec::new());
         for id in survey.sound.into_iter().map(|known| known.id) {
-            // The index may know an attempt as sound that was damaged since without changing its size.
+            // The index may list an attempt as intact that was damaged later without a change of its size.
             let read = store.read_attempt(&id).and_then(|attempt| Ok((attempt, store.read_scenario(&id)?)));
             let ((result, is_recorded), scenario) = match read {
                 Err(error) if error.is_damage() => {
@@ -128,10 +128,10 @@ impl Suite {
         })
     }
 
-    /// Scenario files, or folders of them, with default settings; each episode has the stream of its layout.
+    /// Scenarios from files or folders, with default settings; each episode has the random stream of its layout.
     ///
     /// # Errors
-    /// When a file cannot be read, or two scenarios have one id.
+    /// When a file cannot be read, or two scenarios have the same id.
     pub fn of_scenarios(paths: &[PathBuf]) -> Result<Self, WorkspaceError> {
         let mut scenarios: Vec<Arc<Scenario>> = Vec::new();
         let mut known = BTreeSet::new();
@@ -151,10 +151,11 @@ impl Suite {
         Self::of_loaded(name, scenarios)
     }
 
-    /// Scenarios in memory, each with its own id, with default settings; each episode has the stream of its layout.
+    /// Scenarios in memory, each with its own id, with default settings; each episode has the random stream of its
+    /// layout.
     ///
     /// # Errors
-    /// When there is none, or they have different robots.
+    /// When there are none, or they have different robots.
     pub fn of_loaded(name: String, mut scenarios: Vec<Arc<Scenario>>) -> Result<Self, WorkspaceError> {
         scenarios.sort_by(|a, b| a.id.cmp(&b.id));
         let Some(world) = scenarios.first().map(|scenario| scenario.world.clone()) else {
@@ -187,10 +188,10 @@ impl Suite {
         })
     }
 
-    /// A frozen suite: every scenario has the time that the suite gives it, and the way that the expert needed.
+    /// A frozen suite: every scenario has the time limit of the suite and the expert's shortest path as reference.
     ///
     /// # Errors
-    /// When there is no suite, or a scenario is not the one that was frozen.
+    /// When the suite does not exist, or a scenario differs from the frozen one.
     pub fn frozen(folder: &Path) -> Result<Self, WorkspaceError> {
         let file = suites::open(folder)?;
         let paths: Vec<PathBuf> = file.scenarios.iter().map(|entry| suites::scenario_file(folder, &entry.id)).collect();
@@ -215,11 +216,11 @@ impl Suite {
         Ok(suite)
     }
 
-    /// Layouts of a suite of task distributions, made anew in the built-in world; each scenario has the time that its
-    /// distribution gives it. `None` if interrupted.
+    /// Layouts of a suite of task distributions, laid out again in the built-in world; each scenario has the time limit
+    /// of its distribution. `None` if interrupted.
     ///
     /// # Errors
-    /// When there is no such layout, or one cannot be made.
+    /// When a layout does not exist in the suite, or cannot be made.
     pub fn of_split(
         suite: &Distributions,
         choice: &SplitChoice,
@@ -276,16 +277,17 @@ impl Suite {
         }))
     }
 
-    /// Source of the objects of the scenarios.
+    /// Source of the scenarios' objects.
     pub fn source(&self) -> &dyn AssetSource {
         self.assets.as_deref().map_or(Catalogue::builtin(), |own| own)
     }
 
-    /// The same suite with the cameras of a file: each takes the place of the scenarios' camera of that name, or is
-    /// added. Results then name the file, and the label of the evaluation too.
+    /// The same suite with the cameras of a file: each replaces the scenarios' camera of the same name, or is added.
+    /// The
+    /// results and the label of the evaluation then name the file.
     ///
     /// # Errors
-    /// When the file is no list of cameras.
+    /// When the file does not hold a list of cameras.
     pub fn with_cameras(mut self, file: &Path) -> Result<Self, WorkspaceError> {
         let text = documents::read_text(file, limits::CAMERAS)?;
         let no_list = |error: Cause| {
@@ -315,8 +317,8 @@ impl Suite {
         Ok(self)
     }
 
-    /// The same suite with `count` episodes per scenario, each with its own seed: for stochastic policies.
-    /// The first has the id and the stream that it has alone.
+    /// The same suite with `count` episodes per scenario, each with a seed of its own, for stochastic policies.
+    /// The first episode has the same id and random stream as without this call.
     #[must_use]
     pub fn with_episodes(mut self, count: usize) -> Self {
         let again = |case: &Case, number: usize| match number {
@@ -332,7 +334,7 @@ impl Suite {
         self
     }
 
-    /// The same suite with other streams of its episodes.
+    /// The same suite with random streams derived from this seed.
     #[must_use]
     pub fn with_seed(mut self, seed: Seed) -> Self {
         for case in &mut self.cases {
@@ -341,18 +343,18 @@ impl Suite {
         self
     }
 
-    /// True if episodes were recorded on the scenarios; damage shows only when one is read.
+    /// True if there are recorded episodes on the scenarios; damage shows only when one is read.
     pub fn is_recorded(&self) -> bool {
         self.store.is_some()
     }
 
-    /// Label of a policy's evaluation on this suite, fit for the name of a file.
+    /// Label of a policy's evaluation on this suite, usable as a file name.
     pub(super) fn label(&self, policy: &str) -> String {
         let cameras = self.cameras.as_ref().map_or_else(String::new, |cameras| format!("@{cameras}"));
         label(&format!("{policy}{cameras}"))
     }
 
-    /// Recorded episode of a case.
+    /// Recorded episode on the scenario of a case; `None` if the suite has no recordings.
     pub(super) fn recorded(&self, id: &str) -> Result<Option<Episode>, DataError> {
         let is_case = |id: &&str| self.cases.iter().any(|case| case.id == *id);
         let first = id.rsplit_once(AGAIN).filter(|(_, n)| n.parse::<usize>().is_ok()).map(|(first, _)| first);
@@ -360,7 +362,7 @@ impl Suite {
         self.store.as_ref().map(|store| store.read(id)).transpose()
     }
 
-    /// The folder that evaluations are written into: the run of the suite, or one that is made of its scenarios.
+    /// Run folder that evaluations are written to: that of the suite's run, or one that is created from the scenarios.
     pub(super) fn folder(&self, out: &Path) -> Result<RunFolder, WorkspaceError> {
         if self.is_of_run {
             return Ok(RunFolder::open(out)?.0);
@@ -388,19 +390,19 @@ impl Suite {
     }
 }
 
-/// Traits of a scenario, with its task's source and object categories.
+/// Traits of a scenario for tables: those of the entry, the source of the task, and the categories of moved objects.
 fn traits(entry: &SuiteEntry, task: &Task) -> BTreeMap<String, Vec<String>> {
     let moved = task.goal.alternatives.iter().flatten().map(Atom::subject);
     let mut things: Vec<String> = moved.filter_map(|id| Some(task.card(id)?.category.clone())).collect();
     things.sort();
     things.dedup();
-    // Of recorded answers, each has a name of its own.
+    // Only the first two words: sources of recorded answers end with a name of their own.
     let source = entry.source.split_whitespace().take(2).collect::<Vec<_>>().join(" ");
     let more = [("source".to_owned(), vec![source]), ("object".to_owned(), things)];
     entry.traits.clone().into_iter().chain(more).collect()
 }
 
-/// The name of a folder, also where a path does not say it: `.`, or `run/..`.
+/// Name of the folder that a path leads to, also for paths such as `.` and `run/..`.
 fn name_of_folder(path: &Path) -> String {
     let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
     whole.file_name().map_or_else(|| "suite".into(), |name| name.to_string_lossy().into_owned())

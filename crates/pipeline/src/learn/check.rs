@@ -1,7 +1,8 @@
-//! Check before any training: recorded rows on the way of a learned policy's output must solve their layouts.
+//! Check before training: recorded rows, executed like predictions of a learned policy, must solve their layouts.
 //!
-//! It fails when the actions do not mean what the policy's contract says, when rows are off by one or of another rate,
-//! or when normalisation, chunks or the end of an episode are handled wrongly.
+//! The check fails if the actions do not mean what the policy's contract says, if rows are shifted by one or have
+//! another
+//! rate, or if normalisation, chunks or the end of an episode are handled wrongly.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -19,13 +20,13 @@ use crate::evaluate::{EvaluateOptions, Suite, evaluate};
 use crate::learned::policy::ChunkPolicy;
 use crate::policies::{PolicyContext, PolicyFactory};
 
-/// Least share of the layouts that the recorded rows must solve: open loop, at the rate of the rows.
+/// Minimum success rate of the recorded rows, played back open loop at their own rate. Chosen by hand.
 const EXPECTED: f64 = 0.95;
 
-/// Replays demonstrations of a run; `None` if stopped.
+/// Replays demonstrations of a run; `None` if interrupted.
 ///
 /// # Errors
-/// When the run cannot be read, or an episode broke.
+/// When the run cannot be read, or an episode raises an error.
 pub fn check(
     options: &CheckOptions,
     progress: &dyn Progress,

@@ -1,4 +1,4 @@
-//! Controls of a learned policy: policies that differ from it in one thing, for paired comparisons on the same layouts.
+//! Controls of a learned policy: variants that differ from it in one thing, for paired comparisons on the same layouts.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -16,19 +16,19 @@ use crate::learned::policy::{ChunkPolicy, Learned};
 use crate::learned::{self, inputs};
 use crate::policies::{PolicyContext, PolicyFactory};
 
-/// Numbers of executed actions of a chunk.
+/// Tested numbers of executed actions per chunk.
 const EXECUTED: [usize; 5] = [1, 2, 4, 8, 16];
-/// Level of an image without content.
+/// Grey level of an image without content.
 const GREY: u8 = 128;
 
 /// The policy of a folder, called `learned`, and its controls:
 ///
-/// - `execute_N`: it executes another number of actions of each chunk;
-/// - `no_images`: its images are grey; `other_images`: they are those of a demonstration of the run on another layout;
-/// - `nearest_replay`: the rows of the demonstration whose goal objects lay nearest to the layout's, without looking
-///   again; the places are simulator truth.
+/// - `execute_N`: executes N actions of each chunk instead of the trained number;
+/// - `no_images`: sees grey images; `other_images`: sees those of a demonstration on another layout;
+/// - `nearest_replay`: replays open loop the demonstration whose goal objects lay nearest to the layout's (their
+///   positions are simulator truth).
 ///
-/// `None` if stopped.
+/// Returns `None` if interrupted.
 ///
 /// # Errors
 /// When the policy or the run cannot be read.
@@ -64,7 +64,7 @@ pub fn controls(
         all.push(changed("other_images", &learned, &description, move |moment, seen| {
             let episode = moment.layout as usize % rows.len();
             let row = (moment.call * execute).min(rows[episode].saturating_sub(1));
-            // An image that cannot be read is refused by its size.
+            // An unreadable image becomes an empty one, which the network refuses by its size.
             Seen { rgb: images.read(episode, row).unwrap_or_default(), ..seen.clone() }
         })?);
     }
@@ -83,15 +83,15 @@ pub fn controls(
     Ok(Some(all.into_iter().map(PolicyFactory::never_finishing).collect()))
 }
 
-/// Moment of an episode.
+/// Point in an episode at which a chunk is predicted.
 struct Moment {
-    /// Number that depends on the layout.
+    /// Hash that identifies the layout.
     layout: u64,
-    /// Number of earlier predictions.
+    /// Number of earlier predictions in the episode.
     call: usize,
 }
 
-/// The policy with changed inputs.
+/// A factory of the policy with its inputs changed by `change`.
 fn changed(
     name: &str,
     learned: &Arc<Learned>,

@@ -1,4 +1,4 @@
-//! Demonstrations of a run as arrays: the rows that an export would hold, with the inputs of the policy.
+//! Demonstrations of a run as arrays: the same rows as in an exported dataset, with the inputs of the policy.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,30 +18,30 @@ use super::presets::{LABELLED_POINTS, PresetSettings};
 use crate::folder::RunFolder;
 use crate::learned::inputs::{Moment, Observer};
 
-/// Idle rows that are kept at the end of a demonstration, during which the scene settles: from more of them a policy
-/// learns to stand still.
+/// Number of idle rows kept at the end of a demonstration, where the scene settles. With more of them, a policy learns
+/// to stand still.
 const LAST_IDLE_ROWS: usize = 1;
 
-/// Demonstrations of a run.
+/// Demonstrations of a run, as arrays for training.
 pub(super) struct RunDemonstrations {
-    /// Arrays, in the order of `ids`.
+    /// Arrays of all demonstrations, in the order of `ids`.
     pub arrays: Demonstrations,
-    /// Ids of the episodes.
+    /// Ids of the demonstrations' episodes.
     pub ids: Vec<String>,
-    /// Contract of the actions.
+    /// Action contract of the rows.
     pub contract: ActionContract,
-    /// Hash of the run.
+    /// Hash of the run, see [`crate::folder::Run::hash`].
     pub run: String,
     /// Folder of the run.
     pub folder: PathBuf,
-    /// Index of the recorded frame of each row of each episode, and of its end.
+    /// Index of the recorded frame of every row, by episode; the last entry is the frame at the end.
     pub frames: Vec<Vec<usize>>,
 }
 
-/// Reads all verified episodes of a run; `None` if stopped.
+/// Reads all verified episodes of a run; `None` if interrupted.
 ///
 /// # Errors
-/// When there is no run, it has no verified episode, or an episode does not fit the inputs.
+/// When there is no run, it has no verified episode, or an episode does not fit the preset's inputs.
 pub(super) fn read(
     path: &Path,
     preset: &PresetSettings,
@@ -116,7 +116,7 @@ fn demonstration(
         _ => true,
     };
     let end = (0..table.frames).rfind(is_busy).map_or(0, |row| row + 1 + LAST_IDLE_ROWS).min(table.frames);
-    // Rows of another policy, which the expert then corrected, are no demonstration.
+    // Rows of another policy, before the expert took over to correct it, are no demonstration.
     let begin = episode.result.correction.as_ref().map_or(0, |correction| correction.from_step.div_ceil(stride));
     let begin = begin.min(end);
     let last = episode.frames.len().saturating_sub(1);
@@ -142,8 +142,9 @@ fn demonstration(
     Ok((demonstration, frames))
 }
 
-/// Labels of frames, as [`Demonstrations::labels_width`] says: subject and reference of the goal's first condition.
-/// A condition on a state has its object in both places, a support surface that of the subject.
+/// Labels of frames for the auxiliary loss, see [`Demonstrations::labels_width`]: positions of subject and reference
+/// of the goal's first condition. For a condition on a state, both are the object; for a reference that is a support
+/// surface, both are the subject.
 fn labels(
     episode: &Episode,
     frames: &[usize],

@@ -1,5 +1,5 @@
-//! Images of the rows of demonstrations: rendered once at the size of a network's inputs, by the renderer and with the
-//! camera requests of evaluation, into a file beside the run.
+//! Images of the rows of demonstrations, rendered once at the size of the network's inputs, with the same renderer and
+//! camera requests as in evaluation, into a file in the run's folder.
 
 use std::error::Error;
 use std::fs::File;
@@ -22,19 +22,19 @@ use super::demonstrations::RunDemonstrations;
 use crate::folder::RunFolder;
 use crate::learned::inputs;
 
-/// Folder of the files in a run.
+/// Folder of the image files in a run.
 const FOLDER: &str = "training_images";
-/// Version of the files; increased when images of the same run change.
+/// Version of the image files; to be increased when the images of the same run change.
 const VERSION: u32 = 1;
 
-/// The error behind an error.
+/// Cause of an error.
 type Cause = Box<dyn Error + Send + Sync>;
 
-/// A file of rows of images.
+/// A file with the images of all rows.
 struct ImageFile {
     file: File,
     row_bytes: usize,
-    /// First row of each episode.
+    /// Index of the first row of each episode.
     first: Vec<usize>,
 }
 
@@ -47,10 +47,10 @@ impl RowImages for ImageFile {
     }
 }
 
-/// Images of all rows, rendered if no earlier call did; `None` if stopped.
+/// Images of all rows, rendered unless an earlier call has done so; `None` if interrupted.
 ///
 /// # Errors
-/// When an episode cannot be rendered, or the disk refuses.
+/// When an episode cannot be rendered, or the file cannot be written.
 pub(super) fn of_rows(
     read: &RunDemonstrations,
     workers: usize,
@@ -92,7 +92,7 @@ fn name(read: &RunDemonstrations) -> String {
     hexadecimal(&hasher.finalize()[..8])
 }
 
-/// Renders all rows into a file; false if stopped.
+/// Renders all rows into a file; false if interrupted.
 fn render(
     read: &RunDemonstrations,
     path: &Path,
@@ -125,7 +125,7 @@ fn render(
     Ok(true)
 }
 
-/// Images of the rows of an episode, as a policy sees them in evaluation.
+/// Images of the rows of an episode, as the policy observes them in evaluation.
 fn rows(stage: &Stage, episode: &Episode, frames: &[usize], images: &[ImageInput]) -> Result<Vec<u8>, RolloutError> {
     let requests = inputs::cameras(images);
     let cameras = requests.iter().map(|request| stage.camera(request)).collect::<Result<Vec<Camera>, _>>()?;

@@ -1,4 +1,4 @@
-//! Options and results of training and of its check.
+//! Options and results of training, of collecting demonstrations for it, and of its check.
 
 use std::path::PathBuf;
 
@@ -7,16 +7,18 @@ use genmanip_core::Seed;
 use genmanip_policy::Preset;
 use serde::{Deserialize, Serialize};
 
-/// Activity that a training tells its progress, a unit per step.
+/// Name of the activity that training reports to its progress, one unit per optimiser step.
 pub const TRAINING: &str = "training";
 
-/// Length of a training.
+/// Length of a training run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Length {
-    /// Number of steps.
+    /// Number of optimiser steps.
     Steps(u64),
-    /// Wall-clock time, s; becomes a number of steps once, after the first 50, which is kept with the training.
+    /// Wall-clock time, s. It is converted to a number of steps once, after the first 50 steps; a resumed run keeps
+    /// this
+    /// number.
     BudgetS(u64),
 }
 
@@ -25,46 +27,47 @@ pub enum Length {
 pub struct TrainOptions {
     /// Folder of the run with the demonstrations.
     pub run: PathBuf,
-    /// Inputs and sizes.
+    /// Preset of inputs and network size.
     pub preset: Preset,
-    /// Number of steps or time.
+    /// Number of steps, or time.
     pub length: Length,
-    /// Seed of initial weights and samples.
+    /// Seed of the initial weights and of the sampling.
     pub seed: Seed,
-    /// Simulator labels in training, where the inputs hold no simulator truth: positions of the objects of the goal.
+    /// True for an auxiliary loss on simulator labels (positions of the goal's objects); only for presets whose inputs
+    /// contain no simulator truth.
     pub labels: bool,
-    /// Folder of the policy.
+    /// Folder to write the policy to.
     pub out: PathBuf,
-    /// Threads; the weights do not depend on them.
+    /// Number of threads; the weights do not depend on it.
     pub threads: usize,
 }
 
-/// Result of a training.
+/// Result of a training run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Trained {
-    /// Folder of the policy.
+    /// Folder of the trained policy.
     pub policy: PathBuf,
-    /// Preset.
+    /// Preset of inputs and network size.
     pub preset: Preset,
     /// True if the policy reads simulator ground truth.
     pub privileged: bool,
-    /// True if simulator labels were used in training.
+    /// True if an auxiliary loss used simulator labels.
     pub labels: bool,
-    /// Number of demonstrations.
+    /// Number of demonstrations trained on.
     pub demonstrations: usize,
-    /// Number of their rows.
+    /// Number of rows (control steps) of all demonstrations.
     pub rows: usize,
-    /// Number of samples seen.
+    /// Number of samples processed, repetitions included.
     pub samples: u64,
-    /// Number of steps.
+    /// Number of optimiser steps.
     pub steps: u64,
-    /// Number of parameters.
+    /// Number of trainable scalars of the network.
     pub parameters: usize,
-    /// L1 error of normalised actions at the end, on samples of the training.
+    /// Mean L1 error of normalised actions after the last step, on training samples.
     pub final_l1: f64,
-    /// SHA-256 of the tensors.
+    /// SHA-256 of the weights, hexadecimal.
     pub tensors_sha256: String,
-    /// Steps that an earlier call had finished; `None` if there was none.
+    /// Number of steps that an earlier call had finished; `None` if there was none.
     pub resumed_from: Option<u64>,
     /// Wall-clock time of the steps of this call, s.
     pub seconds: f64,
@@ -73,15 +76,15 @@ pub struct Trained {
 /// Options of [`super::demonstrate`].
 #[derive(Clone, Debug)]
 pub struct SuiteDemonstrations {
-    /// Folder of a suite of task distributions.
+    /// Folder of the suite of task distributions.
     pub suite: PathBuf,
-    /// Name of the only distribution; `None` for all, in turn.
+    /// Name of the only distribution to use; `None` for all, in turn.
     pub distribution: Option<String>,
-    /// Number of verified demonstrations.
+    /// Number of verified demonstrations to collect.
     pub count: usize,
-    /// Folder of the run.
+    /// Folder of the run to write.
     pub run: PathBuf,
-    /// Threads; the demonstrations do not depend on them.
+    /// Number of threads; the demonstrations do not depend on it.
     pub workers: usize,
 }
 
@@ -90,11 +93,11 @@ pub struct SuiteDemonstrations {
 pub struct CheckOptions {
     /// Folder of the run with the demonstrations.
     pub run: PathBuf,
-    /// Inputs and sizes.
+    /// Preset of inputs and network size.
     pub preset: Preset,
-    /// Number of demonstrations that are replayed; all where there are fewer.
+    /// Number of demonstrations to replay; all if there are fewer.
     pub demonstrations: usize,
-    /// Cores that are used.
+    /// Number of cores to use.
     pub workers: usize,
 }
 
@@ -103,8 +106,10 @@ pub struct CheckOptions {
 pub struct Checked {
     /// Number of demonstrations replayed.
     pub demonstrations: usize,
-    /// Share of their layouts solved by the recorded rows on the way of a learned policy's output.
+    /// Success rate on the layouts of the demonstrations, when the recorded rows are executed like predictions of a
+    /// learned
+    /// policy.
     pub replay_success: Rate,
-    /// Least share that is accepted.
+    /// Minimum success rate for the check to pass, 0 to 1.
     pub expected: f64,
 }

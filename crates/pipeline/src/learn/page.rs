@@ -1,4 +1,4 @@
-//! HTML page of a training: its curves, and predicted beside recorded actions at moments of its demonstrations.
+//! HTML page of a training run: its curves, and predicted and recorded actions at some points of its demonstrations.
 
 use genmanip_benchmark::{FilmStrip, Line, LineChart, PredictedMoment, training_page};
 use genmanip_policy::{Network, Prediction, RowImages, Seen};
@@ -8,17 +8,17 @@ use genmanip_workspace::WorkspaceError;
 use super::demonstrations::RunDemonstrations;
 use super::options::Trained;
 
-/// Number of moments, each of another demonstration.
+/// Number of points with predictions, each in another demonstration.
 const MOMENTS: usize = 4;
-/// Quality of their images.
+/// JPEG quality of the images at these points, 1-100.
 const JPEG_QUALITY: u8 = 90;
-/// Entries of an action that are drawn together: the position, whose unit is the metre; and the gripper, the last.
+/// Number of position entries at the start of an action, drawn in one chart (m); the gripper is the last entry.
 const POSITION: usize = 3;
 
-/// Page of a finished training from the lines of its metrics.
+/// Page of a finished training run, from the lines of its metrics file.
 ///
 /// # Errors
-/// When an image of the demonstrations cannot be read.
+/// When the images of the demonstrations cannot be read.
 pub(super) fn html(
     trained: &Trained,
     metrics: &[String],
@@ -42,7 +42,7 @@ pub(super) fn html(
     Ok(training_page(&policy.display().to_string(), &note, &curves(metrics, trained.labels), &moments))
 }
 
-/// Curves over steps from the lines of the metrics.
+/// Charts of the metrics over optimiser steps.
 fn curves(metrics: &[String], has_labels: bool) -> Vec<LineChart> {
     let columns = [
         (2, "L1 error of normalised actions", true, true),

@@ -1,4 +1,4 @@
-//! Settings of the presets.
+//! Settings of the presets of inputs and network size.
 
 use genmanip_core::{ActionSpace, RotationEncoding};
 use genmanip_data::ExportSettings;
@@ -7,22 +7,24 @@ use genmanip_policy::{Augmentation, Inputs, ModelSettings, Preset, TrainingSetti
 
 use crate::learned::inputs::layout;
 
-/// Settings of one preset.
+/// Inputs, model, training and export settings of one preset.
 pub(super) struct PresetSettings {
     pub inputs: Inputs,
     pub model: ModelSettings,
     pub execute: usize,
     pub training: TrainingSettings,
-    /// Rate and actions of the rows: tool poses, which are a smoother function of the scene than joint positions.
+    /// Rate and action space of the rows. Actions are tool poses, which are a smoother function of the scene than joint
+    /// positions.
     pub rows: ExportSettings,
-    /// True if the inputs hold simulator ground truth.
+    /// True if the inputs contain simulator ground truth.
     pub privileged: bool,
 }
 
-/// Points that are labelled in training: the subject and the reference of the goal's first condition.
+/// Number of points for the auxiliary loss: subject and reference of the goal's first condition.
 pub(super) const LABELLED_POINTS: usize = 2;
 
-/// Settings of a preset; with `labels`, positions of objects are learned along where the inputs do not hold them.
+/// Settings of a preset. With `labels`, an auxiliary loss predicts the positions of objects, unless the inputs contain
+/// them.
 pub(super) fn settings(preset: Preset, labels: bool) -> PresetSettings {
     let transformer = ModelSettings {
         width: 128,

@@ -1,4 +1,4 @@
-//! Recorded rows on the way of a learned policy's output, as if a network had predicted them.
+//! Recorded rows of demonstrations, executed as if a network had predicted them.
 
 use std::io;
 use std::sync::Arc;
@@ -9,23 +9,23 @@ use genmanip_policy::{Inputs, PolicyDescription, Prediction, Preset, Seen, Train
 use super::demonstrations::RunDemonstrations;
 use super::presets::PresetSettings;
 
-/// Recorded rows of demonstrations, normalised, with the description of a policy that has them as its output.
+/// Normalised rows of demonstrations, and the description of a policy whose predictions they could be.
 pub(super) struct Recorded {
     pub description: PolicyDescription,
-    /// Inputs before the first row of each demonstration.
+    /// Inputs at the first row of each demonstration.
     pub starts: Vec<Vec<f32>>,
-    /// Rows of each demonstration.
+    /// Normalised actions by demonstration and row.
     pub rows: Vec<Vec<Vec<f32>>>,
 }
 
-/// Settings of a preset whose inputs need neither images nor words.
+/// Settings of a preset without images and words as inputs.
 pub(super) fn without_images(preset: PresetSettings) -> PresetSettings {
     let inputs = Inputs { images: Vec::new(), words: 0, ..preset.inputs.clone() };
     PresetSettings { inputs, ..preset }
 }
 
 impl Recorded {
-    /// From demonstrations that were read with the settings of a preset.
+    /// From demonstrations that were read with these settings.
     pub fn of(preset: Preset, settings: PresetSettings, read: &RunDemonstrations) -> Self {
         let PresetSettings { model, execute, training, privileged, .. } = settings;
         let (arrays, contract) = (&read.arrays, read.contract.clone());
@@ -59,8 +59,8 @@ impl Recorded {
         Self { description, starts, rows }
     }
 
-    /// Predictions from the demonstration that `choose` names at the first call: at each call the rows that follow the
-    /// executed ones.
+    /// Predictor that replays the demonstration whose index `choose` returns at the first call; each call returns the
+    /// rows that follow the executed ones.
     pub fn lookup(
         self: &Arc<Self>,
         choose: impl Fn(&Self, &Seen) -> Option<usize> + Send + 'static,

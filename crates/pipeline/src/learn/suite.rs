@@ -15,11 +15,11 @@ use super::options::SuiteDemonstrations;
 use crate::collect::{CollectOptions, collect};
 use crate::folder::Run;
 
-/// Collects the demonstrations that are missing in the run, as `genmanip collect --suite SUITE --split train --verified N
-/// --expert consistent --no-dataset` does; false if stopped.
+/// Collects the demonstrations that the run lacks, as `genmanip collect --suite SUITE --split train --verified N
+/// --expert consistent --no-dataset` does; false if interrupted.
 ///
 /// # Errors
-/// When there is no such distribution, the folder holds another run, or a layout is never solved.
+/// When the distribution does not exist, the folder holds another run, or a layout is never solved.
 pub fn demonstrate(
     options: &SuiteDemonstrations,
     progress: &dyn Progress,

@@ -1,11 +1,11 @@
-//! Training into a folder: checkpoints, metrics, and the finished policy.
+//! Training into a folder, with checkpoints, metrics and the finished policy.
 //!
 //! ```text
-//! checkpoint.safetensors   the state of a training under way: the same call continues it
+//! checkpoint.safetensors   state of an unfinished training run, from which the same call continues
 //! metrics.csv              loss, gradient norm, learning rate and time over steps
-//! training.html            their curves, and predicted beside recorded actions; written at the end
+//! training.html            curves, and predicted and recorded actions; written at the end
 //! weights.safetensors      averaged weights of the finished policy
-//! policy.json              its description; written last
+//! policy.json              description of the policy; written last
 //! ```
 
 use std::collections::BTreeMap;
@@ -30,21 +30,23 @@ use crate::learned::policy::{DESCRIPTION, MAX_DESCRIPTION, MAX_WEIGHTS, WEIGHTS}
 const CHECKPOINT: &str = "checkpoint.safetensors";
 const METRICS: &str = "metrics.csv";
 const PAGE: &str = "training.html";
-/// Keys of the checkpoint's metadata.
+/// Keys of the checkpoint's metadata: identity of the training run, and number of steps.
 const IDENTITY: &str = "training";
 const STEPS: &str = "steps";
 
-/// Steps after which a time budget becomes a number of steps, and those of them that are timed.
+/// Number of steps after which a time budget is converted to a number of steps, and number of these that are timed.
 const TIMED_AFTER: u64 = 50;
 const WARM_AFTER: u64 = 10;
-/// Time between checkpoints, s; chosen: the most that a kill loses.
+/// Interval between checkpoints, s: the maximum time lost by a kill. Chosen by hand.
 const CHECKPOINT_EVERY_S: f64 = 30.0;
-/// Steps per line of the metrics.
+/// Number of steps per line of the metrics.
 const STEPS_PER_LINE: u64 = 20;
-/// Batches on which the error of the finished weights is measured.
+/// Number of batches on which the error of the final weights is measured.
 const FINAL_BATCHES: u64 = 16;
 
-/// Everything that the weights depend on, but the number of steps.
+/// Everything that determines the weights, except the number of steps within a time budget. A run continues only with
+/// an
+/// equal identity.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Identity {
     preset: Preset,
@@ -58,11 +60,13 @@ struct Identity {
     genmanip_version: String,
 }
 
-/// Trains a policy on the verified episodes of a run, or continues; `None` if stopped before the end, with a checkpoint.
+/// Trains a policy on the verified episodes of a run, or continues from a checkpoint. `None` if interrupted, after
+/// writing
+/// a checkpoint.
 ///
 /// # Errors
-/// When the run cannot be read, the folder holds another training, the loss is not finite any more, or the disk
-/// refuses; the last checkpoint stays.
+/// When the run cannot be read, the folder holds another training run, the loss is no longer finite, or a file cannot
+/// be written; the last checkpoint is kept.
 pub fn train(
     options: &TrainOptions,
     progress: &dyn Progress,
@@ -135,18 +139,18 @@ pub fn train(
     Ok(Some(trained))
 }
 
-/// A training under way in its folder.
+/// A training run in progress.
 struct Course<'a> {
     trainer: Trainer<'a>,
     out: PathBuf,
-    /// The identity as JSON.
+    /// Identity of the run, as JSON.
     training: String,
     length: Length,
-    /// Number of steps, once known.
+    /// Number of steps; `None` until a time budget is converted.
     steps: Option<u64>,
-    /// Lines of the metrics.
+    /// Lines of the metrics file, without the header.
     metrics: Vec<String>,
-    /// Measures since the last line.
+    /// Measurements since the last line of the metrics.
     recent: Vec<TrainingStep>,
     resumed_from: Option<u64>,
     started: Instant,
@@ -154,7 +158,7 @@ struct Course<'a> {
 }
 
 impl<'a> Course<'a> {
-    /// Begins, or continues from the checkpoint of the same training.
+    /// Begins a training run, or continues from the checkpoint of one with an equal identity.
     fn open(mut trainer: Trainer<'a>, identity: &Identity, out: &Path) -> Result<Self, WorkspaceError> {
         let training = serde_json::to_string(identity).unwrap_or_default();
         let mut steps = match identity.length {
@@ -192,7 +196,7 @@ impl<'a> Course<'a> {
         })
     }
 
-    /// All steps that are left; their number, or `None` if stopped.
+    /// Does all remaining steps; returns the total number of steps, or `None` if interrupted.
     fn run(&mut self, progress: &dyn Progress, stop: &AtomicBool) -> Result<Option<u64>, WorkspaceError> {
         let before = self.metrics.last().and_then(|line| line.split(',').nth(1)?.parse::<f64>().ok()).unwrap_or(0.0);
         let mut warm = None;
@@ -229,7 +233,8 @@ impl<'a> Course<'a> {
                 }
                 return Ok(None);
             }
-            // Before the number of steps is known the rate warms up, which does not depend on it.
+            // Before the number of steps is known, the learning rate is still in its warm-up, which does not depend on
+            // it.
             let measured = self.trainer.step(self.steps.unwrap_or(u64::MAX));
             let measured = measured.map_err(|error| cannot_train(error, &self.out))?;
             self.recent.push(measured);
@@ -244,7 +249,7 @@ impl<'a> Course<'a> {
         }
     }
 
-    /// A line of the metrics from the measures since the last one.
+    /// Appends a line to the metrics, with means over the measurements since the last line.
     fn line(&mut self, before_s: f64, progress: &dyn Progress) {
         let count = self.recent.len().max(1) as f64;
         let mean = |of: fn(&TrainingStep) -> f64| self.recent.iter().map(of).sum::<f64>() / count;
@@ -275,7 +280,7 @@ impl<'a> Course<'a> {
     }
 }
 
-/// Lines of the metrics up to a step.
+/// Lines of the metrics file up to a step, without the header; later ones were written after the last checkpoint.
 fn lines(out: &Path, step: u64) -> Vec<String> {
     let text = std::fs::read_to_string(out.join(METRICS)).unwrap_or_default();
     let is_known =
@@ -283,7 +288,7 @@ fn lines(out: &Path, step: u64) -> Vec<String> {
     text.lines().skip(1).filter(is_known).map(str::to_owned).collect()
 }
 
-/// A policy that was trained before.
+/// A policy whose training run is finished.
 struct Finished(PolicyDescription);
 
 fn finished(out: &Path) -> Result<Option<Finished>, WorkspaceError> {
@@ -292,7 +297,7 @@ fn finished(out: &Path) -> Result<Option<Finished>, WorkspaceError> {
 }
 
 impl Finished {
-    /// Its result, if it is the training that was asked for.
+    /// Result of the finished run, if its identity is the requested one; otherwise an error.
     fn of(self, identity: &Identity, out: &Path) -> Result<Trained, WorkspaceError> {
         let Self(description) = self;
         let TrainingFacts { steps, .. } = description.training;
@@ -302,7 +307,7 @@ impl Finished {
             demonstrations: description.training.demonstrations,
             rows: description.training.rows,
             seed: description.training.seed,
-            // A finished policy tells the number of steps, not the time that was asked for.
+            // A finished policy records its number of steps, not a requested time, so any time budget is accepted.
             length: match identity.length {
                 Length::Steps(_) => Length::Steps(steps),
                 Length::BudgetS(budget) => Length::BudgetS(budget),

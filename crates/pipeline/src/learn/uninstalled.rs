@@ -1,4 +1,4 @@
-//! Refusals of a build without the feature `learn`.
+//! Stand-ins for training in a build without the feature `learn`: each fails with the command that installs it.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -10,7 +10,7 @@ use crate::policies::PolicyFactory;
 
 use super::options::{CheckOptions, Checked, SuiteDemonstrations, TrainOptions, Trained};
 
-/// Refuses to train.
+/// Fails instead of training.
 ///
 /// # Errors
 /// Always, with the command that installs training.
@@ -22,7 +22,7 @@ pub fn train(
     Err(refusal())
 }
 
-/// Refuses to make the controls of a policy.
+/// Fails instead of building the controls of a policy.
 ///
 /// # Errors
 /// Always, with the command that installs learned policies.
@@ -36,7 +36,7 @@ pub fn controls(
     Err(refusal())
 }
 
-/// Refuses to collect demonstrations for a training.
+/// Fails instead of collecting demonstrations for training.
 ///
 /// # Errors
 /// Always, with the command that installs training.
@@ -48,7 +48,7 @@ pub fn demonstrate(
     Err(refusal())
 }
 
-/// Refuses to check.
+/// Fails instead of checking the demonstrations.
 ///
 /// # Errors
 /// Always, with the command that installs training.

@@ -1,4 +1,5 @@
-//! Inputs of learned policies: the robot; the objects as the simulator knows them, or images and the instruction.
+//! Inputs of learned policies: state of the robot, and either simulator states of objects or images and the
+//! instruction.
 
 use std::sync::Arc;
 
@@ -7,7 +8,7 @@ use genmanip_core::{
 };
 use genmanip_policy::{ImageInput, Inputs, Preset};
 
-/// Object slots: those of the goal, then others in the order of the scenario.
+/// Number of object slots, filled with the objects of the goal, then with others in the order of the scenario.
 const SLOTS: usize = 6;
 const ROBOT: [&str; 10] = [
     "tcp_x",
@@ -21,7 +22,8 @@ const ROBOT: [&str; 10] = [
     "tcp_y_axis_z",
     "gripper_width",
 ];
-/// The roles are those in the goal's first alternative; `order` is the place of the condition there.
+/// Inputs of an object slot. The roles are those in the goal's first alternative; `order` is the index of the
+/// condition.
 const OBJECT: [&str; 23] = [
     "present",
     "is_subject",
@@ -48,9 +50,9 @@ const OBJECT: [&str; 23] = [
     "is_held",
 ];
 
-/// Size of images, pixels: the shape of the cameras' own images.
+/// Width and height of images, pixels; the same aspect ratio as the cameras' own images.
 const IMAGE: (usize, usize) = (128, 72);
-/// Buckets of the instruction's words.
+/// Number of hash buckets for the words of the instruction.
 const WORDS: usize = 256;
 
 /// Layout of the inputs of a preset.
@@ -66,7 +68,7 @@ pub(crate) fn layout(preset: Preset) -> Inputs {
     }
 }
 
-/// Requests for the images of inputs.
+/// Camera requests for the images of the inputs.
 pub(crate) fn cameras(images: &[ImageInput]) -> Vec<CameraRequest> {
     let request = |image: &ImageInput| {
         CameraRequest::new(&image.camera, ImageChannels::RGB).sized(image.width as u32, image.height as u32)
@@ -74,28 +76,28 @@ pub(crate) fn cameras(images: &[ImageInput]) -> Vec<CameraRequest> {
     images.iter().map(request).collect()
 }
 
-/// State of robot and objects at one moment.
+/// State of robot and objects at one time.
 #[derive(Clone, Copy)]
 pub(crate) struct Moment<'a> {
     /// Arm joint positions, rad.
     pub arm: &'a [f64],
     /// Gripper opening, m.
     pub width_m: f64,
-    /// Objects in the order of the scenario; empty where the inputs have none.
+    /// States of the objects in the order of the scenario; empty for inputs without objects.
     pub objects: &'a [ObjectState],
-    /// Index of the held object.
+    /// Index of the grasped object; `None` if there is none.
     pub held: Option<usize>,
 }
 
-/// Turns moments of the episodes of one scenario into inputs.
+/// Encoder of the states in one scenario as numeric inputs.
 pub(crate) struct Observer {
     robot: Arc<RobotModel>,
-    /// Numbers of a row.
+    /// Number of values of an encoded state.
     width: usize,
     slots: Vec<Slot>,
 }
 
-/// Constants of a slot's object during an episode.
+/// Constants of the object in a slot during an episode.
 struct Slot {
     object: usize,
     roles: [f32; 3],
@@ -103,7 +105,9 @@ struct Slot {
     size_m: [f32; 3],
 }
 
-/// Squared distance between the objects of the goal in two rows of numbers, m²; infinite if they have other roles.
+/// Sum of squared distances between corresponding objects of the goal in two encoded states, m²; infinite if their
+/// roles
+/// differ.
 pub(crate) fn goal_distance(inputs: &Inputs, one: &[f32], other: &[f32]) -> f32 {
     let place = |name: &str| inputs.object.iter().position(|it| it == name).unwrap_or_default();
     let roles = ["is_subject", "is_reference", "is_second_reference", "order"].map(place);
@@ -125,12 +129,12 @@ pub(crate) fn goal_distance(inputs: &Inputs, one: &[f32], other: &[f32]) -> f32 
 }
 
 impl Observer {
-    /// For inputs without objects.
+    /// Encoder for inputs without objects.
     pub fn of_robot(inputs: &Inputs, robot: &Arc<RobotModel>) -> Self {
         Self { robot: Arc::clone(robot), width: inputs.width(), slots: Vec::new() }
     }
 
-    /// For inputs, a scenario and the models of its objects.
+    /// Encoder for a scenario and the models of its objects.
     ///
     /// # Errors
     /// If the goal involves more objects than there are slots.
@@ -159,7 +163,7 @@ impl Observer {
                 Atom::State { object, .. } => [Some(object), None, None],
             };
             for (role, id) in named.into_iter().enumerate() {
-                // A reference may be a support surface, which is no object.
+                // A reference may be a support surface, which is no object and gets no slot.
                 let Some(object) = id.and_then(|id| scenario.index_of(id)) else { continue };
                 let at = slots.iter().position(|slot| slot.object == object).unwrap_or_else(|| {
                     slots.push(slot(object, [0.0; 3], order as f32));
@@ -178,7 +182,7 @@ impl Observer {
         Ok(Self { robot: Arc::clone(robot), width: inputs.width(), slots })
     }
 
-    /// Numbers at a moment, as [`layout`] says.
+    /// Encoded state, in the order of [`layout`].
     pub fn numbers(&self, moment: Moment) -> Vec<f32> {
         let tcp = self.robot.tcp_pose(moment.arm);
         let mut row = Vec::with_capacity(self.width);

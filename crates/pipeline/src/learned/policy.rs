@@ -1,4 +1,4 @@
-//! Learned policies in episodes: observation to inputs, prediction to actions.
+//! Learned policies in episodes: network inputs from observations, actions from predicted chunks.
 
 use std::io;
 use std::path::Path;
@@ -13,17 +13,17 @@ use genmanip_workspace::{WorkspaceError, documents};
 use super::inputs::{self, Moment, Observer};
 use crate::policy_spec::check_robot;
 
-/// Description of a policy in its folder.
+/// File of a policy's description in its folder.
 pub(crate) const DESCRIPTION: &str = "policy.json";
-/// Weights of a policy in its folder.
+/// File of a policy's weights in its folder.
 pub(crate) const WEIGHTS: &str = "weights.safetensors";
 /// Size limits of the two files.
 pub(crate) const MAX_DESCRIPTION: Limit = Limit { what: "the description of a policy", bytes: 4 << 20 };
 pub(crate) const MAX_WEIGHTS: Limit = Limit { what: "the weights of a policy", bytes: 4 << 30 };
-/// Probability above which the episode counts as over.
+/// Predicted probability above which the episode counts as finished.
 const OVER: f32 = 0.5;
 
-/// A policy from a folder, shared by its episodes.
+/// A policy loaded from a folder, shared by its episodes.
 pub(crate) struct Learned {
     network: Network,
 }
@@ -31,7 +31,8 @@ pub(crate) struct Learned {
 /// Loads a policy.
 ///
 /// # Errors
-/// When its files cannot be read, contradict each other, or ask for other inputs than this program makes.
+/// When its files cannot be read, contradict each other, or require other inputs than this version of the program
+/// makes.
 pub(crate) fn load(folder: &Path) -> Result<Arc<Learned>, WorkspaceError> {
     let description: PolicyDescription = documents::read_document(&folder.join(DESCRIPTION), MAX_DESCRIPTION)?;
     if description.inputs != inputs::layout(description.preset) {
@@ -47,7 +48,7 @@ pub(crate) fn load(folder: &Path) -> Result<Arc<Learned>, WorkspaceError> {
 }
 
 impl Learned {
-    /// Its description.
+    /// Description of the policy.
     pub(crate) fn description(&self) -> &PolicyDescription {
         self.network.description()
     }
@@ -55,42 +56,42 @@ impl Learned {
     /// The policy for one episode.
     ///
     /// # Errors
-    /// When robot or goal are not what it was trained for.
+    /// When the robot or the goal is of a kind that the policy was not trained for.
     pub(crate) fn act_on(self: &Arc<Self>, stage: &Stage) -> Result<Box<dyn Policy>, WorkspaceError> {
         Ok(Box::new(ChunkPolicy::new(NAME, self.description(), self.predict(), stage)?))
     }
 
-    /// The policy, which sees no objects, for a robot without a simulator.
+    /// The policy without object inputs, for a robot outside the simulator.
     pub(crate) fn act_unseen(self: &Arc<Self>, robot: &Arc<RobotModel>) -> Box<dyn Policy> {
         let observer = Observer::of_robot(&self.description().inputs, robot);
         Box::new(ChunkPolicy::seeing(NAME, self.description(), self.predict(), observer))
     }
 
-    /// Its predictions.
+    /// Predictor of action chunks.
     pub(crate) fn predict(self: &Arc<Self>) -> impl FnMut(&Seen) -> io::Result<Prediction> + Send + 'static {
         let learned = Arc::clone(self);
         move |seen: &Seen| learned.network.predict(seen)
     }
 }
 
-/// Name in results.
+/// Name of the policy in results.
 const NAME: &str = "learned";
 
-/// Executes predicted chunks: the way of every learned policy's output.
+/// Policy that executes predicted chunks; all learned policies and their controls use it.
 pub(crate) struct ChunkPolicy<F> {
     spec: PolicySpec,
     description: PolicyDescription,
     predict: F,
     observer: Observer,
-    /// Words of the instruction.
+    /// Encoded words of the instruction.
     words: Vec<f32>,
 }
 
 impl<F: FnMut(&Seen) -> io::Result<Prediction> + Send> ChunkPolicy<F> {
-    /// For an episode of a stage.
+    /// The policy for an episode of a stage.
     ///
     /// # Errors
-    /// When robot or goal are not what the description says.
+    /// When the robot or the goal is of a kind that the description does not include.
     pub fn new(name: &str, description: &PolicyDescription, predict: F, stage: &Stage) -> Result<Self, WorkspaceError> {
         check_robot(&description.contract.robot, stage)?;
         let observer = Observer::new(&description.inputs, &stage.scenario, &stage.models, &stage.robot)
@@ -98,7 +99,7 @@ impl<F: FnMut(&Seen) -> io::Result<Prediction> + Send> ChunkPolicy<F> {
         Ok(Self::seeing(name, description, predict, observer))
     }
 
-    /// With inputs from an observer.
+    /// The policy with inputs from this observer.
     fn seeing(name: &str, description: &PolicyDescription, predict: F, observer: Observer) -> Self {
         let contract = &description.contract;
         let spec = PolicySpec {
@@ -129,14 +130,14 @@ impl<F: FnMut(&Seen) -> io::Result<Prediction> + Send> Policy for ChunkPolicy<F>
         let scale = &self.description.normalisation.action;
         let coming = actions.iter().zip(&end).take(self.description.execute).take_while(|(_, end)| **end <= OVER);
         let actions: Vec<Vec<f32>> = coming.map(|(action, _)| scale.restore(action).collect()).collect();
-        // Only a policy that sees nothing left to do has finished; a short chunk is looked at again.
+        // Only an empty chunk means that the policy has finished; after a short chunk it predicts again.
         let finished = actions.is_empty();
         Ok(ActionChunk { actions, finished })
     }
 }
 
 impl<F> ChunkPolicy<F> {
-    /// Inputs of the network.
+    /// Inputs of the network from an observation.
     fn seen(&self, observation: &Observation) -> Result<Seen, PolicyError> {
         let missing = |what: &str| PolicyError::Unsuited(format!("`{what}` is missing"));
         let Inputs { slots, images, .. } = &self.description.inputs;

@@ -1,4 +1,4 @@
-//! Refusals of a build without the feature `learn`.
+//! Stand-ins for learned policies in a build without the feature `learn`.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -8,11 +8,11 @@ use genmanip_policy::PolicyDescription;
 use genmanip_rollout::Stage;
 use genmanip_workspace::WorkspaceError;
 
-/// A learned policy that cannot be loaded.
+/// Type without values, since no learned policy can be loaded.
 #[derive(Clone, Debug)]
 pub(crate) enum Learned {}
 
-/// Refuses to load a policy.
+/// Fails instead of loading a policy.
 ///
 /// # Errors
 /// Always, with the command that installs learned policies.
@@ -21,23 +21,23 @@ pub(crate) fn load(_folder: &Path) -> Result<Arc<Learned>, WorkspaceError> {
 }
 
 impl Learned {
-    /// The policy for one episode.
+    /// Policy for one episode; never called.
     pub(crate) fn act_on(self: &Arc<Self>, _stage: &Stage) -> Result<Box<dyn Policy>, WorkspaceError> {
         match **self {}
     }
 
-    /// Its description.
+    /// Description of the policy; never called.
     pub(crate) fn description(&self) -> &PolicyDescription {
         match *self {}
     }
 
-    /// The policy for a robot without a simulator.
+    /// Policy for a robot without a simulator; never called.
     pub(crate) fn act_unseen(self: &Arc<Self>, _robot: &Arc<RobotModel>) -> Box<dyn Policy> {
         match **self {}
     }
 }
 
-/// Refusal that names the command that installs learned policies.
+/// Error with the command that installs learned policies.
 pub(crate) fn refusal() -> WorkspaceError {
     WorkspaceError::input("this program was built without learned policies")
         .with_hint("build it with them: cargo xtask install --learn")

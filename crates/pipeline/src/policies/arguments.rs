@@ -6,18 +6,18 @@ use crate::remote::CAMERAS;
 /// An argument of a policy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PolicyArgument {
-    /// Its name.
+    /// Name of the argument.
     pub name: &'static str,
-    /// Its value where none is given.
+    /// Default value, as text; may be empty.
     pub default: &'static str,
-    /// One-line description with its unit.
+    /// Description in one line, with the unit.
     pub about: &'static str,
-    /// Its form in the label of an evaluation.
+    /// Form of the value in the label of an evaluation.
     pub in_label: InLabel,
 }
 
 impl PolicyArgument {
-    /// An argument whose value stands in the label.
+    /// An argument whose value is part of the label.
     pub(super) const fn new(name: &'static str, default: &'static str, about: &'static str) -> Self {
         Self { name, default, about, in_label: InLabel::Value }
     }

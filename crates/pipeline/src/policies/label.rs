@@ -1,4 +1,4 @@
-//! Labels of evaluations: short, the same on every machine, usable as file names.
+//! Labels of evaluations: short, equal on every machine, and usable as file names.
 
 use std::path::Path;
 
@@ -7,30 +7,30 @@ use genmanip_core::limits::Limit;
 use genmanip_workspace::documents;
 use sha2::{Digest, Sha256};
 
-/// Form of an argument's value in a label.
+/// Form in which an argument's value appears in a label.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InLabel {
     /// The value itself.
     Value,
-    /// Of a URL, the part after the scheme.
+    /// For a URL: the part after the scheme.
     Address,
-    /// Of a file or folder, its name and a hash of its content.
+    /// For a file or folder: its name and a hash of its content.
     Content,
-    /// Of a folder that is written meanwhile, its name.
+    /// For a folder that is written during the evaluation: its name.
     Name,
-    /// Left out: it does not change results.
+    /// Omitted, since it does not change results.
     Omitted,
 }
 
 /// Maximum length of a label, bytes.
 pub(crate) const MAX_LABEL: usize = 100;
-/// Hexadecimal digits of a hash.
+/// Number of hexadecimal digits of a hash in a label.
 const DIGITS: usize = 6;
 /// Size limit of a file whose content is hashed.
 const HASHED: Limit = Limit { what: "a settings file", bytes: 1 << 20 };
 
 impl InLabel {
-    /// The value as it stands in a label; `None` if it is left out.
+    /// Form of a value in a label; `None` if it is omitted.
     pub(super) fn of(self, value: &str) -> Option<String> {
         let path = Path::new(value);
         let name = || path.file_stem().map_or_else(|| value.to_owned(), |name| name.to_string_lossy().into_owned());
@@ -50,7 +50,7 @@ pub(crate) fn fits(c: char) -> bool {
     c.is_ascii_alphanumeric() || "-_.+=@".contains(c)
 }
 
-/// A text as a label: other characters become `_`, and a long end becomes a hash.
+/// A text as a label: characters that do not fit become `_`, and the end of a long text is replaced by a hash.
 pub(crate) fn label(text: &str) -> String {
     let label: String = text.chars().map(|c| if fits(c) { c } else { '_' }).collect();
     match label.len() <= MAX_LABEL {
@@ -59,12 +59,12 @@ pub(crate) fn label(text: &str) -> String {
     }
 }
 
-/// Bytes that identify the content of a file, or the names and sizes of the files of a folder.
+/// Bytes to hash: the content of a file, or the names and sizes of the files in a folder.
 fn content(path: &Path) -> Vec<u8> {
     if !path.is_dir() {
         return documents::read_bytes(path, HASHED).unwrap_or_default();
     }
-    // The description of a learned policy names the hash of its tensors.
+    // A learned policy's description contains the hash of its weights, so that they need not be read.
     let description = path.join("policy.json");
     if description.is_file() {
         return content(&description);

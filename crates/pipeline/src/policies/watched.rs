@@ -1,13 +1,13 @@
-//! Policies that report their turns and can be stopped between them.
+//! Wrapper of a policy that calls back before each of its decisions, which can end the episode.
 
 use std::sync::Arc;
 
 use genmanip_core::{ActionChunk, AgentFailure, EpisodeStart, Frame, Observation, Policy, PolicyError, PolicySpec};
 
-/// Callback with the time of the episode, s; false ends the episode.
+/// Callback with the simulated time of the episode, s; returns false to end the episode.
 pub(super) type BeforeTurn = Arc<dyn Fn(f64) -> bool + Send + Sync>;
 
-/// A policy that calls `before_turn` before each of its turns.
+/// A policy that calls `before_turn` before each of its decisions.
 pub(super) struct Watched {
     pub policy: Box<dyn Policy>,
     pub before_turn: BeforeTurn,

@@ -1,15 +1,15 @@
-//! Report as a folder: an overview, and a page with diagrams and film strip per episode; pages are cached.
+//! Report as a folder: an overview, and one page with diagrams and film strip per episode; existing pages are reused.
 //!
 //! ```text
-//! report/index.html                the overview, whose table links every page
-//! report/episodes/ID.html          a collected attempt
-//! report/evaluation/LABEL/ID.html  an evaluated episode whose frames were kept
+//! report/index.html                overview, whose table links every page
+//! report/episodes/ID.html          an attempt at a demonstration
+//! report/evaluation/LABEL/ID.html  an evaluated episode whose frames were stored
 //! report/pictures/KEY.jpg          film strips, named by a hash of their content
-//! report/made.jsonl                the key of every page that is there
+//! report/made.jsonl                key of every existing page
 //! ```
 //!
-//! A page belongs to a key: the hash of everything it shows. A page whose key is known is not made again, so a call that
-//! was killed goes on where it stopped, and one after ten more episodes makes ten more.
+//! The key of a page is a hash of everything that it shows. A page whose key is in the list is not made again, so an
+//! interrupted call continues, and ten further episodes need only ten further pages.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -33,24 +33,24 @@ use genmanip_workspace::resume_ledger::{Entry, Ledger};
 /// Result of [`report_full`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FullReport {
-    /// Its overview.
+    /// Path of the overview.
     pub index: PathBuf,
-    /// Pages of episodes.
+    /// Number of episode pages.
     pub pages: usize,
-    /// Those of them that were made now.
+    /// Number of these pages that this call made.
     pub made: usize,
 }
 
-/// Version of the page layout; raise it when pages change.
+/// Version of the page layout; to be changed when pages change.
 const LOOKS: &str = "full-report-1";
 
-/// File that lists the pages.
+/// Name of the file that lists the pages.
 const LIST: &str = "made.jsonl";
 
 /// Writes the report of a run as a folder; keeps up-to-date pages and images.
 ///
 /// # Errors
-/// When there is no run, an episode cannot be read or drawn, or a file cannot be written.
+/// When there is no run, an episode cannot be read or rendered, or a file cannot be written.
 pub fn report_full(
     run: &Path,
     out: &Path,
@@ -96,7 +96,9 @@ pub fn report_full(
     Ok(FullReport { index, pages: count, made })
 }
 
-/// The key of each episode's page: a hash of its record, which holds the hashes of its files, and of what the run adds.
+/// Key of each episode's page: a hash of the episode's record, which contains the hashes of its files, and of the data
+/// that
+/// the run adds.
 fn keys(opened: &Opened, rows: &[&EpisodeRow], workers: usize) -> Result<Vec<String>, WorkspaceError> {
     in_parallel(rows, workers, &AtomicBool::new(false), &|row| {
         let mut hasher = Sha256::new();
@@ -114,11 +116,11 @@ fn keys(opened: &Opened, rows: &[&EpisodeRow], workers: usize) -> Result<Vec<Str
     })
 }
 
-/// Writes one page and its film strip; returns true if the episode is damaged.
+/// Writes one page and its film strip; true if the episode is damaged.
 fn draw(opened: &Opened, out: &Path, row: &EpisodeRow, page: &str, key: &str) -> Result<bool, WorkspaceError> {
     let picture = format!("pictures/{key}.jpg");
     let alone = opened.drawing().alone(row, &mut |jpeg| {
-        // Named by a hash of its content: an existing file is up to date.
+        // The name is a hash of the content, so an existing file is up to date.
         if files::is_file_no_follow(&out.join(&picture)) {
             return Ok(());
         }

@@ -1,4 +1,4 @@
-//! Report of a run: all episodes as rows from one pass over their results, then images of the chosen cases.
+//! Report of a run: all episodes as rows from one pass over their results, then images of selected cases.
 
 mod full;
 mod rows;
@@ -22,7 +22,7 @@ use sections::Drawing;
 
 pub use full::{FullReport, report_full};
 
-/// The HTML page of a run as text, or with `only` of one of its tasks or episodes.
+/// HTML page of a run, or only of the task or episode `only`.
 ///
 /// # Errors
 /// As [`gather`], and when the page would be too large.
@@ -36,13 +36,13 @@ pub fn report(
     report_html(&input, settings).map_err(|error| WorkspaceError::broken("cannot make the report", error))
 }
 
-/// Everything the page shows, from a run folder.
+/// Contents of the page, from a run folder.
 ///
-/// Each attempt yields a row, from the index of the run if that covers it. Frames are read and images rendered only for
-/// the chosen cases, a bounded number, one episode at a time.
+/// Every attempt gives a row, from the run's index if that covers it. Frames are read and images rendered only for the
+/// selected cases, whose number is bounded, one episode at a time.
 ///
 /// # Errors
-/// When there is no run, `only` names nothing of it, or an episode or an evaluation cannot be read or drawn.
+/// When there is no run, `only` is no task or episode of it, or an episode or an evaluation cannot be read or rendered.
 pub fn gather(path: &Path, only: Option<&str>, progress: &dyn Progress) -> Result<ReportInput, WorkspaceError> {
     let mut opened = Opened::new(path, progress)?;
     let chosen = match only {
@@ -65,7 +65,7 @@ pub fn gather(path: &Path, only: Option<&str>, progress: &dyn Progress) -> Resul
     Ok(input)
 }
 
-/// A run with every episode as a row.
+/// An opened run with all its episodes as rows.
 struct Opened {
     path: PathBuf,
     folder: RunFolder,
@@ -75,7 +75,7 @@ struct Opened {
     evaluations: Vec<EvaluationReport>,
     baseline: Option<String>,
     rows: Rows,
-    /// Omitted episodes, one message each.
+    /// Messages about omitted episodes.
     left_out: Vec<String>,
 }
 
@@ -107,10 +107,10 @@ impl Opened {
     }
 }
 
-/// The policy that must never succeed.
+/// Name of the baseline policy, which must never succeed.
 const BASELINE: &str = "do_nothing";
 
-/// Keeps the rows of one task or one episode, and makes each that can be drawn a case.
+/// Keeps the rows of one task or one episode, and selects every one that can be rendered as a case.
 fn only_cases(rows: &mut Rows, id: &str) -> Result<Vec<Case>, WorkspaceError> {
     let task = rows.tasks.iter().position(|task| task.id == id);
     let is_meant = |row: &genmanip_benchmark::EpisodeRow| task.map_or(row.id == id, |task| row.task == task);
@@ -188,7 +188,9 @@ fn page(
     }
 }
 
-/// Commands that made the run, with the options that it records; a run made from scenario files was not collected.
+/// Command lines that reproduce the run, with the options that it records. A run made from scenario files (`is_given`)
+/// has
+/// no `collect`.
 fn commands(name: &str, run: &Run, evaluations: &[EvaluationReport], is_given: bool) -> Vec<String> {
     let policies: BTreeSet<&str> = evaluations.iter().map(|report| report.policy.as_str()).collect();
     let policies: String = policies.iter().map(|policy| format!(" --policy {policy}")).collect();
@@ -212,7 +214,7 @@ fn commands(name: &str, run: &Run, evaluations: &[EvaluationReport], is_given: b
     commands
 }
 
-/// Notes that a reader of the report needs.
+/// Notes for the reader of the report.
 fn notes(run: &Run, rows: &Rows) -> Vec<String> {
     let tasks = run.tasks.entries().len();
     let mut notes = vec![

@@ -19,15 +19,15 @@ use genmanip_workspace::documents;
 /// All tasks and episodes of a run.
 #[derive(Default)]
 pub(super) struct Rows {
-    /// In the order of the run.
+    /// Rows of the tasks, in the order of the run.
     pub tasks: Vec<TaskRow>,
-    /// Attempts by their ids, then the episodes of each evaluation.
+    /// Rows of the attempts, ordered by id, then of the episodes of each evaluation.
     pub episodes: Vec<EpisodeRow>,
-    /// Tasks that a language model once answered.
+    /// Number of tasks that come from recorded answers of a language model.
     pub recorded_answers: usize,
 }
 
-/// A row for every attempt, and for every episode of the evaluations; also says what was left out.
+/// Rows of every attempt and of every episode of the evaluations; reports what was omitted through `progress`.
 ///
 /// # Errors
 /// When the store cannot be listed.
@@ -75,16 +75,16 @@ pub(super) fn read(
     Ok((rows, left_out))
 }
 
-/// The episodes that an evaluation kept, if it kept any.
+/// Store of the episodes that an evaluation kept; `None` if it kept none.
 ///
 /// # Errors
-/// When what is there is no store.
+/// When the folder exists and its store cannot be opened.
 pub(super) fn kept_store(folder: &RunFolder, label: &str) -> Result<Option<EpisodeStore>, DataError> {
     let path = kept_episodes(folder, label);
     path.join("store.json").is_file().then(|| EpisodeStore::open(path)).transpose()
 }
 
-/// Finished evaluations; what is none is named and left out.
+/// All finished evaluations of a run; other and unreadable files are reported and omitted.
 pub(super) fn evaluations(
     folder: &RunFolder,
     progress: &dyn Progress,
@@ -101,7 +101,7 @@ pub(super) fn evaluations(
         .map(|entry| entry.path())
         .filter(|path| path.extension().is_some_and(|extension| extension == "json") && !is_hidden(path))
         .collect();
-    // Policies of the registry first, in its order; then the others by name.
+    // Order: policies of the registry in its order, then all others by name.
     let place = |path: &PathBuf| {
         let stem = documents::stem(path);
         (POLICIES.iter().position(|entry| entry.name == stem).unwrap_or(POLICIES.len()), stem)
@@ -117,21 +117,21 @@ pub(super) fn evaluations(
             }
         }
     }
-    // The page tells evaluations apart by their policies' names.
+    // The page identifies evaluations by policy names, so these are replaced by the unique labels.
     for report in &mut reports {
         report.summary.policy.clone_from(&report.label);
         for result in &mut report.results {
             result.policy.clone_from(&report.label);
             result.agent_failure.as_mut().into_iter().for_each(locate_transcript);
-            // The page shows single conditions of drawn episodes only, which are read again.
+            // Drop the conditions of every verdict to save memory; those of the episodes shown are read again.
             result.verdict.alternatives = Vec::new();
         }
     }
     Ok(reports)
 }
 
-/// Makes the path of a transcript absolute, so that pages in any folder can link it; drops that of one that is gone.
-/// The transcript's page is linked where there is one.
+/// Makes the path of a transcript absolute, so that pages in any folder can link to it, and prefers its HTML page.
+/// The path is removed if no such file exists.
 pub(super) fn locate_transcript(failure: &mut AgentFailure) {
     let found = failure.transcript.take().and_then(|path| {
         let path = Path::new(&path);
@@ -140,7 +140,7 @@ pub(super) fn locate_transcript(failure: &mut AgentFailure) {
     failure.transcript = found.map(|path| path.display().to_string());
 }
 
-/// Unfinished work of a program that runs or was killed.
+/// True for a name that begins with a dot: unfinished files of a program that is running or was killed.
 fn is_hidden(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'))
 }

@@ -1,4 +1,4 @@
-//! Second pass over a run: diagrams and images of each chosen case.
+//! Second pass over a run: diagrams and images of the selected cases.
 
 use std::sync::Arc;
 
@@ -16,17 +16,17 @@ use genmanip_viz::scene_images;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::worlds;
 
-/// Moments of the film strip.
+/// Maximum number of images in a film strip on the page of a run.
 const FILM_FRAMES: usize = 12;
 
-/// Moments of a film strip on a page of its own.
+/// Number of images in a film strip on the page of a single episode.
 const STRIP_FRAMES: usize = 8;
 
-/// Widths of a film-strip image, and of the first and the last image, pixels.
+/// Width of an image in a film strip, and of the first and the last image, pixels.
 const FILM_WIDTH: u32 = 256;
 const PICTURE_WIDTH: u32 = 512;
 
-/// Data of the run from which cases are rendered.
+/// Data of a run needed to render cases.
 pub(super) struct Drawing<'a> {
     pub folder: &'a RunFolder,
     pub store: &'a EpisodeStore,
@@ -36,10 +36,10 @@ pub(super) struct Drawing<'a> {
 }
 
 impl Drawing<'_> {
-    /// The section of a case; a damaged episode is not shown and named in `left_out`.
+    /// Section of a case. A damaged episode is omitted, with a message in `left_out`.
     ///
     /// # Errors
-    /// When its episode cannot be read or drawn.
+    /// When the case's episode cannot be read or rendered.
     pub fn section(&self, case: Case, left_out: &mut Vec<String>) -> Result<TaskSection, WorkspaceError> {
         let episode = case.episode;
         let own = self.rows.episodes.iter().filter(|row| row.task == case.task && row.is_attempt());
@@ -63,10 +63,12 @@ impl Drawing<'_> {
         Ok(section)
     }
 
-    /// An episode on its own; where its frames were kept, `keep` is offered its film strip, which is drawn when asked for.
+    /// A single episode. If its frames were stored, `keep` receives a function that renders its film strip, which it
+    /// calls only
+    /// if needed.
     ///
     /// # Errors
-    /// When it cannot be read or drawn, or `keep` cannot keep it.
+    /// When the episode cannot be read or rendered, or `keep` fails.
     pub fn alone(&self, row: &EpisodeRow, keep: &mut KeepStrip) -> Result<Alone, WorkspaceError> {
         let attempts = if row.is_attempt() { vec![attempt(row)] } else { Vec::new() };
         let mut alone = Alone {
@@ -105,11 +107,11 @@ impl Drawing<'_> {
         })
     }
 
-    /// Store that holds an episode, if it was kept.
+    /// Store that holds an episode; `None` if the episode was not stored.
     pub fn store_of(&self, row: &EpisodeRow) -> Result<Option<EpisodeStore>, WorkspaceError> {
         match &row.evaluation {
             None => Ok(Some(self.store.clone())),
-            // A store that cannot be read was named when the rows were made.
+            // A store that cannot be read was already reported when the rows were made.
             Some(label) => {
                 let kept = kept_store(self.folder, label).ok().flatten();
                 Ok(kept.filter(|store| store.contains(&row.id)))
@@ -118,20 +120,20 @@ impl Drawing<'_> {
     }
 }
 
-/// Takes a film strip, which is drawn when it is called for.
+/// Callback that receives the function to render a film strip.
 pub(super) type KeepStrip<'a> =
     dyn FnMut(&dyn Fn() -> Result<Vec<u8>, WorkspaceError>) -> Result<(), WorkspaceError> + 'a;
 
-/// An episode without the others of its task.
+/// Section with a single episode, without the others of its task.
 pub(super) struct Alone {
     pub section: TaskSection,
-    /// True if it has a film strip.
+    /// True if the episode has a film strip.
     pub has_strip: bool,
-    /// Description of the damage, if it cannot be shown.
+    /// Description of the damage that prevents showing the episode; `None` if it is intact.
     pub damaged: Option<String>,
 }
 
-/// Reason that an episode is not shown.
+/// Reason why an episode is not shown.
 enum Unshown {
     Damaged(String),
     Broken(WorkspaceError),
@@ -154,7 +156,7 @@ fn attempt(row: &EpisodeRow) -> AttemptRow {
     }
 }
 
-/// Verdict and layout of an episode, and its frames, as far as they were kept.
+/// Adds an episode's verdict and layout to a section; returns the episode if its frames were stored.
 fn add_episode(section: &mut TaskSection, store: &EpisodeStore, row: &EpisodeRow) -> Result<Option<Episode>, Unshown> {
     let unreadable = |error: genmanip_data::DataError| match error.is_damage() {
         true => Unshown::Damaged(error.to_string()),

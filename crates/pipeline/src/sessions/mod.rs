@@ -1,12 +1,12 @@
-//! Sessions: an environment that another program drives action by action, in the same process or over a connection.
+//! Sessions: an environment that another program drives one action at a time, in the same process or over a connection.
 //!
 //! ```text
 //! Scenes ─► Session ─reset(index, seed)─► step(action)… ─► finish ─► EpisodeResult
 //!                     observe() · save() / restore() at any time
 //! ```
 //!
-//! What is judged, and when, is what the episode loop judges: a session whose actions are those of a policy ends with the
-//! result that `evaluate` gives that policy.
+//! A session is judged exactly like an episode loop: with the actions of a policy, it ends with the result that
+//! `evaluate` gives that policy.
 
 mod scenes;
 
@@ -31,30 +31,30 @@ pub use scenes::{DEFAULT_KEPT, SceneSource};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SessionSettings {
-    /// Meaning of the numbers of an action.
+    /// Action space: meaning of the numbers of an action.
     pub action: ActionSpec,
-    /// Actions per second; the control rate is a whole multiple.
+    /// Actions per second; the control rate must be a whole multiple.
     pub rate_hz: f64,
-    /// Images of each observation.
+    /// Cameras whose images each observation contains.
     #[serde(default)]
     pub cameras: Vec<CameraRequest>,
-    /// True if observations hold simulator ground truth; results are then marked `oracle`.
+    /// True if observations contain simulator ground truth; results are then marked `oracle`.
     #[serde(default)]
     pub privileged: bool,
-    /// Maximum simulated time, s; `None` for that of the scenario's suite or run.
+    /// Maximum simulated time of an episode, s; `None` for that of the scenario's suite or run.
     #[serde(default)]
     pub horizon_s: Option<f64>,
     /// True if an episode ends once the goal has held for the settling time; `None` for the setting of the suite or run.
     #[serde(default)]
     pub stop_on_success: Option<bool>,
-    /// Discount per action of the potential whose change is added to the reward, see
-    /// [`genmanip_rollout::shaping`]; `None` for the change of the score alone.
+    /// Discount factor per action for potential-based reward shaping, see [`genmanip_rollout::shaping`]; `None` for
+    /// rewards without shaping.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shaping_discount: Option<f64>,
 }
 
 impl SessionSettings {
-    /// Settings without cameras and simulator state.
+    /// Settings without cameras and simulator ground truth.
     pub fn new(action: ActionSpec, rate_hz: f64) -> Self {
         Self {
             action,
@@ -67,10 +67,10 @@ impl SessionSettings {
         }
     }
 
-    /// Refuses settings that the scenes cannot serve.
+    /// Fails for settings that the scenes do not support.
     ///
     /// # Errors
-    /// The first such setting, with what is possible.
+    /// The first unsupported setting, with the supported values as the hint.
     pub fn check(&self, scenes: &SceneSource) -> Result<(), WorkspaceError> {
         let refuse = |what: String, hint: &str| Err(WorkspaceError::input(what).with_hint(hint));
         if let Some(horizon_s) = self.horizon_s.filter(|horizon_s| !(*horizon_s > 0.0 && horizon_s.is_finite())) {
@@ -140,25 +140,26 @@ impl UnderWay {
     }
 }
 
-/// Result of a step.
+/// Outcome of one action.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepOutcome {
-    /// Change of the score since it was judged before; rewards of an episode add up to its last score less the first
-    /// one. With shaping, also the change of the potential.
+    /// Change of the score since the previous step: the rewards of an episode sum to its last score minus its
+    /// initial one. With shaping, the shaping reward is added.
     pub reward: f64,
-    /// Score: that of the goal's last verdict, or 1 once the milestone of the scenes was reached.
+    /// Score, 0 to 1: that of the latest verdict on the goal; 1 once the scenes' milestone was reached.
     pub score: f64,
-    /// The goal, or the milestone, was reached.
+    /// True if the goal or the milestone is reached.
     pub success: bool,
-    /// The goal's last verdict.
+    /// Latest verdict on the goal.
     pub verdict: GoalVerdict,
-    /// The goal has held for the settling time, where the settings say to stop then.
+    /// True if the goal held for the settling time and the settings end the episode then.
     pub terminated: bool,
-    /// The longest time is over.
+    /// True if the maximum simulated time is over.
     pub truncated: bool,
-    /// Reason that the action was not executed and the previous command was held: inverse kinematics has no solution.
+    /// Reason that the action was not executed and the previous command was held (inverse kinematics has no solution);
+    /// `None` if it was executed.
     pub refused: Option<String>,
-    /// Events of the step.
+    /// Events that occurred during the step.
     pub events: Vec<Event>,
 }
 
@@ -170,7 +171,7 @@ pub struct SessionState {
 }
 
 impl Session {
-    /// A session without an episode.
+    /// A session before its first episode.
     ///
     /// # Errors
     /// As [`SessionSettings::check`].
@@ -180,7 +181,7 @@ impl Session {
         Ok(Self { scenes, settings, environment, under_way: None })
     }
 
-    /// Scenes in which episodes start.
+    /// Scenes in which the episodes start.
     pub fn scenes(&self) -> &Arc<SceneSource> {
         &self.scenes
     }
@@ -190,13 +191,14 @@ impl Session {
         &self.settings
     }
 
-    /// Begins an episode; whatever was under way is dropped.
+    /// Begins an episode; an unfinished one is dropped.
     ///
-    /// The seed of a scenario names the stream of the episode's chance, by default the one of `evaluate`; the seed of a
-    /// task is the number of its layout, by default 0.
+    /// For a scenario, `seed` selects the random stream of the episode, by default that of `evaluate`. For a task, it
+    /// is
+    /// the number of the layout, by default 0.
     ///
     /// # Errors
-    /// An index that is none, a task that cannot be laid out, and settings that the scenario does not serve.
+    /// For an index out of range, a task without a layout, and settings that the scenario does not support.
     pub fn reset(&mut self, index: usize, seed: Option<u64>) -> Result<(), WorkspaceError> {
         let (case, stage) = self.scenes.open(index, seed)?;
         let mut rollout = self.scenes.settings().rollout.clone();
@@ -222,7 +224,8 @@ impl Session {
         Ok(())
     }
 
-    /// Progress now, if rewards or the end of an episode depend on it.
+    /// Present progress towards goal and milestone; a default value where neither rewards nor the end of an episode
+    /// need it.
     fn progress(&self, shaping: &Shaping, stage: &Stage) -> Result<Progress, WorkspaceError> {
         match self.settings.shaping_discount.is_some() || self.scenes.milestone() != Milestone::Goal {
             true => shaping.progress(&self.environment, stage).map_err(broken),
@@ -230,11 +233,11 @@ impl Session {
         }
     }
 
-    /// Carries out an action. When the episode ends with it, the last command is held for the settling time and the goal
-    /// is judged: that verdict is final.
+    /// Executes an action. If the episode ends with it, the last command is held for the settling time and the goal is
+    /// judged; that verdict is final.
     ///
     /// # Errors
-    /// Before the first reset, after the end, for numbers that are no action (nothing has changed then), and when the
+    /// Before the first reset; after the end; for an invalid action (the state is unchanged then); and when the
     /// simulation becomes unstable.
     pub fn step(&mut self, action: &[f32]) -> Result<StepOutcome, WorkspaceError> {
         let mut under_way = self.under_way.take().ok_or_else(|| broken(RolloutError::NotReset))?;
@@ -276,10 +279,10 @@ impl Session {
         Ok(StepOutcome { reward, score, success, verdict, terminated, truncated, refused, events })
     }
 
-    /// Current observation: state, images, and simulator state if the settings say so.
+    /// Current observation: state, images, and simulator ground truth if the settings request it.
     ///
     /// # Errors
-    /// Before the first reset, and for a camera that cannot be drawn.
+    /// Before the first reset, and for a camera that cannot be rendered.
     pub fn observe(&mut self) -> Result<Observation, WorkspaceError> {
         let mut observation = self.seen()?;
         if self.settings.privileged {
@@ -288,7 +291,7 @@ impl Session {
         Ok(observation)
     }
 
-    /// As [`Session::observe`], but with the object that was grasped during the last control step; cheaper by 0.1 ms.
+    /// Like [`Session::observe`], but the grasped object is that of the last control step; saves about 0.1 ms.
     ///
     /// # Errors
     /// As [`Session::observe`].
@@ -313,7 +316,7 @@ impl Session {
     /// Image for display, independent of the cameras of the settings.
     ///
     /// # Errors
-    /// Before the first reset, and for a camera that is not there.
+    /// Before the first reset, and for an unknown camera.
     pub fn picture(&mut self, camera: &str, size: Option<[u32; 2]>) -> Result<RgbdImage, WorkspaceError> {
         let request = CameraRequest { size, ..CameraRequest::new(camera, ImageChannels::RGB) };
         let mut seen = self.environment.observe(&[request]).map_err(broken)?;
@@ -328,22 +331,23 @@ impl Session {
         self.environment.verdict().map_err(broken)
     }
 
-    /// The stage of the episode, where there is one.
+    /// Stage of the current episode; `None` before the first reset and after [`Session::finish`].
     pub fn stage(&self) -> Option<&Stage> {
         self.under_way.as_ref().map(|under_way| &under_way.stage)
     }
 
-    /// Case of the current episode: scenario, id and seed.
+    /// Case of the current episode (scenario, id and seed); `None` before the first reset and after
+    /// [`Session::finish`].
     pub fn case(&self) -> Option<&Case> {
         self.under_way.as_ref().map(|under_way| &under_way.case)
     }
 
-    /// Control steps so far, of 1/60 s.
+    /// Number of control steps of the episode so far, each of 1/60 s.
     pub fn control_steps(&self) -> usize {
         self.environment.frames().len()
     }
 
-    /// Ends the episode, settling it where that has not been done; the result has the form of `evaluate`.
+    /// Ends the episode, with settling if it has not happened yet; returns a result like that of `evaluate`.
     ///
     /// # Errors
     /// Before the first reset, and when the simulation becomes unstable.
@@ -378,7 +382,7 @@ impl Session {
     }
 }
 
-/// Version of the simulator, as it says itself.
+/// Version that the physics engine reports.
 pub fn engine_version() -> String {
     genmanip_sim::engine_version()
 }

@@ -1,4 +1,4 @@
-//! Scenes in which the episodes of a session start.
+//! Scenes that the episodes of a session start in.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -17,12 +17,12 @@ use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::task_files;
 use genmanip_workspace::worlds;
 
-/// Default number of stages kept in memory, the most recently used ones; each takes a few megabytes.
+/// Default number of most recently used stages kept in memory; each takes a few megabytes.
 pub const DEFAULT_KEPT: usize = 16;
-/// Task of the curricula `reach`, `lift` and `place`: a cube and a plate.
+/// Task of the curricula `reach`, `lift` and `place`: a cube is put on a plate.
 const PLACE: &str = include_str!("../../data/place.json");
 
-/// Source of scenes: scenarios, or tasks that are laid out anew for each seed. Sessions share one source.
+/// Source of scenes: scenarios, or tasks that are laid out for each seed. Several sessions may share one source.
 pub struct SceneSource {
     origin: Origin,
     settings: PipelineSettings,
@@ -30,12 +30,12 @@ pub struct SceneSource {
     milestone: Milestone,
     /// Maximum number of stages kept in memory.
     kept: usize,
-    /// Stages in memory, the most recently used last.
+    /// Stages in memory, most recently used last.
     ready: Mutex<Vec<Ready>>,
 }
 
 enum Origin {
-    /// Scenarios, with the objects of their suite if it was frozen with its own.
+    /// Cases of scenarios; with the objects of their suite, if it was frozen with its own.
     Cases(Vec<Case>, Option<Arc<SuiteAssets>>),
     Tasks(Vec<Task>),
 }
@@ -43,28 +43,29 @@ enum Origin {
 #[derive(Clone)]
 struct Ready {
     index: usize,
-    /// Number of the layout; 0 for scenarios.
+    /// Number of the task's layout; 0 for scenarios.
     number: u64,
     case: Case,
     stage: Stage,
 }
 
 impl SceneSource {
-    /// The episodes of a suite, as `evaluate` runs them.
+    /// Scenes of a suite, the same episodes as in `evaluate`.
     ///
     /// # Errors
-    /// When there is no such robot.
+    /// When the robot of the suite's world is unknown.
     pub fn of_suite(suite: &Suite) -> Result<Self, WorkspaceError> {
         Self::new(Origin::Cases(suite.cases.clone(), suite.assets.clone()), suite.settings.clone())
     }
 
-    /// Task files, or folders of them, laid out in the world of a file, or in the built-in one.
+    /// Tasks from files or folders, laid out in the world of a file, or in the built-in one if `None`.
     ///
-    /// A single path `reach`, `lift` or `place` without a file of that name stands for the built-in task of putting a
-    /// cube on a plate; an episode succeeds when the cube is reached, lifted or placed.
+    /// A single path `reach`, `lift` or `place` that is no file stands for the built-in task of putting a cube on a
+    /// plate,
+    /// where an episode succeeds once the cube is reached, lifted or placed.
     ///
     /// # Errors
-    /// When a file cannot be read, there is no task, or there is no such robot.
+    /// When a file cannot be read, there is no task, or the robot is unknown.
     pub fn of_tasks(paths: &[PathBuf], world: Option<&Path>) -> Result<Self, WorkspaceError> {
         if let Some(milestone) = curriculum(paths) {
             let unreadable = |error| WorkspaceError::broken("the built-in task cannot be read", error);
@@ -85,13 +86,13 @@ impl SceneSource {
         Ok(Self { origin, settings, planner, milestone, kept, ready: Mutex::default() })
     }
 
-    /// Sets the capacity of the cache of compiled stages, at least one.
+    /// Sets the maximum number of stages kept in memory, at least one.
     #[must_use]
     pub fn keeping(self, kept: usize) -> Self {
         Self { kept: kept.max(1), ..self }
     }
 
-    /// Part of the task at which an episode succeeds.
+    /// Milestone of the task at which an episode succeeds.
     pub fn milestone(&self) -> Milestone {
         self.milestone
     }
@@ -104,12 +105,12 @@ impl SceneSource {
         }
     }
 
-    /// True if there are none.
+    /// True if there are no scenes.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Ids of the episodes or tasks, by index.
+    /// Ids of the cases or tasks, by index of the scene.
     pub fn ids(&self) -> Vec<&str> {
         match &self.origin {
             Origin::Cases(cases, _) => cases.iter().map(|case| case.id.as_str()).collect(),
@@ -117,7 +118,7 @@ impl SceneSource {
         }
     }
 
-    /// Maximum number of objects of a scene.
+    /// Maximum number of objects in a scene.
     pub fn max_objects(&self) -> usize {
         match &self.origin {
             Origin::Cases(cases, _) => cases.iter().map(|case| case.scenario.objects.len()).max(),
@@ -126,7 +127,7 @@ impl SceneSource {
         .unwrap_or_default()
     }
 
-    /// Maximum number of joints of an object.
+    /// Maximum number of joints of an object in the scenes.
     pub fn max_joints(&self) -> usize {
         let of_task = |task: &Task| {
             let nodes = task.scene_graph.nodes.iter().filter_map(|node| Catalogue::builtin().model(&node.asset).ok());
@@ -140,7 +141,7 @@ impl SceneSource {
         .unwrap_or_default()
     }
 
-    /// Worlds of the scenes, without an order.
+    /// Worlds of all scenes, in no particular order.
     pub fn worlds(&self) -> Vec<&World> {
         match &self.origin {
             Origin::Cases(cases, _) => cases.iter().map(|case| &case.scenario.world).collect(),
@@ -148,7 +149,7 @@ impl SceneSource {
         }
     }
 
-    /// Settings of the loop.
+    /// Settings of the episode loop.
     pub fn settings(&self) -> &PipelineSettings {
         &self.settings
     }
@@ -158,11 +159,13 @@ impl SceneSource {
         &self.planner
     }
 
-    /// Episode and stage of scene `index`. For a task, `seed` is the number of its layout, 0 by default; for a scenario
-    /// it replaces the random stream of the episode.
+    /// Case and stage of scene `index`. For a task, `seed` is the number of its layout, 0 by default; for a scenario,
+    /// it
+    /// replaces the random stream of the episode.
     ///
     /// # Errors
-    /// When there is no such index, a task cannot be laid out, or objects or robot are not those of the scenario.
+    /// When the index is out of range, a task cannot be laid out, or objects or robot differ from those of the
+    /// scenario.
     pub fn open(&self, index: usize, seed: Option<u64>) -> Result<(Case, Stage), WorkspaceError> {
         let is_task = matches!(self.origin, Origin::Tasks(_));
         let number = seed.filter(|_| is_task).unwrap_or_default();
@@ -225,7 +228,7 @@ impl SceneSource {
     }
 }
 
-/// Milestone of a built-in curriculum.
+/// Milestone of a built-in curriculum; `None` for other paths.
 fn curriculum(paths: &[PathBuf]) -> Option<Milestone> {
     let [path] = paths else { return None };
     match path.to_str() {

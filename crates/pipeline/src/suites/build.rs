@@ -1,4 +1,4 @@
-//! From a seed to a suite: tasks, layouts, trials, choice.
+//! Building of a suite from a seed: tasks, layouts, trials of the expert, selection.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -21,12 +21,12 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::scenarios;
 
-/// Episodes in which the expert must solve a scenario, all of them.
+/// Number of trials; the expert must succeed in all of them for a scenario to be certified.
 const TRIALS: usize = 5;
-/// Time that a policy has, as a multiple of the longest that the expert needed: learned policies are slower, and some
-/// try again.
+/// Time limit of a scenario as a multiple of the expert's longest trial. Chosen by hand: learned policies are slower,
+/// and some retry.
 const HORIZON_FACTOR: f64 = 3.0;
-/// Horizons are whole multiples of this, s.
+/// Step to which time limits are rounded up, s.
 const HORIZON_STEP_S: f64 = 5.0;
 
 /// Options of [`build`].
@@ -34,25 +34,26 @@ const HORIZON_STEP_S: f64 = 5.0;
 pub struct BuildOptions<'a> {
     /// Name of the suite.
     pub name: String,
-    /// Folder that it is written into.
+    /// Folder to write the suite to.
     pub out: PathBuf,
-    /// Scenarios of each kind.
+    /// Number of scenarios per kind of task.
     pub per_kind: usize,
-    /// Candidates per scenario that are laid out and tried.
+    /// Number of candidates that are laid out and tried per scenario.
     pub candidates: usize,
     /// Seed of tasks, layouts and trials.
     pub seed: Seed,
-    /// Objects that tasks may be about.
+    /// Catalogue of the objects that tasks may contain.
     pub catalogue: &'a Catalogue,
-    /// Tasks that are taken before designed ones, of any kind of the suite: recorded answers of language models.
+    /// Tasks used before any are designed, such as recorded answers of language models; their kinds must be in the
+    /// suite.
     pub tasks: Vec<Task>,
     /// World of the scenarios.
     pub world: World,
-    /// Threads.
+    /// Number of threads.
     pub workers: usize,
 }
 
-/// Builds a suite; `None` when it was stopped. An interrupted build continues where it stopped, by the same call.
+/// Builds a suite; `None` if interrupted. The same call continues an interrupted build.
 ///
 /// # Errors
 /// When the folder holds another suite, too few candidates pass, or a file cannot be written.
@@ -137,7 +138,7 @@ fn lay_out_all(
     Ok((scenarios, stage))
 }
 
-/// The scenarios that the expert solves every time, with its results.
+/// Scenarios that the expert solved in every trial, with the results of the trials.
 type Certified = Vec<(Scenario, Vec<EpisodeResult>)>;
 
 fn certify(
@@ -167,11 +168,11 @@ fn certify(
     Ok(Some((certified, stage)))
 }
 
-/// Results of the expert's trials that certify a scenario, five each, by scenario id; `None` when it was stopped. With a
-/// folder an interrupted call continues.
+/// Results of the expert's trials of each scenario, five each, by scenario id; `None` if interrupted. With `folder`, an
+/// interrupted call continues.
 ///
 /// # Errors
-/// When a scenario cannot be read, two have one id, their robots differ, or an episode broke.
+/// When a scenario cannot be read, two have the same id, their robots differ, or an episode raises an error.
 pub fn try_expert(
     paths: &[PathBuf],
     folder: Option<&Path>,
@@ -186,8 +187,8 @@ pub fn try_expert(
     Ok(reports.into_iter().next().map(|report| frozen::by_scenario(report.results)))
 }
 
-/// Simulated time that a policy gets on a scenario, s, from the expert's trials: the longest verified one with a factor
-/// for slower policies.
+/// Time limit of a scenario, simulated s, from the expert's trials: the longest verified one times a factor for
+/// slower policies, rounded up.
 pub fn horizon_s(trials: &[EpisodeResult]) -> f64 {
     let longest = trials.iter().filter(|it| it.success).map(|it| it.duration_s).fold(0.0, f64::max);
     (HORIZON_FACTOR * longest / HORIZON_STEP_S).ceil() * HORIZON_STEP_S

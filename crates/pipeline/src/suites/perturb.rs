@@ -1,7 +1,8 @@
-//! Perturbed suites: the scenarios of a suite, each changed in one respect by a stated amount.
+//! Perturbed suites: the scenarios of a suite, each changed along one axis with a given strength.
 //!
-//! The suite itself is the control arm: scenarios keep their ids and seeds, so `genmanip compare` pairs the two
-//! evaluations of a policy episode by episode. What cannot be certified any more is left out, and counted.
+//! The original suite is the baseline: scenarios keep their ids and seeds, so `genmanip compare` pairs the two
+//! evaluations of a policy episode by episode. Scenarios that cannot be certified after the change are omitted and
+//! counted.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -23,36 +24,37 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
-/// Episodes in which the expert must solve a changed scenario, all of them.
+/// Number of trials; the expert must succeed in all of them for a changed scenario to be certified.
 const TRIALS: usize = 3;
-/// Agent that must solve a changed scenario once from its images; all answers and masks are the oracle's.
+/// Agent that must solve a changed scenario once from its images; the oracle gives all its answers and masks.
 const LOOKER: &str = "agent:vlm=oracle,masks=oracle";
-/// Fewest pixels of each thing of the task in one prompt camera, as the benchmark wants it.
+/// Minimum number of pixels of every object of the task in at least one prompt camera, as the benchmark requires.
 const MIN_PIXELS: usize = 200;
 
 /// Options of [`perturb`].
 #[derive(Clone, Debug)]
 pub struct PerturbOptions {
-    /// Folder of the suite that is changed.
+    /// Folder of the original suite.
     pub suite: PathBuf,
-    /// Folder that is written into.
+    /// Folder to write the perturbed suite to.
     pub out: PathBuf,
     /// Name of the new suite.
     pub name: String,
-    /// Perturbed factor.
+    /// Axis of the perturbation.
     pub axis: Axis,
-    /// Strength, above 0 and up to 1.
+    /// Strength of the perturbation, in (0, 1].
     pub dial: f64,
-    /// Seed of the sampled changes.
+    /// Seed of the random changes.
     pub seed: Seed,
-    /// Threads.
+    /// Number of threads.
     pub workers: usize,
 }
 
-/// Changes every scenario of a suite in one respect; `None` when it was stopped. An interrupted call continues.
+/// Changes every scenario of a suite along one axis; `None` if interrupted. The same call continues an interrupted one.
 ///
 /// # Errors
-/// When there is no suite, the folder holds another one, nothing can be certified, or a file cannot be written.
+/// When the suite does not exist, the folder holds another one, no scenario can be certified, or a file cannot be
+/// written.
 pub fn perturb(
     options: &PerturbOptions,
     progress: &dyn Progress,
@@ -130,10 +132,10 @@ pub fn perturb(
     frozen::write(&options.out, head, kept).map(Some)
 }
 
-/// A changed scenario, or why it could not be changed.
+/// A changed scenario, or the reason why it cannot be changed.
 type Changed = Result<Scenario, String>;
 
-/// All scenarios, changed; those that cannot be are counted by their reasons.
+/// All changed scenarios; those that cannot be changed are counted by reason.
 fn change_all(
     scenarios: &[Arc<Scenario>],
     options: &PerturbOptions,
@@ -153,7 +155,7 @@ fn change_all(
             return Ok(Ok(changed));
         }
         let robot = workshop.planner.robot();
-        // What stands still after the change is for the expert's trials to say: no time is simulated here.
+        // Audited without simulated time, since the expert's trials show if the objects remain at rest.
         let audited = audit(&changed, Catalogue::builtin(), robot, &layout, 0.0)
             .map_err(|error| WorkspaceError::broken(format!("{} cannot be audited", changed.id), error))?;
         Ok(match audited.hidden {
@@ -169,7 +171,7 @@ fn change_all(
     for (scenario, outcome) in scenarios.iter().zip(outcomes) {
         match outcome {
             Ok(draft) => {
-                // Another instruction is of another kind; what is counted are the scenarios of the control arm.
+                // Counted by the kind of the original task, since an exchanged instruction changes the kind.
                 made.pass(scenario.task.kind);
                 changed.push(draft);
             }

@@ -1,4 +1,4 @@
-//! Application of operations: from scenario and operation to the changed scenario and the inverse.
+//! Application of an operation to a scenario, with the inverse operation.
 
 use genmanip_assets::AssetSource;
 use genmanip_core::{Document, Scenario};
@@ -9,12 +9,12 @@ use super::operation::{Change, Operation};
 use super::{objects, task_parts};
 
 impl Operation {
-    /// The changed scenario and the inverse; a function of its arguments alone.
+    /// Applies the operation; the result depends on the arguments alone.
     ///
-    /// Groups of interchangeable instances and named surfaces follow from the task as before, if they did before.
+    /// Groups of interchangeable instances and named surfaces are derived again if they were derived before.
     ///
     /// # Errors
-    /// [`EditError::Invalid`].
+    /// [`EditError::Invalid`] if the operation does not fit the scenario.
     pub fn apply(&self, scenario: &Scenario, assets: &dyn AssetSource) -> Result<Change, EditError> {
         let derived = Derived::of(scenario);
         let mut after = scenario.clone();

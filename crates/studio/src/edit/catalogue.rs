@@ -1,4 +1,4 @@
-//! New instances of assets.
+//! New instances of catalogue assets.
 
 use std::sync::Arc;
 
@@ -10,14 +10,14 @@ use genmanip_core::{AssetHashes, ObjectCard, ObjectModel, PhysicsFactors, Placed
 use super::error::EditError;
 use super::operation::ChosenAsset;
 
-/// An asset with its card.
+/// An asset of the catalogue with its card, model and hashes.
 pub(super) struct Found {
     pub card: Arc<ObjectCard>,
     pub model: Arc<ObjectModel>,
     hashes: AssetHashes,
 }
 
-/// Looks an asset up; `place` names the argument in errors.
+/// Looks an asset up; `place` is the name of the argument in error messages.
 pub(super) fn find(asset: &ChosenAsset, assets: &dyn AssetSource, place: &str) -> Result<Found, EditError> {
     let cards = assets.cards();
     let listed = match asset {
@@ -48,7 +48,8 @@ pub(super) fn find(asset: &ChosenAsset, assets: &dyn AssetSource, place: &str) -
 }
 
 impl Found {
-    /// An instance at a pose, in the joint positions of a state if it has that, else in the zero position.
+    /// An instance at a pose (`world_from_object`), with the nominal joint positions of `state`, or 0 without such a
+    /// state.
     pub fn placed(&self, id: &str, pose: Pose, state: Option<&str>, physics: PhysicsFactors) -> PlacedObject {
         let AssetHashes { physics: physics_hash, judging, looks } = self.hashes.clone();
         PlacedObject {
@@ -70,7 +71,7 @@ pub(super) fn nominal_joints(model: &ObjectModel, state: Option<&str>) -> Option
     model.joint_states.iter().find(|known| known.name == state).map(|known| known.nominal.clone())
 }
 
-/// The id of a new instance: the wanted one if it is free and belongs to the asset, else the first free one.
+/// Id of a new instance: the wanted one if it belongs to the asset and is free, else the first free one.
 pub(super) fn new_id(scenario: &Scenario, uid: &str, wanted: Option<&str>) -> Result<String, EditError> {
     let is_taken = |id: &str| scenario.index_of(id).is_some() || scenario.world.surface(id).is_some();
     match wanted {

@@ -1,20 +1,20 @@
-//! Parts of a task that follow from others: groups of interchangeable instances, named surfaces.
+//! Derived parts of a task: groups of interchangeable instances, and named surfaces.
 
 use genmanip_core::{NamedSurface, Scenario};
 use genmanip_tasks::references;
 
 use super::error::EditError;
 
-/// Parts of a task that follow from the others before an operation, and hence after it.
+/// Flags of the parts that were derived, not set by hand, before an operation; only these are derived again after it.
 pub(super) struct Derived {
-    /// True if the groups of interchangeable instances are those of the independent reader.
+    /// True if the groups of interchangeable instances equal those that the rule-based reader finds in the instruction.
     pub groups_follow: bool,
-    /// True if the named surfaces are those of goal and graph.
+    /// True if the named surfaces are exactly those that goal and scene graph refer to.
     surfaces_follow: bool,
 }
 
 impl Derived {
-    /// The derived parts of a scenario.
+    /// Flags for a scenario.
     pub fn of(scenario: &Scenario) -> Self {
         Self {
             groups_follow: references::interchangeable(&scenario.task) == scenario.task.interchangeable,
@@ -22,7 +22,7 @@ impl Derived {
         }
     }
 
-    /// Derives the parts anew and checks what depends on them.
+    /// Derives the flagged parts again, and checks the parts that depend on them.
     pub fn complete(&self, scenario: &mut Scenario) -> Result<(), EditError> {
         if self.groups_follow {
             scenario.task.interchangeable = references::interchangeable(&scenario.task);
@@ -36,7 +36,7 @@ impl Derived {
     }
 }
 
-/// Surfaces of the world that goal or graph refer to, in the order of the world.
+/// Surfaces of the world that goal or scene graph refer to, in the order of the world.
 fn surfaces(scenario: &Scenario) -> Vec<NamedSurface> {
     let task = &scenario.task;
     let goal = task.goal.alternatives.iter().flatten().flat_map(|atom| atom.ids().skip(1));

@@ -6,55 +6,55 @@ use serde::Serialize;
 /// Difference between two revisions.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Difference {
-    /// Objects at other positions.
+    /// Objects whose position differs.
     pub moved: Vec<Moved>,
-    /// Objects with other orientations.
+    /// Objects whose orientation differs.
     pub turned: Vec<Turned>,
-    /// Ids of objects with other joint positions or states.
+    /// Ids of objects whose joint positions or states differ.
     pub articulated: Vec<String>,
-    /// Ids of new objects.
+    /// Ids of objects only in the later revision.
     pub added: Vec<String>,
-    /// Ids of objects that are gone.
+    /// Ids of objects only in the earlier revision.
     pub removed: Vec<String>,
-    /// Instruction before and after.
+    /// Instruction before and after; `None` if equal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub instruction: Option<[String; 2]>,
-    /// Goal before and after.
+    /// Goal before and after; `None` if equal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub goal: Option<[Goal; 2]>,
-    /// Category before and after.
+    /// Kind of the task before and after; `None` if equal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<[TaskKind; 2]>,
-    /// New edges.
+    /// Edges only in the later scene graph.
     pub edges_added: Vec<GraphEdge>,
-    /// Edges that are gone.
+    /// Edges only in the earlier scene graph.
     pub edges_removed: Vec<GraphEdge>,
-    /// Description of the scene before and after.
+    /// Description of the scene before and after; `None` if equal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub description: Option<[String; 2]>,
-    /// Names of cameras that are new, gone or changed.
+    /// Names of cameras that were added, removed or changed.
     pub cameras: Vec<String>,
 }
 
 /// An object at another position.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Moved {
-    /// Its id.
+    /// Id of the object.
     pub id: String,
-    /// Distance, m.
+    /// Distance between the two positions, m.
     pub distance_m: f64,
 }
 
 /// An object with another orientation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Turned {
-    /// Its id.
+    /// Id of the object.
     pub id: String,
-    /// Angle, rad.
+    /// Angle between the two orientations, rad.
     pub angle_rad: f64,
 }
 
-/// Smallest angle that counts as a turn, rad.
+/// Minimum angle between two orientations that count as different, rad.
 const MIN_TURN_RAD: f64 = 1e-6;
 
 impl Difference {

@@ -1,4 +1,4 @@
-//! The edited scenario: a scenario's file, and the log from which it follows.
+//! Edited scenario: the scenario's file, and the log of operations that it results from.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,25 +18,25 @@ use super::history::{History, Overlap};
 use super::log::{CommandLine, EditLog, Header, Line, Parent, SCHEMA, Snapshot, Stamp, check_stamp, sha256};
 use super::operation::{Change, Operation};
 
-/// An operation with its circumstances.
+/// A request to apply an operation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Command {
-    /// The operation.
+    /// Operation to apply.
     #[serde(flatten)]
     pub operation: Operation,
-    /// Revision that the author saw.
+    /// Revision that the author had seen.
     pub base_revision: u64,
     /// Author, time and id.
     #[serde(flatten)]
     pub stamp: Stamp,
 }
 
-/// Acknowledgement of a command: it is in the log and on the disk.
+/// Acknowledgement of a command, which is then in the log on the disk.
 #[derive(Clone, Debug)]
 pub struct Applied {
     /// Revision that the command made.
     pub revision: u64,
-    /// The scenario after the command, or the present one if the command had been applied before.
+    /// The scenario after the command; if the command was a repetition, the present scenario.
     pub scenario: Arc<Scenario>,
 }
 
@@ -51,7 +51,8 @@ pub struct EditedScenario {
     history: History,
     /// SHA-256 of the scenario's file as last read or written.
     file_sha256: String,
-    /// True if the program was killed between log and scenario, so that the file is one revision behind.
+    /// True if the program was killed between writing log and scenario, so that the file is one revision behind the
+    /// log.
     is_behind: bool,
     is_stopped: bool,
 }
@@ -122,7 +123,7 @@ impl EditedScenario {
     /// Copies a scenario into a folder for editing; the copy's log names its parent.
     ///
     /// # Errors
-    /// As [`EditedScenario::open`]; when the folder cannot be written or has a scenario of that name.
+    /// As [`EditedScenario::open`]; when the folder cannot be written to, or already has a scenario of that name.
     pub fn copy_into(parent: &Path, folder: &Path, assets: &'static dyn AssetSource) -> Result<Self, EditError> {
         let original = Self::open(parent, assets)?;
         let path = folder.join(format!("{}.json", stem(parent)));
@@ -139,7 +140,8 @@ impl EditedScenario {
         Ok(copy)
     }
 
-    /// Reason why a scenario's file is never edited in place; `None` if it may be.
+    /// Reason why a scenario's file is never edited in place (it belongs to a suite or run); `None` if it may be
+    /// edited.
     pub fn read_only_reason(path: &Path) -> Option<String> {
         let folder = std::path::absolute(path).ok()?;
         let scenarios = folder.parent().filter(|folder| folder.ends_with("scenarios"))?;
@@ -151,32 +153,32 @@ impl EditedScenario {
         owner.join("run.json").exists().then(|| format!("it belongs to the run {name}"))
     }
 
-    /// The scenario's file.
+    /// Path of the scenario's file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The scenario that was copied, if this is a copy.
+    /// The scenario that this one was copied from; `None` for an original.
     pub fn parent(&self) -> Option<&Parent> {
         self.parent.as_ref()
     }
 
-    /// The present scenario.
+    /// The scenario at the present revision.
     pub fn scenario(&self) -> &Arc<Scenario> {
         &self.scenario
     }
 
-    /// The present revision; 0 without edits.
+    /// Number of the present revision; 0 without edits.
     pub fn revision(&self) -> u64 {
         self.history.revision()
     }
 
-    /// The commands in order.
+    /// All commands, in the order of their revisions.
     pub fn history(&self) -> impl Iterator<Item = &CommandLine> {
         self.history.lines()
     }
 
-    /// The named snapshots in order.
+    /// All snapshots, in order of time.
     pub fn snapshots(&self) -> &[Snapshot] {
         self.history.snapshots()
     }
@@ -200,7 +202,7 @@ impl EditedScenario {
         Ok(Arc::new(scenario))
     }
 
-    /// SHA-256 of the scenario's document at each revision, from 0 on.
+    /// SHA-256 of the scenario's file at each revision, from 0 on.
     pub fn hashes(&self) -> Vec<String> {
         let first = sha256(self.first.to_json().as_bytes());
         std::iter::once(first).chain(self.history.lines().map(|line| line.sha256.clone())).collect()
@@ -214,11 +216,11 @@ impl EditedScenario {
         Ok(Difference::between(&*self.at_revision(before)?, &*self.at_revision(after)?))
     }
 
-    /// Applies a command: checks it, appends it to the log, syncs, writes the scenario, then returns. A command whose id
-    /// was seen before has no further effect.
+    /// Applies a command: checks it, appends it to the log, syncs the log, and writes the scenario. A command with a
+    /// known operation id has no further effect.
     ///
     /// # Errors
-    /// [`EditError`]; files and memory are then as before.
+    /// [`EditError`]; files and memory are unchanged then.
     pub fn apply(&mut self, command: &Command) -> Result<Applied, EditError> {
         let Command { operation, base_revision, stamp } = command;
         if let Some(applied) = self.seen(stamp)? {
@@ -236,7 +238,7 @@ impl EditedScenario {
             let mine = mine(&changed.field);
             return Err(self.conflict(changed, mine));
         }
-        // What a stale command refers to may be gone.
+        // Report a conflict, since another author may have removed something that the command refers to.
         if change.is_err() && self.history.others_since(*base_revision, &stamp.author) {
             let fitted = operation.apply(&*self.at_revision(*base_revision)?, self.assets);
             if let (Ok(fitted), Some(field)) = (fitted, fields.first()) {
@@ -248,10 +250,10 @@ impl EditedScenario {
         self.commit(change?, fields, *base_revision, stamp, None, None)
     }
 
-    /// Takes the author's last command back.
+    /// Undoes the author's last command that is in effect.
     ///
     /// # Errors
-    /// As [`EditedScenario::apply`]; [`EditError::Nothing`].
+    /// As [`EditedScenario::apply`]; [`EditError::Nothing`] if there is none.
     pub fn undo(&mut self, stamp: &Stamp) -> Result<Applied, EditError> {
         if let Some(applied) = self.seen(stamp)? {
             return Ok(applied);
@@ -261,10 +263,10 @@ impl EditedScenario {
         self.take_back(revision, stamp)
     }
 
-    /// Applies the command again that the author took back last.
+    /// Applies the command again that the author undid last.
     ///
     /// # Errors
-    /// As [`EditedScenario::apply`]; [`EditError::Nothing`].
+    /// As [`EditedScenario::apply`]; [`EditError::Nothing`] if there is none.
     pub fn redo(&mut self, stamp: &Stamp) -> Result<Applied, EditError> {
         if let Some(applied) = self.seen(stamp)? {
             return Ok(applied);
@@ -274,7 +276,7 @@ impl EditedScenario {
         self.apply_again(revision, stamp)
     }
 
-    /// Takes any one command back, or applies it again if it was taken back.
+    /// Undoes the command of a revision, whoever gave it, or applies it again if it is undone.
     ///
     /// # Errors
     /// As [`EditedScenario::apply`]; [`EditError::Invalid`] if there is no such revision.
@@ -341,7 +343,7 @@ impl EditedScenario {
         self.commit(change, fields, self.revision(), stamp, None, Some(revision))
     }
 
-    /// The acknowledgement of a request that was seen before.
+    /// Acknowledgement of an earlier request with the same operation id; `None` for a new request.
     fn seen(&self, stamp: &Stamp) -> Result<Option<Applied>, EditError> {
         check_stamp(stamp)?;
         let revision = self.history.known(&stamp.client_operation_id);
@@ -392,7 +394,7 @@ impl EditedScenario {
         Ok(Applied { revision: self.revision(), scenario: Arc::clone(&self.scenario) })
     }
 
-    /// Checks that the files may be written and are as they were, and opens the log.
+    /// Checks that the files may be written and were not changed by another program, and opens the log.
     fn prepare(&mut self) -> Result<(), EditError> {
         if self.is_stopped {
             return Err(EditError::Stopped { path: self.path.clone() });

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::log_file::LogError;
 
-/// Reason why an edit is not applied; scenario, log and memory are unchanged.
+/// Reason why an edit is not applied; scenario, log and the state in memory are unchanged.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EditError {
@@ -17,7 +17,7 @@ pub enum EditError {
     Invalid {
         /// Place in the operation or scenario, e.g. `args.uid`.
         place: String,
-        /// Expected and found values.
+        /// Description of the expected and the found value.
         message: String,
         /// Suggested fix; may be empty.
         hint: String,
@@ -28,7 +28,7 @@ pub enum EditError {
     /// The author has no command to undo or redo.
     #[error("{author} has nothing to {action}")]
     Nothing {
-        /// The author.
+        /// Name of the author.
         author: String,
         /// `undo` or `redo`.
         action: &'static str,
@@ -36,7 +36,7 @@ pub enum EditError {
     /// The scenario's file or its log was changed by another program.
     #[error("{} was changed by another program", path.display())]
     ChangedOutside {
-        /// The file.
+        /// The changed file.
         path: PathBuf,
     },
     /// Another program is editing the scenario.
@@ -50,20 +50,20 @@ pub enum EditError {
     ReadOnly {
         /// The scenario's file.
         path: PathBuf,
-        /// Reason.
+        /// Reason why it is read-only, for people.
         reason: String,
     },
     /// A line of the log cannot be read or does not follow from the lines before it.
     #[error("line {line} of the log: {message}: {}", path.display())]
     Log {
-        /// The log.
+        /// Path of the log.
         path: PathBuf,
         /// Number of the line, from 1.
         line: usize,
-        /// The fault.
+        /// Description of the fault.
         message: String,
     },
-    /// An earlier failure left the files in doubt; open the scenario again.
+    /// An earlier failure to write may have made files and memory differ; open the scenario again.
     #[error("editing stopped after an error: {}", path.display())]
     Stopped {
         /// The scenario's file.
@@ -74,7 +74,7 @@ pub enum EditError {
     File(#[from] WorkspaceError),
 }
 
-/// A field that two authors changed.
+/// A field that both the command and a later revision of another author change.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Conflict {
     /// Field, e.g. `objects/001/pose`.
@@ -88,12 +88,12 @@ pub struct Conflict {
 }
 
 impl EditError {
-    /// [`EditError::Invalid`].
+    /// An [`EditError::Invalid`].
     pub(crate) fn invalid(place: impl Into<String>, message: impl Into<String>, hint: impl Into<String>) -> Self {
         Self::Invalid { place: place.into(), message: message.into(), hint: hint.into() }
     }
 
-    /// Suggested fix.
+    /// Suggested fix for the user; empty if there is none.
     pub fn hint(&self) -> String {
         match self {
             Self::Invalid { hint, .. } => hint.clone(),

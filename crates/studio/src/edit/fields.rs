@@ -1,4 +1,4 @@
-//! Fields of a scenario that operations change, to detect conflicts.
+//! Fields of a scenario that an operation changes, for detecting conflicts.
 
 use genmanip_core::{Document, Scenario};
 use serde_json::{Value, json};
@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 use super::objects::names;
 use super::operation::Operation;
 
-/// Fields that an operation changes, as paths such as `objects/001/pose`; `before` is the scenario that it changes, and
-/// the open choices of the operation are made.
+/// Paths of the fields that an operation changes, such as `objects/001/pose`. `before` is the scenario that it is
+/// applied to; all optional choices of the operation must be filled in.
 pub(super) fn of(operation: &Operation, before: &Scenario) -> Vec<String> {
     let object = |id: &str| format!("objects/{id}");
     let in_graph =
@@ -60,14 +60,14 @@ pub(super) fn of(operation: &Operation, before: &Scenario) -> Vec<String> {
     fields
 }
 
-/// The first field of `mine` that one of `theirs` contains or lies in.
+/// First field of `mine` that equals, contains or lies within one of `theirs`; `None` if there is none.
 pub(super) fn overlap<'a>(mine: &'a [String], theirs: &[String]) -> Option<&'a String> {
     let within =
         |part: &str, whole: &str| part.strip_prefix(whole).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'));
     mine.iter().find(|mine| theirs.iter().any(|theirs| within(mine, theirs) || within(theirs, mine)))
 }
 
-/// Value of a field; null if there is none.
+/// Value of the field with this path; null if the scenario has no such field.
 pub(super) fn value(field: &str, scenario: &Scenario) -> Value {
     let mut parts = field.splitn(3, '/');
     let task = &scenario.task;

@@ -1,4 +1,4 @@
-//! History of a scenario: its commands, which of them are in effect, and what an author may undo and redo.
+//! History of a scenario: its commands, those that are in effect, and those that an author can undo and redo.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use super::fields::overlap;
 use super::log::{CommandLine, Snapshot};
 use super::operation::Operation;
 
-/// The commands of a scenario in order; revision `n` is made by entry `n - 1`.
+/// All commands of a scenario, in order; revision `n` was made by entry `n - 1`.
 #[derive(Clone, Debug, Default)]
 pub(super) struct History {
     entries: Vec<Entry>,
@@ -18,38 +18,38 @@ pub(super) struct History {
 #[derive(Clone, Debug)]
 struct Entry {
     line: CommandLine,
-    /// Operation that takes the command back, from the state in which it was last applied.
+    /// Operation that undoes the command, for the state in which it was last applied.
     inverse: Operation,
     fields: Vec<String>,
-    /// Revision since which the command is in effect: its own or that of its last redo.
+    /// Revision since which the command is in effect: its own, or that of its last redo.
     since: u64,
-    /// Revision and author that took it back.
+    /// Revision and author of the undo; `None` if the command is in effect.
     undone: Option<(u64, String)>,
 }
 
-/// A change of a field by a later command.
+/// A field that a later command changed as well.
 pub(super) struct Overlap {
     pub field: String,
     pub revision: u64,
 }
 
 impl History {
-    /// Number of commands.
+    /// Number of the present revision, which is the number of commands.
     pub fn revision(&self) -> u64 {
         self.entries.len() as u64
     }
 
-    /// The commands in order.
+    /// All commands, in order.
     pub fn lines(&self) -> impl Iterator<Item = &CommandLine> {
         self.entries.iter().map(|entry| &entry.line)
     }
 
-    /// The snapshots in order.
+    /// All snapshots, in order.
     pub fn snapshots(&self) -> &[Snapshot] {
         &self.snapshots
     }
 
-    /// Revision that a client operation id made.
+    /// Revision that the request with this operation id made or named; `None` for a new id.
     pub fn known(&self, client_operation_id: &str) -> Option<u64> {
         self.known.get(client_operation_id).copied()
     }
@@ -67,19 +67,20 @@ impl History {
         self.entries.push(Entry { line, inverse, fields, since: revision, undone: None });
     }
 
-    /// Records a snapshot.
+    /// Appends a snapshot, and remembers its operation id.
     pub fn record_snapshot(&mut self, snapshot: Snapshot) {
         self.known.insert(snapshot.stamp.client_operation_id.clone(), snapshot.revision);
         self.snapshots.push(snapshot);
     }
 
-    /// The author's last command in effect.
+    /// Revision of the author's last command that is in effect; `None` without one.
     pub fn undoable(&self, author: &str) -> Option<u64> {
         let own = self.entries.iter().filter(|entry| entry.line.stamp.author == author && entry.is_in_effect());
         own.max_by_key(|entry| entry.since).map(|entry| entry.line.revision)
     }
 
-    /// The command that the author took back last; none after a new command of the author.
+    /// Revision of the command that the author undid last; `None` without one, or if the author gave a new command
+    /// since.
     pub fn redoable(&self, author: &str) -> Option<u64> {
         let own = self.entries.iter().filter(|entry| entry.is_plain() && entry.line.stamp.author == author);
         let last = own.map(|entry| entry.line.revision).max().unwrap_or(0);
@@ -90,28 +91,30 @@ impl History {
         undone.max().map(|(_, revision)| revision)
     }
 
-    /// The operation that takes a command back; `None` if there is no such command in effect.
+    /// Operation that undoes the command of a revision; `None` if it does not exist or is not in effect.
     pub fn inverse(&self, revision: u64) -> Option<&Operation> {
         self.entry(revision).filter(|entry| entry.is_in_effect()).map(|entry| &entry.inverse)
     }
 
-    /// The operation of a command.
+    /// Operation of the command of a revision; `None` if it does not exist.
     pub fn operation(&self, revision: u64) -> Option<&Operation> {
         self.entry(revision).map(|entry| &entry.line.operation)
     }
 
-    /// The command that an undo or redo concerns, else the command itself.
+    /// Revision of the command that an undo or redo refers to; for other commands the revision itself; `None` if it
+    /// does not
+    /// exist.
     pub fn target(&self, revision: u64) -> Option<u64> {
         let line = &self.entry(revision)?.line;
         Some(line.undoes.or(line.redoes).unwrap_or(revision))
     }
 
-    /// True if a command was taken back and not applied again.
+    /// True if the command of a revision is undone.
     pub fn is_undone(&self, revision: u64) -> bool {
         self.entry(revision).is_some_and(|entry| entry.undone.is_some())
     }
 
-    /// The first of the fields that another author's line changed after the base revision.
+    /// First of the fields that another author's command changed after the base revision; `None` if there is none.
     pub fn changed_since(&self, base_revision: u64, author: &str, fields: &[String]) -> Option<Overlap> {
         let later = self.entries.iter().filter(|entry| entry.line.revision > base_revision);
         overlapping(later.filter(|entry| entry.line.stamp.author != author), fields, |entry| entry.line.revision)
@@ -123,8 +126,9 @@ impl History {
         later.any(|entry| entry.line.stamp.author != author)
     }
 
-    /// The first field of a command that another command in effect changed after the command was applied or taken back
-    /// last. Commands of the same author that were taken back and applied again in between have only returned.
+    /// First field of a command that another command in effect has changed since the command was last applied or
+    /// undone.
+    /// Commands of the same author that were undone and redone in between do not count. `None` if there is none.
     pub fn changed_after(&self, revision: u64) -> Option<Overlap> {
         let entry = self.entry(revision)?;
         let is_later = |other: &&Entry| match &entry.undone {

@@ -19,9 +19,9 @@ pub const SCHEMA: &str = "genmanip.edits/1";
 /// First line of a log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Header {
-    /// `genmanip.edits/1`.
+    /// [`SCHEMA`].
     pub schema: String,
-    /// Scenario of which this one is a copy; null for an original.
+    /// Scenario that this one was copied from; null for an original.
     pub parent: Option<Parent>,
     /// SHA-256 of the scenario's file at revision 0.
     pub sha256: String,
@@ -29,42 +29,42 @@ pub struct Header {
     pub scenario: Value,
 }
 
-/// The scenario that was copied.
+/// The scenario that a copy was made from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Parent {
-    /// Its file.
+    /// Path of its file.
     pub path: String,
     /// SHA-256 of that file.
     pub sha256: String,
 }
 
-/// Line of a command.
+/// Line of one applied command.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CommandLine {
     /// Revision that the command made, from 1.
     pub revision: u64,
-    /// The operation, with its open choices made.
+    /// The operation with every optional choice filled in, such as the id of a new object, so that a replay is exact.
     #[serde(flatten)]
     pub operation: Operation,
     /// Author, time and id.
     #[serde(flatten)]
     pub stamp: Stamp,
-    /// Revision that the author saw.
+    /// Revision that the author had seen when giving the command.
     pub base_revision: u64,
-    /// Revision of the command that this one takes back.
+    /// Revision of the command that this one undoes; absent for other commands.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub undoes: Option<u64>,
-    /// Revision of the command that this one applies again.
+    /// Revision of the undone command that this one applies again; absent for other commands.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub redoes: Option<u64>,
-    /// SHA-256 of the scenario's file after it.
+    /// SHA-256 of the scenario's file after this command.
     pub sha256: String,
 }
 
-/// Line of a named snapshot.
+/// Line that names a revision.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Snapshot {
-    /// Its name.
+    /// Name of the snapshot.
     pub snapshot: String,
     /// The revision that it names.
     pub revision: u64,
@@ -73,27 +73,27 @@ pub struct Snapshot {
     pub stamp: Stamp,
 }
 
-/// Author, time and id of a request.
+/// Author, time and id of a command or snapshot.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Stamp {
     /// Id that the client chose; a repeated id has no further effect.
     pub client_operation_id: String,
     /// Name of the author.
     pub author: String,
-    /// Time, RFC 3339; given by the caller, since no clock is read.
+    /// Time as an RFC 3339 text, given by the caller; this crate reads no clock.
     pub at: String,
 }
 
-/// A line after the first.
+/// Any line after the header.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Line {
-    /// A command.
+    /// A command that was applied.
     Command(Box<CommandLine>),
-    /// A snapshot.
+    /// A named revision.
     Snapshot(Snapshot),
 }
 
-/// The file of a log of edits.
+/// Log file of a scenario's edits.
 #[derive(Debug)]
 pub struct EditLog(LogFile);
 
@@ -103,12 +103,12 @@ impl EditLog {
         scenario.with_extension("edits.jsonl")
     }
 
-    /// A log that does not exist yet.
+    /// A log without a file yet.
     pub fn new(path: PathBuf) -> Self {
         Self(LogFile::new(path))
     }
 
-    /// Reads a log; a torn last line is left out.
+    /// Reads a log; an incomplete last line (a torn write) is ignored.
     ///
     /// # Errors
     /// [`EditError::File`] and [`EditError::Log`].
@@ -135,25 +135,25 @@ impl EditLog {
         Ok((Self(file), header, lines))
     }
 
-    /// The log's file.
+    /// Path of the log.
     pub fn path(&self) -> &Path {
         self.0.path()
     }
 
-    /// Creates the log with its first line; another program's log is never replaced.
+    /// Creates the log with its header; an existing file is never replaced.
     ///
     /// # Errors
-    /// [`EditError::ChangedOutside`] if there is one now, and [`EditError::File`].
+    /// [`EditError::ChangedOutside`] if the file exists by now, and [`EditError::File`].
     pub fn create(&mut self, header: &Header) -> Result<(), EditError> {
         Ok(self.0.create(header)?)
     }
 
-    /// True if the log has a first line.
+    /// True if the log has a header.
     pub fn exists(&self) -> bool {
         self.0.exists()
     }
 
-    /// Opens and locks the log, and cuts a torn last line off.
+    /// Opens and locks the log for appending, and truncates an incomplete last line.
     ///
     /// # Errors
     /// [`EditError::Busy`] if another program has it open; [`EditError::ChangedOutside`] if it was changed since it was
@@ -165,7 +165,7 @@ impl EditLog {
         })
     }
 
-    /// Appends a line and syncs it; if that fails, the log is as before.
+    /// Appends a line and syncs it to the disk; if that fails, the log is restored.
     ///
     /// # Errors
     /// [`EditError::File`]; [`EditError::Stopped`] if the log could not be restored.
@@ -173,7 +173,7 @@ impl EditLog {
         Ok(self.0.append(line)?)
     }
 
-    /// Cuts the log to its first `length` bytes.
+    /// Truncates the log to its first `length` bytes.
     ///
     /// # Errors
     /// [`EditError::Stopped`].
@@ -181,7 +181,7 @@ impl EditLog {
         Ok(self.0.cut(length)?)
     }
 
-    /// Bytes of the whole lines.
+    /// Length of all complete lines, bytes.
     pub fn length(&self) -> u64 {
         self.0.length()
     }
@@ -191,7 +191,7 @@ impl Header {
     /// The scenario at revision 0.
     ///
     /// # Errors
-    /// The document's error.
+    /// The error of the document, as text.
     pub fn scenario(&self) -> Result<Scenario, String> {
         Scenario::from_value(self.scenario.clone()).map_err(|error| error.to_string())
     }
@@ -202,7 +202,7 @@ pub(super) fn sha256(bytes: &[u8]) -> String {
     hexadecimal(&Sha256::digest(bytes))
 }
 
-/// Checks author, time and id of a request.
+/// Checks that author, time and id are neither empty nor too long, and have no control characters.
 ///
 /// # Errors
 /// [`EditError::Invalid`].

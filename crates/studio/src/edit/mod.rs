@@ -1,4 +1,4 @@
-//! Edits of a scenario: operations with inverses, conflicts, undo and redo, in an append-only log.
+//! Edits of a scenario: operations with inverses in an append-only log, with conflict detection, undo and redo.
 
 mod apply;
 mod catalogue;

@@ -1,4 +1,4 @@
-//! Operations on objects: placing, adding, removing and swapping them, with their nodes, cards and edges.
+//! Operations on objects: placing, adding, removing and swapping, with scene-graph nodes, cards and edges.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,12 +12,12 @@ use super::error::EditError;
 use super::operation::{ChosenAsset, Instance, NodeWithCard, Operation, Placement};
 use super::task_parts::check_atom;
 
-/// Largest distance from the world's origin along an axis, m; beyond it a unit is wrong.
+/// Maximum distance from the world's origin along each axis, m; larger values suggest a wrong unit.
 const MAX_DISTANCE_M: f64 = 10.0;
-/// Gap between an object and its duplicate, m: room for a finger.
+/// Gap between an object and its duplicate, m: enough for a finger.
 const DUPLICATE_GAP_M: f64 = 0.03;
 
-/// Gives objects new placements; returns the inverse.
+/// Sets poses and joint positions of objects; returns the inverse operation.
 pub(super) fn place(
     scenario: &mut Scenario,
     objects: &[Placement],
@@ -51,7 +51,7 @@ pub(super) fn place(
     Ok(Operation::Place { objects: before })
 }
 
-/// Sets state and joint positions of an articulated object; returns the inverse.
+/// Sets state and joint positions of an articulated object; returns the inverse operation.
 pub(super) fn set_state(
     scenario: &mut Scenario,
     object: &str,
@@ -88,7 +88,7 @@ pub(super) fn set_state(
     Ok(Operation::State { object: object.to_owned(), state: old_state, joint_positions: Some(old_joints) })
 }
 
-/// Adds an object; returns the operation with its id, and the inverse.
+/// Adds an object; returns the operation with its id filled in, and the inverse.
 pub(super) fn add(
     scenario: &mut Scenario,
     asset: &ChosenAsset,
@@ -107,7 +107,7 @@ pub(super) fn add(
     Ok((operation, Operation::Remove { object: id }))
 }
 
-/// Adds another instance of an object's asset; returns the operation with pose and id, and the inverse.
+/// Adds another instance of an object's asset; returns the operation with pose and id filled in, and the inverse.
 pub(super) fn duplicate(
     scenario: &mut Scenario,
     object: &str,
@@ -122,7 +122,7 @@ pub(super) fn duplicate(
         None => {
             let model = model(&source, assets)?;
             let width = model.world_bounds(&source.pose, &source.joint_positions).size().y;
-            // Towards the middle of the table.
+            // The duplicate is placed on the side towards the middle of the table.
             let side = if source.pose.position.y > 0.0 { -1.0 } else { 1.0 };
             Pose { position: source.pose.position + DVec3::Y * side * (width + DUPLICATE_GAP_M), ..source.pose }
         }
@@ -143,7 +143,7 @@ pub(super) fn duplicate(
     Ok((operation, Operation::Remove { object: id }))
 }
 
-/// Appends an object: after the last one with a node if it has one, else at the end.
+/// Appends an object: after the last object with a node if it has one, else at the end.
 fn append(scenario: &mut Scenario, object: PlacedObject, node: Option<(GraphNode, Arc<genmanip_core::ObjectCard>)>) {
     match node {
         Some((node, card)) => {
@@ -156,7 +156,7 @@ fn append(scenario: &mut Scenario, object: PlacedObject, node: Option<(GraphNode
     }
 }
 
-/// Removes an object with its node, card and edges; returns the inverse.
+/// Removes an object with its node, card and edges; returns the inverse operation.
 pub(super) fn remove(scenario: &mut Scenario, object: &str, groups_follow: bool) -> Result<Operation, EditError> {
     let index = index_of(scenario, object, "args.object")?;
     if names(&scenario.task.goal, object) {
@@ -188,8 +188,8 @@ pub(super) fn remove(scenario: &mut Scenario, object: &str, groups_follow: bool)
     Ok(Operation::Insert { instance: Box::new(instance) })
 }
 
-/// Takes an object out of the groups of interchangeable instances, unless these follow from the instruction; returns
-/// the groups as they were if they changed.
+/// Removes an object from the groups of interchangeable instances, unless the groups are derived from the
+/// instruction. Returns the previous groups, or `None` if they did not change.
 fn without_member(scenario: &mut Scenario, object: &str, groups_follow: bool) -> Option<Vec<Vec<String>>> {
     let groups = &mut scenario.task.interchangeable;
     if groups_follow || !groups.iter().flatten().any(|id| id == object) {
@@ -201,7 +201,7 @@ fn without_member(scenario: &mut Scenario, object: &str, groups_follow: bool) ->
     Some(before)
 }
 
-/// Puts an object back; returns the inverse.
+/// Restores a removed object; returns the inverse operation.
 pub(super) fn insert(scenario: &mut Scenario, instance: &Instance) -> Result<Operation, EditError> {
     let id = &instance.object.id;
     if scenario.index_of(id).is_some() {
@@ -213,7 +213,7 @@ pub(super) fn insert(scenario: &mut Scenario, instance: &Instance) -> Result<Ope
     if let Some(NodeWithCard { index, node, card }) = &instance.node {
         let graph = &mut scenario.task.scene_graph;
         let node_at = (*index).min(graph.nodes.len());
-        // Objects with nodes come first, in the order of the nodes.
+        // Objects with nodes come first in the list, in the order of the nodes.
         if at == *index {
             at = node_at;
         }
@@ -235,7 +235,7 @@ pub(super) fn insert(scenario: &mut Scenario, instance: &Instance) -> Result<Ope
     Ok(Operation::Remove { object: id.clone() })
 }
 
-/// Replaces an object's asset; returns the operation with its id, and the inverse.
+/// Replaces an object's asset; returns the operation with the new id filled in, and the inverse.
 pub(super) fn swap(
     scenario: &mut Scenario,
     object: &str,
@@ -268,7 +268,7 @@ pub(super) fn swap(
     Ok((operation, inverse))
 }
 
-/// Replaces an object by another one and renames it in goal and graph; returns the inverse.
+/// Replaces an object by another one, which goal and scene graph then refer to; returns the inverse operation.
 pub(super) fn exchange(
     scenario: &mut Scenario,
     object: &str,
@@ -312,7 +312,7 @@ pub(super) fn exchange(
     Ok(Operation::Exchange { object: id.clone(), instance: Box::new(before) })
 }
 
-/// Renames an object in goal, edges and the alternative request.
+/// Renames an object in goal, edges and alternative request.
 fn rename(scenario: &mut Scenario, from: &str, to: &str) {
     let table = BTreeMap::from([(from, to)]);
     let in_goal = |goal: &mut Goal| {
@@ -337,7 +337,7 @@ pub(super) fn names(goal: &Goal, object: &str) -> bool {
     goal.alternatives.iter().flatten().any(|atom| atom.ids().any(|id| id == object))
 }
 
-/// Place of an object in the scenario.
+/// Index of an object in the scenario; `place` is the name of the argument in error messages.
 fn index_of(scenario: &Scenario, id: &str, place: &str) -> Result<usize, EditError> {
     scenario.index_of(id).ok_or_else(|| {
         let known: Vec<&str> = scenario.objects.iter().map(|object| object.id.as_str()).collect();
@@ -382,7 +382,7 @@ fn check_joints(model: &ObjectModel, joints: &[f64], place: &str) -> Result<(), 
     let ranges = model.links.iter().filter_map(|link| link.joint.as_ref());
     for (joint, position) in ranges.zip(joints) {
         let [low, high] = joint.range;
-        // Settled joints may lie a little beyond their soft limits.
+        // Objects at rest may exceed the soft limits of their joints slightly.
         let slack = JOINT_SLACK * (high - low);
         if !(low - slack..=high + slack).contains(position) {
             let message = format!("expected {low} to {high} for joint {}, got {position}", joint.name);
@@ -392,5 +392,5 @@ fn check_joints(model: &ObjectModel, joints: &[f64], place: &str) -> Result<(), 
     Ok(())
 }
 
-/// Tolerated excess of a joint position as a share of its range.
+/// Tolerated excess of a joint position over its limit, as a share of the joint's range.
 const JOINT_SLACK: f64 = 0.05;

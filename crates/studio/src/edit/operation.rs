@@ -1,4 +1,4 @@
-//! Operations: the changes of a scenario.
+//! Operations: all changes that can be made to a scenario.
 
 use std::sync::Arc;
 
@@ -17,14 +17,14 @@ pub enum Operation {
         /// The objects with their new placement.
         objects: Vec<Placement>,
     },
-    /// Names the state of an articulated object in the scene graph and brings its joints there.
+    /// Sets the initial state of an articulated object in the scene graph, and moves its joints into it.
     State {
         /// Id of the object.
         object: String,
-        /// Name of the state; none to remove it from the graph.
+        /// Name of the state; absent to remove it from the graph.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         state: Option<String>,
-        /// Joint positions, rad or m; those of the state if absent.
+        /// Joint positions, rad or m; the nominal ones of the state if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         joint_positions: Option<Vec<f64>>,
     },
@@ -32,12 +32,12 @@ pub enum Operation {
     Add {
         /// The asset, or its uid.
         asset: ChosenAsset,
-        /// Id of the instance; the first free one of the asset if absent.
+        /// Id of the new instance; the first free one of the asset if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         id: Option<String>,
-        /// `world_from_object`.
+        /// Pose of the object, `world_from_object`.
         pose: Pose,
-        /// True for an object without a node in the scene graph, which no instruction may mention.
+        /// True for a distractor: it has no node in the scene graph, and no instruction may mention it.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         distractor: bool,
     },
@@ -46,23 +46,23 @@ pub enum Operation {
         /// Id of the object.
         object: String,
     },
-    /// Puts a removed object back; the inverse of `remove`.
+    /// Restores a removed object; the inverse of `remove`.
     Insert {
-        /// The object with all that belongs to it.
+        /// The removed object with everything that referred to it.
         instance: Box<Instance>,
     },
     /// Adds another instance of an object's asset.
     Duplicate {
         /// Id of the object.
         object: String,
-        /// `world_from_object` of the new instance; beside the first one if absent.
+        /// Pose of the new instance, `world_from_object`; a free place beside the original if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pose: Option<Pose>,
         /// Id of the new instance; the first free one of the asset if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         id: Option<String>,
     },
-    /// Replaces an object's asset; its id follows the new uid in goal and graph.
+    /// Replaces an object's asset; goal and scene graph then refer to the new id.
     Swap {
         /// Id of the object.
         object: String,
@@ -72,41 +72,41 @@ pub enum Operation {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         id: Option<String>,
     },
-    /// Replaces an object by another one as it was; the inverse of `swap`.
+    /// Replaces an object by another complete one; the inverse of `swap`.
     Exchange {
         /// Id of the object.
         object: String,
-        /// The object that takes its place.
+        /// The complete object that replaces it.
         instance: Box<Instance>,
     },
-    /// Sets the instruction.
+    /// Sets the instruction of the task.
     Instruction {
-        /// The instruction.
+        /// The new instruction.
         text: String,
     },
-    /// Sets the goal.
+    /// Sets the goal of the task.
     Goal {
-        /// Disjunction of conjunctions.
+        /// The new goal, a disjunction of conjunctions.
         goal: Goal,
     },
-    /// Sets the relations of the initial scene.
+    /// Sets the relations of the initial scene graph.
     Edges {
-        /// All edges.
+        /// All edges of the graph, which replace the present ones.
         edges: Vec<GraphEdge>,
         /// Description of the scene; kept if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         description: Option<String>,
     },
-    /// Sets the category of the task.
+    /// Sets the kind of the task.
     Kind {
-        /// The category.
+        /// The new kind.
         kind: TaskKind,
     },
-    /// Adds a camera, or replaces the one with its name.
+    /// Adds a camera, or replaces the one of the same name.
     Camera {
-        /// The camera.
+        /// The new or changed camera.
         camera: Box<Camera>,
-        /// Place in the list of cameras of a new one; the end if absent.
+        /// Index of a new camera in the list; the end if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         index: Option<usize>,
     },
@@ -123,14 +123,14 @@ pub enum Operation {
 pub struct Placement {
     /// Id of the object.
     pub id: String,
-    /// `world_from_object`.
+    /// New pose, `world_from_object`.
     pub pose: Pose,
     /// Joint positions, rad or m; kept if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint_positions: Option<Vec<f64>>,
 }
 
-/// An asset by uid, or as scenarios name it.
+/// An asset, by uid or by the reference that scenarios use.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum ChosenAsset {
@@ -140,24 +140,24 @@ pub enum ChosenAsset {
     Reference(AssetRef),
 }
 
-/// An object with all that belongs to it in a scenario.
+/// An object with everything that refers to it in a scenario.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Instance {
-    /// The object.
+    /// The object as in the scenario's list of objects.
     pub object: PlacedObject,
-    /// Place in the list of objects.
+    /// Index in the list of objects.
     pub index: usize,
-    /// Node and card; none for a distractor.
+    /// Node in the scene graph, and card; absent for a distractor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub node: Option<NodeWithCard>,
-    /// Edges that name the object, with their places in the list.
+    /// Edges that name the object, each with its index in the list.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub edges: Vec<(usize, GraphEdge)>,
-    /// Groups of interchangeable instances, if they do not follow from the instruction.
+    /// Groups of interchangeable instances; absent if they are derived from the instruction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interchangeable: Option<Vec<Vec<String>>>,
-    /// The alternative request, if it names the object.
+    /// The alternative request; absent if it does not name the object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub other_request: Option<Request>,
 }
@@ -166,21 +166,21 @@ pub struct Instance {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NodeWithCard {
-    /// Place among the nodes.
+    /// Index in the list of nodes.
     pub index: usize,
-    /// The node.
+    /// The object's node in the scene graph.
     pub node: GraphNode,
-    /// Its card.
+    /// Card of the object.
     pub card: Arc<ObjectCard>,
 }
 
 /// Result of an operation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
-    /// The changed scenario.
+    /// The scenario after the operation.
     pub scenario: Scenario,
-    /// The operation with its open choices made, such as the id of a new object.
+    /// The operation with every optional choice filled in, such as the id of a new object.
     pub operation: Operation,
-    /// Operation that takes it back.
+    /// Operation that undoes the change.
     pub inverse: Operation,
 }

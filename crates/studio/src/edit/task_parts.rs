@@ -1,4 +1,4 @@
-//! Operations on the parts of a scenario that are no objects: instruction, goal, edges, cameras.
+//! Operations on the parts of a scenario other than objects: instruction, goal, edges and cameras.
 
 use genmanip_core::world::camera_faults;
 use genmanip_core::{Atom, Camera, Goal, GraphEdge, Scenario};
@@ -6,19 +6,19 @@ use genmanip_core::{Atom, Camera, Goal, GraphEdge, Scenario};
 use super::error::EditError;
 use super::operation::Operation;
 
-/// Maximum length of an instruction or a description, bytes; the rules for tasks ask for far less.
+/// Maximum length of an instruction or a description, bytes; the rules for tasks allow much less.
 const MAX_TEXT: usize = 4096;
-/// Maximum number of edges, and of conditions of a goal; as for task documents.
+/// Maximum number of edges, and of conditions of a goal, the same as for task documents.
 const MAX_CONDITIONS: usize = 256;
 
-/// Sets the instruction; returns the inverse.
+/// Sets the instruction; returns the inverse operation.
 pub(super) fn set_instruction(scenario: &mut Scenario, text: &str) -> Result<Operation, EditError> {
     check_text("args.text", text)?;
     let before = std::mem::replace(&mut scenario.task.instruction, text.to_owned());
     Ok(Operation::Instruction { text: before })
 }
 
-/// Sets the goal; returns the inverse.
+/// Sets the goal; returns the inverse operation.
 pub(super) fn set_goal(scenario: &mut Scenario, goal: &Goal) -> Result<Operation, EditError> {
     let count: usize = goal.alternatives.iter().map(Vec::len).sum();
     if count == 0 || goal.alternatives.iter().any(Vec::is_empty) || count > MAX_CONDITIONS {
@@ -38,7 +38,7 @@ pub(super) fn set_goal(scenario: &mut Scenario, goal: &Goal) -> Result<Operation
     Ok(Operation::Goal { goal: before })
 }
 
-/// Sets the edges; returns the inverse.
+/// Sets the edges of the scene graph, and its description if given; returns the inverse operation.
 pub(super) fn set_edges(
     scenario: &mut Scenario,
     edges: &[GraphEdge],
@@ -63,7 +63,7 @@ pub(super) fn set_edges(
     Ok(Operation::Edges { edges: before, description })
 }
 
-/// Adds or replaces a camera; returns the inverse.
+/// Adds a camera, or replaces the one of the same name; returns the inverse operation.
 pub(super) fn set_camera(
     scenario: &mut Scenario,
     camera: &Camera,
@@ -88,7 +88,7 @@ pub(super) fn set_camera(
     }
 }
 
-/// Removes a camera; returns the inverse.
+/// Removes a camera; returns the inverse operation.
 pub(super) fn remove_camera(scenario: &mut Scenario, name: &str) -> Result<Operation, EditError> {
     let cameras = &mut scenario.world.cameras;
     let Some(index) = cameras.iter().position(|camera| camera.name == name) else {
@@ -103,7 +103,7 @@ pub(super) fn remove_camera(scenario: &mut Scenario, name: &str) -> Result<Opera
     Ok(Operation::Camera { camera: Box::new(cameras.remove(index)), index: Some(index) })
 }
 
-/// Checks that a condition names nodes, surfaces and states of the scenario.
+/// Checks that a condition refers to nodes, surfaces and states that exist in the scenario.
 pub(super) fn check_atom(scenario: &Scenario, atom: &Atom, place: &str) -> Result<(), EditError> {
     let task = &scenario.task;
     for (position, id) in atom.ids().enumerate() {

@@ -1,4 +1,4 @@
-//! Agreement of the reviewers over all that was reviewed.
+//! Agreement of the reviewers over all reviews.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,18 +9,18 @@ use super::planted::{Detection, detections};
 use super::reviewed::{Criterion, Decision, Review};
 use super::standing::REVIEWS;
 
-/// Agreement over all candidates that two reviewers judged independently, later voided ones included.
+/// Agreement on all contents that two reviewers judged independently, those voided by later edits included.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Agreement {
-    /// Approved or not; `None` before the first pair.
+    /// Agreement on approval or not; `None` before the first pair of reviews.
     pub decision: Option<ReviewerAgreement>,
-    /// Each criterion, over the pairs that both judged.
+    /// Agreement by criterion, over the pairs in which both judged it.
     pub criteria: BTreeMap<Criterion, ReviewerAgreement>,
-    /// Detection of planted faulty items, by reviewer; empty where none are named.
+    /// Detection of planted faulty items by reviewer; empty if no items are named.
     pub planted: BTreeMap<String, Detection>,
 }
 
-/// Agreement of all reviews; `planted` names the faulty items among the scenarios by id.
+/// Agreement over all reviews; `planted` holds the ids of the scenarios with planted faults.
 pub fn agreement(reviews: &[Review], planted: &BTreeSet<String>) -> Agreement {
     let judged = independent(reviews);
     let pairs: Vec<[&Review; 2]> =
@@ -40,8 +40,9 @@ pub fn agreement(reviews: &[Review], planted: &BTreeSet<String>) -> Agreement {
     }
 }
 
-/// Independent words on each content, ordered by the reviewers' names: the last one of each reviewer up to the moment
-/// when the second one has said; what follows was said with the other's answer in view.
+/// Independent reviews of each content, ordered by the reviewers' names: the latest one of each of the first two
+/// reviewers, up to the moment when the second has reviewed. Later reviews are excluded, since their authors could see
+/// those of others.
 fn independent(reviews: &[Review]) -> Vec<Vec<&Review>> {
     let mut contents = BTreeMap::<(&str, &str), BTreeMap<&str, &Review>>::new();
     for review in reviews.iter().filter(|review| !review.adjudicates) {

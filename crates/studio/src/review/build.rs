@@ -1,4 +1,4 @@
-//! A balanced suite of the approved scenarios.
+//! Building of a balanced suite from approved scenarios.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -16,17 +16,19 @@ use super::content::content_sha256;
 use super::desk::{ReviewDesk, Reviewable};
 use super::standing::Standing;
 
-/// A suite that was written.
+/// A suite that was built.
 #[derive(Clone, Debug, Serialize)]
 pub struct Built {
-    /// Its `suite.json`.
+    /// Content of its `suite.json`.
     pub suite: SuiteFile,
-    /// Reason of every scenario, as in its `choice.json`.
+    /// Reason why each scenario was chosen or not, as in its `choice.json`.
     pub choice: Choice,
 }
 
-/// Writes a suite of approved scenarios with `per_kind` of each kind, as many as every kind has if `None`: `suite.json`
-/// and `scenarios/` as `suite freeze` takes them, and `choice.json` with the reason of every scenario.
+/// Writes a suite of approved scenarios with `per_kind` scenarios of each kind; if `None`, as many as the rarest kind
+/// has. Files are `suite.json` and `scenarios/` in the form that `suite freeze` needs, and `choice.json` with the
+/// reason
+/// for every scenario.
 ///
 /// # Errors
 /// When the folder holds a suite, too few scenarios are approved, one was changed since it was read, or a file cannot be
@@ -83,7 +85,7 @@ pub fn build_suite(
     }
     kept.sort_by(|a, b| a.0.id.cmp(&b.0.id));
     documents::write_file(&folder.join("choice.json"), made.to_json().as_bytes())?;
-    // Nothing of this choice is random.
+    // The seed is unused: nothing of this choice is random.
     let seed = Seed::new(0);
     let funnel = vec![reviewed, solved];
     let head = SuiteHeader { name: name.into(), seed, per_kind, perturbation: None, funnel };

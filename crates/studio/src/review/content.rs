@@ -1,14 +1,15 @@
-//! Identity of what is reviewed.
+//! Identity of the content that a review is bound to.
 
 use genmanip_assets::{AssetSource, Catalogue};
 use genmanip_core::{Document, Scenario, hexadecimal};
 use sha2::{Digest, Sha256};
 
-/// SHA-256 of a scenario, its assets and the engine: any edit of the scenario, another physics, judging or look of an
-/// object, and another engine give another one.
+/// SHA-256 of a scenario, its assets and the physics engine. It changes with any edit of the scenario, with the
+/// physics,
+/// judging or look of an object, and with the engine's version.
 ///
-/// A scenario names its assets by hash; for one made by an older version, whose looks have none, the hash of the
-/// catalogue's looks is taken.
+/// A scenario refers to its assets by hash. A scenario of an older version has no hash of looks; that of the
+/// catalogue's object is used instead.
 pub fn content_sha256(scenario: &Scenario) -> String {
     let mut hasher = Sha256::new();
     hasher.update(scenario.to_json().as_bytes());

@@ -1,4 +1,6 @@
-//! The scenarios under review with the log of their reviews: what each reviewer has to do, may see and may say.
+//! Review desk: the scenarios under review with the log of reviews, and for each reviewer the work to do and the
+//! visible
+//! reviews.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -17,39 +19,39 @@ use super::queue::{Work, visible_to, work_for};
 use super::reviewed::{Decision, Reason, Review};
 use super::standing::{REVIEWS, Standing, current, standing};
 
-/// Candidates that a dashboard names.
+/// Maximum number of candidates that a dashboard names.
 const NAMED: usize = 20;
 
 /// A scenario under review.
 #[derive(Clone, Debug)]
 pub struct Reviewable {
-    /// Key in addresses.
+    /// Key of the scenario in URLs.
     pub key: String,
-    /// Id.
+    /// Id of the scenario.
     pub id: String,
-    /// Its file.
+    /// File of the scenario.
     pub path: PathBuf,
-    /// Collection that it belongs to.
+    /// Collection that the scenario belongs to.
     pub source: String,
     /// Kind of its task.
     pub kind: TaskKind,
-    /// Instruction.
+    /// Instruction of the task.
     pub instruction: String,
-    /// Hash of its file's content.
+    /// SHA-256 of the scenario's file.
     pub file_sha256: String,
-    /// Hash of scenario, assets and engine.
+    /// SHA-256 of scenario, assets and engine, see [`content_sha256`].
     pub content_sha256: String,
-    /// Camera of its image in a contact sheet; `None` without cameras.
+    /// Name of the camera whose image a contact sheet shows; `None` without cameras.
     pub camera: Option<String>,
-    /// True if an edited copy takes its place.
+    /// True if an edited copy replaces this scenario in reviews.
     pub is_superseded: bool,
-    /// Candidate of a suite; its traits are its axes.
+    /// Candidate for a suite; its traits are the values on the axes of balance.
     pub candidate: Candidate,
     features: BTreeSet<String>,
 }
 
 impl Reviewable {
-    /// A scenario under review from what is in its file.
+    /// A scenario under review, from the content of its file.
     pub fn of(key: &str, path: PathBuf, source: &str, scenario: &Scenario) -> Self {
         let task = &scenario.task;
         Self {
@@ -69,31 +71,31 @@ impl Reviewable {
     }
 }
 
-/// A scenario in the queue of a reviewer.
+/// Row of a scenario in a reviewer's queue.
 #[derive(Clone, Debug, Serialize)]
 pub struct QueueRow {
-    /// Key in addresses.
+    /// Key of the scenario in URLs.
     pub key: String,
-    /// Id.
+    /// Id of the scenario.
     pub id: String,
     /// Kind of its task.
     pub kind: TaskKind,
-    /// Collection that it belongs to.
+    /// Collection that the scenario belongs to.
     pub source: String,
-    /// Instruction.
+    /// Instruction of the task.
     pub instruction: String,
-    /// Camera of its image; null without cameras.
+    /// Name of the camera whose image is shown; `None` without cameras.
     pub camera: Option<String>,
-    /// Standing.
+    /// Standing of the scenario, which follows from its current reviews.
     #[serde(flatten)]
     pub standing: Standing,
-    /// Work that it offers to the reviewer; null for none.
+    /// Work that the scenario offers to the reviewer; `None` if there is none.
     pub work: Option<Work>,
-    /// True if the reviewer has said.
+    /// True if the reviewer has reviewed the present content.
     pub has_said: bool,
-    /// True if the expert solves this content.
+    /// True if the expert solved this content in every trial.
     pub is_certified: bool,
-    /// Number of its group of near-duplicates; null if it is like no other.
+    /// Number of the scenario's group of near-duplicates; `None` if it has none.
     pub group: Option<usize>,
 }
 
@@ -106,52 +108,52 @@ pub struct ReviewQueue {
     pub next: Option<String>,
 }
 
-/// Reviews of a scenario as a reviewer may see them.
+/// Reviews of a scenario, as far as a reviewer may see them.
 #[derive(Clone, Debug, Serialize)]
 pub struct ReviewState {
-    /// Its row in the queue.
+    /// Row of the scenario in the reviewer's queue.
     #[serde(flatten)]
     pub row: QueueRow,
-    /// Hash to which a review is bound.
+    /// SHA-256 of the content that a review is bound to.
     pub content_sha256: String,
-    /// Visible reviews.
+    /// Reviews that the reviewer may see.
     pub reviews: Vec<Review>,
-    /// Last trials of the expert on this content; null before the first.
+    /// Latest trials of the expert on this content; `None` before the first.
     pub trials: Option<ExpertTrials>,
 }
 
 /// Balance of the approved scenarios.
 #[derive(Clone, Debug, Serialize)]
 pub struct Dashboard {
-    /// Distribution of the approved ones.
+    /// Distribution of the approved scenarios over the axes.
     pub balance: Balance,
-    /// Largest total variation distance of an axis.
+    /// Largest total variation distance of an axis from its target, 0 to 1.
     pub worst: f64,
-    /// Candidates that would help most if they were approved.
+    /// Candidates that would improve the balance most if approved, best first.
     pub helpful: Vec<Helpful>,
     /// Number of scenarios by standing.
     pub standings: BTreeMap<&'static str, usize>,
 }
 
-/// A candidate that would help.
+/// A candidate that would improve the balance if approved.
 #[derive(Clone, Debug, Serialize)]
 pub struct Helpful {
-    /// Key in addresses.
+    /// Key of the scenario in URLs.
     pub key: String,
-    /// Id.
+    /// Id of the scenario.
     pub id: String,
-    /// Mean relative shortfall of its values, -1 to 1; negative where they are frequent already.
+    /// Mean relative shortfall of its values, -1 to 1; negative if they are too frequent already.
     pub gain: f64,
-    /// Value that it brings, with its share.
+    /// Its rarest value with share and target, for people.
     pub reason: String,
 }
 
-/// Scenarios under review, and the log.
+/// Scenarios under review, with the log of reviews and trials.
 #[derive(Debug)]
 pub struct ReviewDesk {
     items: BTreeMap<String, Reviewable>,
     log: ReviewLog,
-    /// Certificates of suites, by content.
+    /// Certificates from suites, by hash of the content.
     certificates: BTreeMap<String, ExpertTrials>,
     successes: Successes,
 }
@@ -162,48 +164,48 @@ impl ReviewDesk {
         Self { items: BTreeMap::new(), log, certificates: BTreeMap::new(), successes: Successes::new() }
     }
 
-    /// Puts a scenario on the desk; another revision of it is replaced.
+    /// Adds a scenario to the desk, or replaces an earlier revision of it.
     pub fn put(&mut self, item: Reviewable) {
         self.items.insert(item.key.clone(), item);
     }
 
-    /// Results of reference policies, for the axis `difficulty`.
+    /// Sets the results of reference policies, which give the axis `difficulty`.
     pub fn measure(&mut self, successes: Successes) {
         self.successes = successes;
     }
 
-    /// Says which scenarios have an edited copy that takes their place.
+    /// Marks the scenarios with these keys, and no others, as replaced by edited copies.
     pub fn supersede(&mut self, keys: &BTreeSet<String>) {
         self.items.values_mut().for_each(|item| item.is_superseded = keys.contains(&item.key));
     }
 
-    /// A scenario by key.
+    /// Scenario with a key; `None` if there is none.
     pub fn get(&self, key: &str) -> Option<&Reviewable> {
         self.items.get(key)
     }
 
-    /// Scenarios that are not superseded, by key.
+    /// Scenarios that no edited copy replaces, ordered by key.
     pub fn items(&self) -> impl Iterator<Item = &Reviewable> {
         self.items.values().filter(|item| !item.is_superseded)
     }
 
-    /// The log.
+    /// Log of reviews and trials.
     pub fn log_mut(&mut self) -> &mut ReviewLog {
         &mut self.log
     }
 
-    /// Last trials of the expert on a scenario's content.
+    /// Latest trials of the expert on a scenario's content; `None` without any.
     pub fn trials(&self, item: &Reviewable) -> Option<&ExpertTrials> {
         let content = &item.content_sha256;
         self.log.trials(content).or_else(|| self.certificates.get(content))
     }
 
-    /// Takes a certificate of a suite, which is not written into the log.
+    /// Adds a certificate from a suite, which is not written to the log.
     pub fn certify(&mut self, trials: ExpertTrials) {
         self.certificates.insert(trials.content_sha256.clone(), trials);
     }
 
-    /// Standing of a scenario.
+    /// Standing of a scenario, which follows from its current reviews.
     pub fn standing(&self, item: &Reviewable) -> Standing {
         self.standing_of(item, &self.log.reviews())
     }
@@ -216,13 +218,13 @@ impl ReviewDesk {
         self.trials(item).is_some_and(|trials| trials.certificate().is_some())
     }
 
-    /// Queue of a reviewer.
+    /// Queue of a reviewer: all scenarios, and the one to review next.
     pub fn queue(&self, reviewer: &str) -> ReviewQueue {
         let reviews = self.log.reviews();
         let features: Vec<&BTreeSet<String>> = self.items().map(|item| &item.features).collect();
         let rows = self.items().zip(groups(&features)).map(|(item, group)| self.row(item, group, reviewer, &reviews));
         let scenarios: Vec<QueueRow> = rows.collect();
-        // `min_by_key` keeps the first of equals.
+        // `min_by_key` returns the first of several minima, so the order of the collection decides.
         let next = scenarios.iter().filter(|row| row.work.is_some()).min_by_key(|row| row.work);
         ReviewQueue { next: next.map(|row| row.key.clone()), scenarios }
     }
@@ -244,7 +246,7 @@ impl ReviewDesk {
         }
     }
 
-    /// Reviews of a scenario as a reviewer may see them; `None` without such a scenario.
+    /// Reviews of a scenario as far as a reviewer may see them; `None` if there is no such scenario.
     pub fn state(&self, key: &str, reviewer: &str) -> Option<ReviewState> {
         let item = self.get(key)?;
         let reviews = self.log.reviews();
@@ -257,7 +259,7 @@ impl ReviewDesk {
         })
     }
 
-    /// Keeps a review of a scenario on the desk.
+    /// Writes a review of a scenario to the log.
     ///
     /// # Errors
     /// [`ReviewError`].
@@ -275,12 +277,12 @@ impl ReviewDesk {
         self.log.add(review, &item.content_sha256)
     }
 
-    /// Agreement of the reviewers; `planted` are ids of faulty items.
+    /// Agreement of the reviewers; `planted` holds the ids of scenarios with planted faults.
     pub fn agreement(&self, planted: &BTreeSet<String>) -> Agreement {
         agreement(&self.log.reviews(), planted)
     }
 
-    /// Balance of the approved scenarios among all that are not rejected.
+    /// Balance of the approved scenarios; all scenarios that are not rejected are candidates.
     pub fn dashboard(&self, targets: &Targets) -> Dashboard {
         let offered = self.offered();
         let is_in = |one: &(Standing, Offered)| one.0 == Standing::Approved;
@@ -312,7 +314,7 @@ impl ReviewDesk {
         }
     }
 
-    /// Scenarios as they are offered for a suite, with their standing; only approved ones can be chosen.
+    /// Candidates for a suite with their standing; only approved ones can be chosen.
     pub fn offered(&self) -> Vec<(Standing, Offered)> {
         let reviews = self.log.reviews();
         let offer = |item: &Reviewable| {
@@ -328,7 +330,7 @@ impl ReviewDesk {
     }
 }
 
-/// Reason why a scenario of a standing cannot be in a suite.
+/// Reason why a scenario with this standing cannot be in a suite; `None` if it can.
 fn refusal(standing: Standing, now: &[&Review]) -> Option<String> {
     Some(match standing {
         Standing::Approved => return None,

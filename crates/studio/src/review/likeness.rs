@@ -1,17 +1,17 @@
-//! Scenarios that are nearly the same.
+//! Near-duplicates among scenarios.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use genmanip_benchmark::suite_format::template;
 use genmanip_core::{Atom, Scenario};
 
-/// Share of common features from which two scenarios are nearly the same; chosen: the same goal with one of six objects
-/// exchanged is, another goal among the same objects is not.
+/// Jaccard index from which two scenarios are near-duplicates. Chosen by hand: scenarios with the same goal and one of
+/// six objects exchanged are above it, those with another goal among the same objects below.
 const ALIKE: f64 = 0.7;
-/// Weight of the goal against one object.
+/// Weight of the goal in the index; one object has weight 1.
 const GOAL: usize = 3;
 
-/// Features of a scenario: its objects without their poses, its goal, and the pattern of its sentence.
+/// Features of a scenario: its objects without their poses, its goal, and the template of its sentence.
 pub fn features(scenario: &Scenario) -> BTreeSet<String> {
     let task = &scenario.task;
     let objects = task.scene_graph.nodes.iter().map(|node| format!("object {}", node.id));
@@ -33,10 +33,10 @@ fn goal(alternatives: &[Vec<Atom>]) -> String {
     all.join(" or ")
 }
 
-/// Groups of nearly equal scenarios by their features: number of the group of each, from 0; `None` for one that is like
-/// no other. Likeness is the Jaccard index, and a group holds what is connected by it.
+/// Group of near-duplicates of each scenario, numbered from 0; `None` for a scenario without one. Groups are the
+/// connected components of the relation of near-duplicates.
 pub fn groups(features: &[&BTreeSet<String>]) -> Vec<Option<usize>> {
-    // Only scenarios with a common goal can be alike, so that thousands are compared in a moment.
+    // Scenarios with different goals cannot reach the threshold, so only those with a common goal are compared.
     let mut by_goal = BTreeMap::<&str, Vec<usize>>::new();
     for (index, own) in features.iter().enumerate() {
         let goal = own.iter().find(|feature| feature.starts_with("goal "));

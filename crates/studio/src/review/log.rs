@@ -1,7 +1,8 @@
-//! The log of reviews and certificates, `reviews.jsonl`: append-only, synced before a line is acknowledged.
+//! Log of reviews and certificates, `reviews.jsonl`: append-only; each line is synced before it is acknowledged.
 //!
-//! Several programs may append to one log: each opens it for one line, reads what the others wrote, and checks its own
-//! line against that.
+//! Several programs may append to the same log: each opens it for one line, reads the lines of the others, and checks
+//! its
+//! own line against them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -19,69 +20,69 @@ use super::reviewed::{Decision, Review};
 use super::standing::{Standing, current, standing};
 use crate::log_file::{LogError, LogFile};
 
-/// Schema of the log.
+/// Schema of the log's header.
 pub const SCHEMA: &str = "genmanip.reviews/1";
-/// Attempts to open a log that another program is writing, and the pause between them.
+/// Maximum number of attempts to open a log that another program is writing, and pause between them.
 const ATTEMPTS: usize = 100;
 const PAUSE: Duration = Duration::from_millis(20);
 
-/// First line of the log.
+/// Header, the first line of the log.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ReviewHeader {
-    /// `genmanip.reviews/1`.
+    /// [`SCHEMA`].
     pub schema: String,
 }
 
-/// A line after the first.
+/// Any line after the header.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum ReviewLine {
-    /// A review.
+    /// A review of a scenario.
     Review(Box<Review>),
-    /// Trials of the expert.
+    /// Trials of the expert on a scenario.
     Trials(ExpertTrials),
-    /// The reviews before are those of an older file, which was read once.
+    /// Mark that the reviews before come from an older file, so that it is not read again.
     Imported(ImportedReviews),
 }
 
-/// Trials of the expert on one content; a certificate if all are verified.
+/// Trials of the expert on one content; they are a certificate if all are verified.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ExpertTrials {
     /// Id of the scenario.
     pub scenario: String,
-    /// SHA-256 of what was tried: scenario, assets and engine.
+    /// SHA-256 of the tried content: scenario, assets and engine.
     pub content_sha256: String,
-    /// Episodes, each with its own random stream.
+    /// Number of episodes, each with its own random stream.
     pub episodes: usize,
-    /// Verified episodes.
+    /// Number of verified episodes.
     pub verified: usize,
-    /// Shortest tool path among these, m; absent without one.
+    /// Shortest tool path of a verified episode, m; absent without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shortest_path_m: Option<f64>,
-    /// Shortest simulated duration among these, s; absent without one.
+    /// Shortest simulated duration of a verified episode, s; absent without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shortest_s: Option<f64>,
-    /// Simulated time that a policy gets, s.
+    /// Simulated time available to a policy, s.
     pub horizon_s: f64,
-    /// Time, RFC 3339; given by the caller.
+    /// Time as an RFC 3339 text, given by the caller.
     pub at: String,
 }
 
-/// A `review.json` of a suite that was read.
+/// Import of a suite's `review.json`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImportedReviews {
     /// Source, e.g. `suite genmanip-200-rc`.
     pub imported: String,
-    /// Number of its reviews of scenarios that had not changed since.
+    /// Number of imported reviews: those of scenarios that have not changed since.
     pub reviews: usize,
 }
 
-/// Reason why a review is not kept.
+/// Reason why a review is not stored.
 #[derive(Debug, thiserror::Error)]
 pub enum ReviewError {
-    /// It does not fit what was said before, or is incomplete.
+    /// The review is incomplete, or contradicts the earlier ones; the text says how.
     #[error("{0}")]
     Invalid(String),
     /// The scenario was edited since the reviewer saw it.
@@ -101,15 +102,15 @@ impl From<ReviewError> for WorkspaceError {
     }
 }
 
-/// The log, as last read.
+/// Log of reviews and trials, with its content as last read.
 #[derive(Debug)]
 pub struct ReviewLog {
     file: LogFile,
     reviews: Vec<Review>,
-    /// Last trials by content.
+    /// Latest trials by hash of the content.
     trials: BTreeMap<String, ExpertTrials>,
     imported: BTreeSet<String>,
-    /// Reviews of older files, which are written with the next line.
+    /// Reviews of older files, to be written before the next line.
     pending: Vec<(ImportedReviews, Vec<Review>)>,
 }
 
@@ -119,7 +120,7 @@ impl ReviewLog {
         folder.join("reviews.jsonl")
     }
 
-    /// Reads the log of a folder, which may not exist yet; writes nothing.
+    /// Reads the log in a folder; empty if the file does not exist. Writes nothing.
     ///
     /// # Errors
     /// [`LogError`] if it cannot be read.
@@ -131,7 +132,7 @@ impl ReviewLog {
         Ok(log)
     }
 
-    /// Reads what other programs appended since.
+    /// Reads the lines that other programs appended since the last read.
     ///
     /// # Errors
     /// As [`ReviewLog::read`].
@@ -169,7 +170,7 @@ impl ReviewLog {
             let message = || format!("expected schema {SCHEMA:?}, got {:?}", header.schema);
             return if header.schema == SCHEMA { Ok(()) } else { Err(damaged(message())) };
         }
-        // Not by the untagged enum, whose errors do not say what is missing.
+        // Each variant is parsed by itself: errors of the untagged enum do not name the missing field.
         if line.get("imported").is_some() {
             let imported: ImportedReviews = serde_json::from_value(line).map_err(refused)?;
             self.imported.insert(imported.imported);
@@ -182,37 +183,37 @@ impl ReviewLog {
         Ok(())
     }
 
-    /// All reviews in their order, those of older files first.
+    /// All reviews in order, those of older files first.
     pub fn reviews(&self) -> Vec<Review> {
         self.pending.iter().flat_map(|(_, reviews)| reviews).chain(&self.reviews).cloned().collect()
     }
 
-    /// Last trials of the expert on a content.
+    /// Latest trials of the expert on a content; `None` without any.
     pub fn trials(&self, content_sha256: &str) -> Option<&ExpertTrials> {
         self.trials.get(content_sha256)
     }
 
-    /// True if the reviews of an older file are in the log, or wait to be.
+    /// True if the reviews of an older file are in the log, or are to be written with the next line.
     pub fn has_imported(&self, source: &str) -> bool {
         self.imported.contains(source) || self.pending.iter().any(|(known, _)| known.imported == source)
     }
 
-    /// Takes the reviews of an older file in; they are written with the next line.
+    /// Adds the reviews of an older file; they are written before the next line.
     pub fn import(&mut self, source: &str, reviews: Vec<Review>) {
         if !self.has_imported(source) {
             self.pending.push((ImportedReviews { imported: source.into(), reviews: reviews.len() }, reviews));
         }
     }
 
-    /// Appends a review of the present content; one that was sent before changes nothing.
+    /// Appends a review of the present content; a repetition (same operation id) has no effect.
     ///
     /// # Errors
-    /// [`ReviewError`]; the log is then as before.
+    /// [`ReviewError`]; the log is unchanged then.
     pub fn add(&mut self, review: Review, present_sha256: &str) -> Result<(), ReviewError> {
         if let Some(fault) = review.fault() {
             return Err(ReviewError::Invalid(fault));
         }
-        // Before a log is begun, and again when no other program can append.
+        // Checked here before a log is created, and again under the lock, when no other program can append.
         self.refresh()?;
         if !self.is_new(&review, present_sha256)? {
             return Ok(());
@@ -226,7 +227,7 @@ impl ReviewLog {
         })
     }
 
-    /// True if a review can follow the others; false if it was sent before.
+    /// True if the review may be appended; false if it is a repetition.
     fn is_new(&self, review: &Review, present_sha256: &str) -> Result<bool, ReviewError> {
         let known = self.reviews();
         let id = review.client_operation_id.as_str();
@@ -243,10 +244,10 @@ impl ReviewLog {
         }
     }
 
-    /// Appends trials of the expert.
+    /// Appends trials of the expert to the log.
     ///
     /// # Errors
-    /// [`ReviewError::Log`]; the log is then as before.
+    /// [`ReviewError::Log`]; the log is unchanged then.
     pub fn add_trials(&mut self, trials: ExpertTrials) -> Result<(), ReviewError> {
         self.with_file(|log| {
             log.file.append(&trials)?;
@@ -255,7 +256,7 @@ impl ReviewLog {
         })
     }
 
-    /// Works on the log while no other program can.
+    /// Runs `work` on the locked log, after writing pending imports.
     fn with_file(&mut self, work: impl FnOnce(&mut Self) -> Result<(), ReviewError>) -> Result<(), ReviewError> {
         self.open()?;
         let written = self.write_pending().map_err(ReviewError::from).and_then(|()| work(self));
@@ -263,7 +264,7 @@ impl ReviewLog {
         written
     }
 
-    /// Opens the log, with what other programs wrote meanwhile.
+    /// Opens and locks the log, and reads the lines that other programs have appended.
     fn open(&mut self) -> Result<(), LogError> {
         let mut attempt = 1;
         loop {
@@ -288,13 +289,13 @@ impl ReviewLog {
 
     fn write_pending(&mut self) -> Result<(), LogError> {
         while let Some((head, reviews)) = self.pending.first().cloned() {
-            // Another program may have read the same file.
+            // Another program may have imported the same file meanwhile.
             if !self.imported.contains(&head.imported) {
                 for review in reviews {
                     self.file.append(&review)?;
                     self.reviews.push(review);
                 }
-                // Last, so that a killed program reads the file again.
+                // The mark comes last, so that after a kill in between the older file is read again.
                 self.file.append(&head)?;
                 self.imported.insert(head.imported);
             }
@@ -305,7 +306,7 @@ impl ReviewLog {
 }
 
 impl ExpertTrials {
-    /// The certificate, if the expert solved the content every time.
+    /// Certificate for a suite; `None` unless the expert solved the content in every episode.
     pub fn certificate(&self) -> Option<Certificate> {
         let Self { episodes, verified, .. } = *self;
         let (shortest_path_m, shortest_s) = (self.shortest_path_m?, self.shortest_s?);
@@ -318,7 +319,7 @@ impl ExpertTrials {
     }
 }
 
-/// Reason why a review cannot follow the current ones of its content.
+/// Reason why a review contradicts the current ones of its content; `None` if it does not.
 fn misfit(review: &Review, current: &[&Review]) -> Option<String> {
     let name = &review.reviewer.name;
     let own = current.iter().find(|known| known.reviewer.name == *name);

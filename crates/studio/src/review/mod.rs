@@ -1,10 +1,9 @@
-//! Reviews of scenarios: who said what about which content, what follows from it, and a balanced suite of what was
-//! approved.
+//! Reviews of scenarios: log, agreement, standing and queue, and a balanced suite of the approved scenarios.
 //!
-//! A review is bound to the hash of what was reviewed, so that any edit voids it. Two reviewers judge independently,
-//! criterion by criterion; a third one decides where they differ.
+//! A review is bound to the hash of the reviewed content, so that any edit voids it. Two reviewers judge independently,
+//! criterion by criterion; a third one adjudicates where they differ.
 //!
-//! [`ReviewDesk`] holds the scenarios and the [`ReviewLog`]; everything else is pure.
+//! [`ReviewDesk`] holds the scenarios and the [`ReviewLog`]; all other functions are pure.
 
 mod agreement;
 mod build;

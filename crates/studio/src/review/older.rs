@@ -1,4 +1,4 @@
-//! Reviews and certificates that suites already hold: `review.json`, read once, and the trials of the expert.
+//! Import of reviews and certificates that suites already hold: `review.json`, and the trials of the expert.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -11,8 +11,8 @@ use super::desk::{ReviewDesk, Reviewable};
 use super::log::ExpertTrials;
 use super::reviewed::{Decision, Reason, Review, Reviewer, ReviewerKind};
 
-/// Takes the certificates of the suites of a desk's scenarios, made with this engine, and reviews of their `review.json`
-/// unless the log has them; neither has a time.
+/// Adds to the desk the certificates of the suites that its scenarios lie in, if made with this version of the
+/// physics engine, and the reviews of `review.json` that the log does not have yet. Neither has a time.
 ///
 /// # Errors
 /// When a `suite.json` or `review.json` is damaged.

@@ -1,4 +1,4 @@
-//! Faulty items planted among the scenarios, which measure reviewers.
+//! Planted faulty items among the scenarios, which measure how well reviewers detect faults.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,20 +6,20 @@ use serde::Serialize;
 
 use super::reviewed::{Decision, Review};
 
-/// A reviewer measured on planted faults.
+/// Detection of planted faults by one reviewer.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Detection {
-    /// Planted faulty items that they reviewed.
+    /// Number of planted faulty items that the reviewer judged.
     pub planted: usize,
-    /// Those that they did not approve.
+    /// Number of planted faulty items that the reviewer did not approve.
     pub detected: usize,
-    /// Sound items that they reviewed.
+    /// Number of sound items that the reviewer judged.
     pub sound: usize,
-    /// Those that they did not approve.
+    /// Number of sound items that the reviewer did not approve.
     pub false_alarms: usize,
 }
 
-/// Detections by reviewer, of one word per reviewer and scenario; `planted` names the faulty ones.
+/// Detections by reviewer, from one review per reviewer and scenario; `planted` holds the ids of the faulty scenarios.
 pub fn detections(words: &[&Review], planted: &BTreeSet<String>) -> BTreeMap<String, Detection> {
     let mut measured = BTreeMap::<String, Detection>::new();
     for review in words.iter().filter(|review| !review.adjudicates) {

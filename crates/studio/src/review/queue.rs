@@ -1,24 +1,24 @@
-//! Order of work of a reviewer, and what each may see.
+//! Queue of a reviewer, and visibility of reviews.
 
 use serde::Serialize;
 
 use super::reviewed::Review;
 use super::standing::{Standing, current, standing};
 
-/// Work that a scenario offers to a reviewer, in the order in which it is done: pairs are completed first.
+/// Work that a scenario offers to a reviewer, in order of priority: pairs of reviews are completed first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Work {
-    /// The second review.
+    /// The second review of a scenario.
     Second,
-    /// The first review.
+    /// The first review of a scenario.
     First,
-    /// A decision between two reviews that differ.
+    /// The decision between two reviews that differ.
     Adjudicate,
 }
 
-/// Work of a reviewer on a scenario with these current reviews; `None` if there is none. Nobody gets a scenario that
-/// they have reviewed, and nobody adjudicates a difference of their own.
+/// Work that a scenario with these current reviews offers to a reviewer; `None` if there is none. Nobody reviews a
+/// scenario twice, and nobody adjudicates between own and other reviews.
 pub fn work_for(reviewer: &str, current: &[&Review]) -> Option<Work> {
     if current.iter().any(|review| review.reviewer.name == reviewer) {
         return None;
@@ -31,16 +31,16 @@ pub fn work_for(reviewer: &str, current: &[&Review]) -> Option<Work> {
     }
 }
 
-/// Index of the scenario that a reviewer should see next, out of (id, hash of the content) in the order of the
-/// collection; `None` if nothing is left.
+/// Index of the scenario that a reviewer should see next, among pairs (id, hash of the content) in the order of the
+/// collection; `None` if nothing is left to do.
 pub fn next_for(reviewer: &str, scenarios: &[(String, String)], reviews: &[Review]) -> Option<usize> {
     let work = |(id, content): &(String, String)| work_for(reviewer, &current(reviews, id, content));
     let ranked = scenarios.iter().enumerate().filter_map(|(index, scenario)| Some((work(scenario)?, index)));
     ranked.min().map(|(_, index)| index)
 }
 
-/// Current reviews of a scenario that a reviewer may see: all of them after their own, none before; when two differ,
-/// whoever adjudicates sees both.
+/// Current reviews of a scenario that a reviewer may see: all once the reviewer has reviewed it or it is no longer
+/// open, as for an adjudication; none before.
 pub fn visible_to<'a>(reviewer: &str, current: &[&'a Review]) -> Vec<&'a Review> {
     let has_said = current.iter().any(|review| review.reviewer.name == reviewer);
     let is_open = matches!(standing(current, true), Standing::Open { .. });

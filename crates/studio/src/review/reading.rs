@@ -1,4 +1,4 @@
-//! The desk of a collection, and the expert's trials of its scenarios.
+//! Reading of a review desk from a collection, and the expert's trials of its scenarios.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,8 @@ use super::older::take_from_suites;
 use crate::collections::{Collection, Listed};
 use crate::edit::{EditLog, EditedScenario};
 
-/// Scenarios of a collection with the log in `out`, and messages about those that cannot be read.
+/// Review desk with the scenarios of a collection and the log in `out`; and messages about scenarios that cannot be
+/// read.
 ///
 /// # Errors
 /// When the log or a suite's file is damaged.
@@ -37,7 +38,7 @@ pub fn read_desk(collection: &Collection, out: &Path) -> Result<(ReviewDesk, Vec
     Ok((desk, left_out))
 }
 
-/// A scenario of a collection, and the file of which it is a copy.
+/// A scenario of a collection as it is reviewed, and the file that it was copied from, if any.
 ///
 /// # Errors
 /// When it or its log of edits cannot be read.
@@ -52,11 +53,11 @@ pub fn read_item(listed: &Listed) -> Result<(Reviewable, Option<PathBuf>), Strin
     Ok((item(&scenario), None))
 }
 
-/// Trials of the expert on scenarios, one after the other, each given to `keep` when it is done; less than all when it
-/// was stopped.
+/// Lets the expert try each scenario, one after the other, and passes each result to `keep`. If interrupted, it ends
+/// before the remaining scenarios without an error.
 ///
 /// # Errors
-/// When a scenario cannot be read or was changed since, an episode broke, or `keep` fails.
+/// When a scenario cannot be read or has changed since it was listed, an episode raises an error, or `keep` fails.
 pub fn certify(
     items: &[Reviewable],
     at: &str,

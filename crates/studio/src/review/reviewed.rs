@@ -1,4 +1,4 @@
-//! One review.
+//! One review of a scenario.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,51 +12,51 @@ use serde::{Deserialize, Serialize};
 pub struct Review {
     /// Id of the scenario.
     pub scenario: String,
-    /// SHA-256 of what was reviewed: scenario, assets and engine.
+    /// SHA-256 of the reviewed content: scenario, assets and engine.
     pub content_sha256: String,
-    /// Reviewer.
+    /// Author of the review.
     pub reviewer: Reviewer,
-    /// Decision.
+    /// Decision on the scenario.
     pub decision: Decision,
-    /// Judgement by criterion; a criterion that was not judged is absent.
+    /// Judgements by criterion, true if it is met; criteria that were not judged are absent.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub criteria: BTreeMap<Criterion, bool>,
     /// Remark for the editor of the scenario; may be empty.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub note: String,
-    /// True if it decides between two reviews that differ.
+    /// True if the review adjudicates between two reviews that differ.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub adjudicates: bool,
-    /// Time spent on it (s), if measured.
+    /// Time spent on the review, s; absent if not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub duration_s: Option<f64>,
-    /// Id that the client chose; a review that is sent twice is kept once. Empty for none.
+    /// Id that the client chose, so that a repeated request is stored once; empty for none.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub client_operation_id: String,
-    /// Time, RFC 3339; given by the caller.
+    /// Time as an RFC 3339 text, given by the caller.
     pub at: String,
 }
 
-/// Longest name or version of a reviewer, id and time, characters.
+/// Maximum length of a reviewer's name and version, of an id and of a time, characters.
 const MAX_NAME: usize = 128;
-/// Longest note, characters.
+/// Maximum length of a note, characters.
 const MAX_NOTE: usize = 2000;
 
-/// A reviewer.
+/// Author of reviews.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Reviewer {
-    /// Name, unique among the reviewers; of a model, its name.
+    /// Name, unique among all reviewers; for a model, the name of the model.
     pub name: String,
-    /// A person, a model or a script.
+    /// Person, model or script.
     pub kind: ReviewerKind,
-    /// Version of a model or a script.
+    /// Version of the model or script; absent for a person.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub version: Option<String>,
 }
 
 named_enum! {
-    /// Kind of a reviewer.
+    /// Kind of reviewer.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
     #[serde(rename_all = "snake_case")]
     pub enum ReviewerKind {
@@ -73,16 +73,16 @@ named_enum! {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "verdict")]
 pub enum Decision {
-    /// The scenario is good.
+    /// The scenario can be in a suite.
     Approve,
-    /// The scenario is not good.
+    /// The scenario cannot be in a suite.
     Reject {
-        /// Reasons, one at least.
+        /// Reasons of the rejection, at least one.
         reasons: BTreeSet<Reason>,
     },
-    /// The scenario needs a change first, which the note names.
+    /// The scenario must be changed first, as the note says.
     SendBack,
-    /// The reviewer's earlier review no longer counts.
+    /// The reviewer's earlier review is withdrawn.
     TakeBack,
 }
 
@@ -97,21 +97,21 @@ named_enum! {
         GoalMatches = "goal_matches",
         /// The task is plausible in daily life.
         Plausible = "plausible",
-        /// The task can be done.
+        /// The robot can do the task.
         Feasible = "feasible",
-        /// The scene looks right.
+        /// The scene looks as one would expect.
         LooksRight = "looks_right",
     }
 }
 
 named_enum! {
-    /// Reason of a rejection.
+    /// Reason for rejecting a scenario.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
     #[serde(rename_all = "snake_case")]
     pub enum Reason {
-        /// Nobody would ask for it in daily life.
+        /// Nobody would ask for the task in daily life.
         Implausible = "implausible",
-        /// The instruction could mean something else.
+        /// The instruction is ambiguous in this scene.
         Ambiguous = "ambiguous",
         /// The goal is not what the instruction says.
         GoalWrong = "goal_wrong",
@@ -119,17 +119,17 @@ named_enum! {
         Unreachable = "unreachable",
         /// An object or the scene looks wrong.
         LooksWrong = "looks_wrong",
-        /// Another scenario is nearly the same.
+        /// Another scenario is a near-duplicate.
         Duplicate = "duplicate",
-        /// Doing it would be dangerous.
+        /// Doing the task would be dangerous.
         Unsafe = "unsafe",
-        /// Something else; the note says what.
+        /// Another reason, which the note states.
         Other = "other",
     }
 }
 
 impl Review {
-    /// The fault of a review that cannot be stored, if any.
+    /// Description of the fault of a review that cannot be stored; `None` if it can.
     pub fn fault(&self) -> Option<String> {
         let Reviewer { name, kind, version } = &self.reviewer;
         let version = version.as_deref().unwrap_or_default();
@@ -170,7 +170,7 @@ impl Review {
     }
 }
 
-/// True for a short text without line breaks.
+/// True for a text of at most [`MAX_NAME`] characters without control characters such as line breaks.
 fn is_line(text: &str) -> bool {
     text.chars().count() <= MAX_NAME && !text.chars().any(char::is_control)
 }

@@ -1,4 +1,4 @@
-//! Standing of a scenario: what its reviews amount to.
+//! Standing of a scenario, which follows from its reviews.
 
 use std::collections::BTreeMap;
 
@@ -6,32 +6,32 @@ use serde::Serialize;
 
 use super::reviewed::{Decision, Review};
 
-/// Number of independent reviews of a scenario.
+/// Number of independent reviews that a scenario needs.
 pub const REVIEWS: usize = 2;
 
-/// Standing of a scenario.
+/// Standing of a scenario in the review.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "standing")]
 pub enum Standing {
-    /// Reviews are missing.
+    /// Independent reviews are missing.
     Open {
         /// Number of missing reviews.
         missing: usize,
     },
-    /// Sent back for a change.
+    /// A reviewer sent the scenario back for a change.
     SentBack,
-    /// The reviews differ in their decision or in a criterion.
+    /// The two reviews differ in their decision or in a criterion, and nobody has adjudicated yet.
     Adjudication,
-    /// Both approved it, but the expert has not solved this content.
+    /// Approved by the reviews, but the expert has not solved this content.
     Uncertified,
-    /// Both approved it, and the expert solves it.
+    /// Approved by the reviews, and solved by the expert.
     Approved,
-    /// Rejected.
+    /// Rejected by the reviews.
     Rejected,
 }
 
 impl Standing {
-    /// Name in files and tables.
+    /// Name of the standing in files and tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Open { .. } => "open",
@@ -44,7 +44,7 @@ impl Standing {
     }
 }
 
-/// Reviews that count: of this content, the last word of each reviewer, without those taken back; in the order given.
+/// Reviews of this content that count, in the given order: the latest of each reviewer, without withdrawn ones.
 pub fn current<'a>(reviews: &'a [Review], scenario: &str, content_sha256: &str) -> Vec<&'a Review> {
     let of_this = reviews
         .iter()
@@ -57,7 +57,7 @@ pub fn current<'a>(reviews: &'a [Review], scenario: &str, content_sha256: &str) 
     last.into_iter().map(|(_, review)| review).filter(|review| review.decision != Decision::TakeBack).collect()
 }
 
-/// Standing of a scenario from its current reviews; `is_certified` says that the expert solved this content.
+/// Standing of a scenario from its current reviews; `is_certified` is true if the expert solved this content.
 pub fn standing(current: &[&Review], is_certified: bool) -> Standing {
     if current.iter().any(|review| review.decision == Decision::SendBack) {
         return Standing::SentBack;

@@ -1,4 +1,4 @@
-//! One more episode of a policy on a scenario, by the evaluation of the program, in a run folder of its own.
+//! Job that runs one episode of a policy on a scenario like `genmanip evaluate`, in a run folder of its own.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -12,33 +12,35 @@ use genmanip_workspace::{NoProgress, WorkspaceError};
 
 use super::kept_episodes::{Place, run_folder_name};
 
-/// An episode to run.
+/// Policy and scenario of an episode to run.
 #[derive(Clone, Debug)]
 pub struct EpisodeJob {
-    /// The scenario.
+    /// Scenario of the episode.
     pub scenario: Arc<Scenario>,
-    /// Name of the policy, with arguments.
+    /// Name of the policy, with its arguments.
     pub policy: String,
-    /// Time limit of a frozen suite, s; `None` for the default one.
+    /// Time limit of the scenario's frozen suite, simulated s; `None` for the default one.
     pub horizon_s: Option<f64>,
-    /// Folder of the run folders.
+    /// Folder that the run folders are created in.
     pub runs: PathBuf,
 }
 
-/// An episode that was run and kept.
+/// An episode that was run and stored.
 #[derive(Clone, Debug)]
 pub struct NewEpisode {
-    /// Store and id.
+    /// Store and id of the episode.
     pub place: Place,
-    /// Its result.
+    /// Result of the episode.
     pub result: EpisodeResult,
 }
 
 impl EpisodeJob {
-    /// Runs the episode. The first one of a policy has the stream that `evaluate` gives it, each further one its own.
+    /// Runs the episode. The first episode of a policy on a scenario has the random stream that `evaluate` uses; each
+    /// further one has its own.
     ///
-    /// `turn` gets the time of the episode, s, before each turn of the policy. `None` if `stop` became true; nothing is
-    /// kept then.
+    /// `turn` is called with the simulated time of the episode, s, before each decision of the policy. Returns `None`,
+    /// and
+    /// stores nothing, if `stop` became true.
     ///
     /// # Errors
     /// When the policy does not exist, cannot be reached or does not fit the scenario, or a file cannot be written.

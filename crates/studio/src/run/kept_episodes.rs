@@ -1,4 +1,4 @@
-//! Episodes that were kept of a scenario: in the run that it belongs to, and those that the studio ran.
+//! Stored episodes of a scenario: those of the run that the scenario belongs to, and those that the studio ran.
 
 use std::path::{Path, PathBuf};
 
@@ -10,12 +10,12 @@ use sha2::{Digest, Sha256};
 
 use crate::collections::sorted_names;
 
-/// Most episodes of a list.
+/// Maximum number of episodes in a list.
 const MAX_EPISODES: usize = 500;
-/// Hexadecimal digits of a scenario's hash in the name of its run folder.
+/// Number of hexadecimal digits of a scenario's hash in the name of its run folder.
 const DIGITS: usize = 12;
 
-/// Store and id of an episode.
+/// Location of a stored episode.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
     /// Folder of the store.
@@ -24,49 +24,51 @@ pub struct Place {
     pub id: String,
 }
 
-/// An episode with where it comes from.
+/// A stored episode with its origin.
 #[derive(Clone, Debug)]
 pub struct KeptEpisode {
-    /// Store and id.
+    /// Store and id of the episode.
     pub place: Place,
-    /// Label of its policy's evaluation; `None` for one that was collected.
+    /// Label of the evaluation that it belongs to; `None` for an attempt at a demonstration.
     pub label: Option<String>,
-    /// Collection: `studio`, or the name of the run.
+    /// Origin: `studio`, or the name of the run.
     pub source: String,
-    /// Newest revision of the scenario that is the one of the episode.
+    /// Newest revision of the edited scenario with the same document as the episode's scenario; `None` if there is
+    /// none.
     pub revision: Option<u64>,
 }
 
-/// An episode in a list.
+/// Row of an episode in a list.
 #[derive(Clone, Debug, Serialize)]
 pub struct EpisodeRow {
-    /// Key in addresses.
+    /// Key of the episode in URLs.
     pub episode: String,
-    /// Label of its policy.
+    /// Label of the episode's policy.
     pub policy: String,
-    /// Collection that it belongs to.
+    /// Origin: `studio`, or the name of the run.
     pub source: String,
-    /// Newest revision of the scenario that is the one of the episode; absent if there is none.
+    /// Newest revision of the edited scenario with the same document as the episode's scenario; `None` if there is
+    /// none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub revision: Option<u64>,
-    /// True if its states were stored, so that it can be played back.
+    /// True if the states of the episode were stored, so that it can be played back.
     pub recorded: bool,
     /// True if the policy read simulator ground truth.
     pub oracle: bool,
     /// True if the goal holds at the end.
     pub success: bool,
-    /// Outcome; null if it never began.
+    /// Ending of the episode; `None` if it never began.
     pub ending: Option<Ending>,
-    /// Most decisive cause of the failure, with the evidence of all; absent on success.
+    /// Most decisive cause of the failure, with the evidence of all causes; `None` after a success.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub failure: Option<Failure>,
     /// Simulated duration, s.
     pub duration_s: f64,
-    /// True if questions and answers of an agent were kept.
+    /// True if the transcript of an agent was stored.
     pub has_transcript: bool,
 }
 
-/// Name of the run folder of a scenario: it changes with every byte of it, and with the version of the program.
+/// Name of a scenario's run folder; it depends on every byte of the scenario and on the version of this program.
 pub fn run_folder_name(scenario: &Scenario) -> String {
     format!("{}{}", prefix(&scenario.id, &hash(scenario)), env!("CARGO_PKG_VERSION"))
 }
@@ -80,14 +82,14 @@ fn hash(scenario: &Scenario) -> String {
     hexadecimal(&Sha256::digest(scenario.to_json().as_bytes()))
 }
 
-/// Episodes of a scenario: those of the run that its file lies in, then those in `runs`, the newest revision first.
+/// Stored episodes of a scenario: those of the run that its file lies in, then those in `runs`, newest revision first.
 ///
 /// `hashes` are the SHA-256 of the scenario's document at each revision.
 pub fn kept_episodes(file: &Path, id: &str, hashes: &[String], runs: &Path) -> Vec<KeptEpisode> {
     let mut kept = of_own_run(file);
     let names = sorted_names(runs);
     for (revision, hash) in hashes.iter().enumerate().rev() {
-        // An undone change has brought an earlier document back.
+        // An undo can restore an earlier document; its episodes then belong to the newer revision.
         if hashes[revision + 1..].contains(hash) {
             continue;
         }
@@ -128,7 +130,7 @@ fn of_own_run(file: &Path) -> Vec<KeptEpisode> {
     kept
 }
 
-/// Episodes that the evaluations of a run kept.
+/// Episodes that the evaluations of a run stored.
 fn of_evaluations(
     run: &Path,
     source: &str,
@@ -151,7 +153,7 @@ fn of_evaluations(
 }
 
 impl Place {
-    /// Key of the episode in addresses: a hash that tells nothing about folders.
+    /// Key of the episode in URLs: a hash, which does not reveal folders.
     pub fn key(&self) -> String {
         let text = format!("{}\n{}", self.store.display(), self.id);
         hexadecimal(&Sha256::digest(text.as_bytes())[..8])
@@ -179,11 +181,13 @@ impl KeptEpisode {
         })
     }
 
-    /// Folder with the transcript of an agent: the one that its result names, or that of the studio.
+    /// Folder with the transcript of an agent: the one that the episode's result names, else that of the studio's run;
+    /// `None`
+    /// without a transcript.
     pub fn transcript(&self, result: &EpisodeResult) -> Option<PathBuf> {
         let named = result.agent_failure.as_ref().and_then(|failure| failure.transcript.as_ref());
         let named = named.and_then(|path| Some(Path::new(path).parent()?.to_owned()));
-        // RUN/evaluation/LABEL/episodes, RUN/transcripts/LABEL/NUMBER/ID
+        // The store is RUN/evaluation/LABEL/episodes, the transcript RUN/transcripts/LABEL/NUMBER/ID.
         let own = || {
             let label = self.place.store.parent()?;
             let number = self.place.id.rsplit_once('+').map_or("0", |(_, number)| number);
@@ -193,7 +197,7 @@ impl KeptEpisode {
         named.or_else(own).filter(|folder| folder.join(TRANSCRIPT).is_file())
     }
 
-    /// A file of the transcript with its media type: its page, or one of its images.
+    /// A file of the transcript (its page or an image) with its media type; `None` if there is no such file.
     pub fn transcript_file(&self, name: &str) -> Option<(Vec<u8>, &'static str)> {
         let result = EpisodeStore::open(&self.place.store).ok()?.read_result(&self.place.id).ok()?;
         let path = self.transcript(&result)?.join(name);
@@ -209,5 +213,5 @@ impl KeptEpisode {
     }
 }
 
-/// Page of a transcript.
+/// File name of a transcript's page.
 pub const TRANSCRIPT: &str = "transcript.html";

@@ -1,4 +1,4 @@
-//! Episodes of policies on scenarios: run as jobs, found again in run folders, played back as states.
+//! Episodes of policies on scenarios: run as jobs, found in run folders, and played back as states.
 
 mod episode_job;
 mod kept_episodes;

@@ -1,4 +1,4 @@
-//! Moments of an episode: what the hand held, what the robot touched, and where it failed.
+//! Notable moments of an episode: what the hand held, what the robot touched, and where it failed.
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Episode, FailureCause, Frame, Pose};
@@ -6,61 +6,62 @@ use genmanip_rollout::RolloutSettings;
 use genmanip_rollout::evidence::slips;
 use serde::Serialize;
 
-/// Smallest force of a contact that is shown, N; chosen: weaker ones are pads that graze what they are about to hold.
+/// Minimum force of a contact that is shown, N. Chosen by hand: weaker contacts are finger pads that graze the object
+/// that they are about to grasp.
 const MIN_CONTACT_N: f64 = 2.0;
-/// Contacts closer together than this are one, s.
+/// Maximum gap between two contacts that are merged into one moment, s.
 const GAP_S: f64 = 0.25;
 
-/// Moments of an episode, and when it failed.
+/// Notable moments of an episode, and the time of its failure.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Moments {
-    /// Moments by their beginning.
+    /// Moments, ordered by their start.
     pub moments: Vec<Moment>,
-    /// Time of the most decisive failure, s; absent on success.
+    /// Time of the most decisive failure, s; `None` after a success.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub failed_at_s: Option<f64>,
-    /// Time at which the policy's part ended and the scene was left to settle, s.
+    /// Time at which the policy ended and the scene was left to settle, s.
     pub acted_until_s: f64,
 }
 
-/// A part of an episode in which something happened.
+/// Time span of an episode in which something notable happened.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Moment {
-    /// The event.
+    /// Kind of event.
     pub kind: MomentKind,
-    /// Beginning, s.
+    /// Start, s since the start of the episode.
     pub from_s: f64,
-    /// End, s.
+    /// End, s since the start of the episode.
     pub to_s: f64,
-    /// Object that it is about.
+    /// Id of the object involved; `None` if there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub object: Option<String>,
-    /// Peak force, N, of a contact.
+    /// Peak force of a contact, N; `None` for other kinds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub peak_n: Option<f64>,
-    /// The partner of the robot's strongest contact, or what was measured.
+    /// Body that the robot touched with the largest force, or evidence of the event; `None` if there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub text: Option<String>,
 }
 
-/// Kinds of moments.
+/// Kind of a notable moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MomentKind {
     /// Both fingers press on an object.
     Held,
-    /// The robot touches something that it does not hold.
+    /// The robot touches something other than the object that it holds.
     Contact,
     /// An object left the closed hand.
     Slip,
-    /// An object that the goal does not move was displaced or toppled.
+    /// An object that the goal does not move was displaced or toppled, and stayed so.
     Disturbed,
-    /// Another policy took over.
+    /// The expert took over from the policy that it corrects.
     Takeover,
 }
 
 impl Moments {
-    /// Moments of an episode, judged by the thresholds of the default settings.
+    /// Moments of an episode, with the thresholds of the default rollout settings.
     pub fn of(episode: &Episode) -> Self {
         let settings = RolloutSettings::default();
         let frames = &episode.frames;
@@ -103,7 +104,7 @@ impl Moment {
     }
 }
 
-/// Times in which the hand held something.
+/// Time spans in which the hand held an object.
 fn held(episode: &Episode) -> Vec<Moment> {
     let runs = stretches(&episode.frames, |frame| frame.grasped);
     let id = |index: usize| episode.scenario.objects.get(index).map(|object| object.id.clone());
@@ -111,7 +112,7 @@ fn held(episode: &Episode) -> Vec<Moment> {
     runs.into_iter().map(moment).collect()
 }
 
-/// Times in which a frame has the same value, shorter gaps than [`GAP_S`] closed.
+/// Time spans in which `value` is `Some` and constant; gaps shorter than [`GAP_S`] are closed.
 fn stretches<T: PartialEq>(frames: &[Frame], value: impl Fn(&Frame) -> Option<T>) -> Vec<(T, f64, f64)> {
     let mut found: Vec<(T, f64, f64)> = Vec::new();
     for frame in frames {
@@ -124,7 +125,7 @@ fn stretches<T: PartialEq>(frames: &[Frame], value: impl Fn(&Frame) -> Option<T>
     found
 }
 
-/// Contacts of the robot with what it does not hold.
+/// Time spans in which the robot touched something other than the object that it held.
 fn contacts(episode: &Episode) -> Vec<Moment> {
     let runs = stretches(&episode.frames, |frame| (frame.stray_contact_n >= MIN_CONTACT_N).then_some(()));
     let moment = |((), from_s, to_s): ((), f64, f64)| {
@@ -147,7 +148,7 @@ fn contacts(episode: &Episode) -> Vec<Moment> {
     runs.into_iter().map(moment).collect()
 }
 
-/// The first time at which an object that the goal does not move was displaced or toppled, and still is at the end.
+/// First time at which an object that the goal does not move was displaced or toppled, if it still is at the end.
 fn disturbed(episode: &Episode, settings: &RolloutSettings) -> Option<Moment> {
     let goal = &episode.scenario.task.goal;
     let up = |pose: &Pose| pose.transform_vector(DVec3::Z);
@@ -168,7 +169,7 @@ fn disturbed(episode: &Episode, settings: &RolloutSettings) -> Option<Moment> {
     })
 }
 
-/// Time of the last release of an object that the goal moves, s.
+/// Time of the last release of an object that the goal moves, s; `None` if it was never held.
 fn last_release(episode: &Episode, moments: &[Moment]) -> Option<f64> {
     let goal = &episode.scenario.task.goal;
     let is_subject = |id: &str| goal.alternatives.iter().flatten().any(|atom| atom.subject() == id);

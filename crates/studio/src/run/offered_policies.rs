@@ -1,32 +1,33 @@
-//! Policies that the page may run: those that touch nothing outside of the simulation, and those that the command line
-//! names.
+//! Policies that the page may run: built-in ones that touch nothing outside the simulation, and those named on the
+//! command
+//! line.
 
 use genmanip_pipeline::PolicyFactory;
 use genmanip_pipeline::policies::POLICIES;
 use genmanip_workspace::WorkspaceError;
 use serde::Serialize;
 
-/// Policies that anyone who reaches the studio may run: they start no program, read no file and ask no service.
+/// Policies that every user of the studio may run: they start no program, read no file and call no service.
 const BUILTIN: [&str; 6] = ["expert", "agent", "clumsy", "blind", "random", "do_nothing"];
 
-/// A policy that the page offers.
+/// A policy that the page may run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct OfferedPolicy {
-    /// Name with arguments, e.g. `learned:policies/act`.
+    /// Name of the policy with arguments, e.g. `learned:policies/act`.
     pub policy: String,
-    /// One-line description.
+    /// Description in one line.
     pub about: String,
 }
 
-/// All policies that the page offers; others are refused, since they may run programs and cost money.
+/// All policies that the page may run. Others are refused, since they may start programs or cost money.
 #[derive(Clone, Debug)]
 pub struct OfferedPolicies(Vec<OfferedPolicy>);
 
 impl OfferedPolicies {
-    /// The built-in ones after those that are named, as on the command line.
+    /// The policies named on the command line, followed by the built-in ones.
     ///
     /// # Errors
-    /// A name or an argument that no policy has.
+    /// For a name or an argument that no policy has.
     pub fn new(named: &[String]) -> Result<Self, WorkspaceError> {
         let mut offered = Vec::new();
         for text in named {
@@ -44,12 +45,12 @@ impl OfferedPolicies {
         Ok(Self(offered.collect()))
     }
 
-    /// The policies in the order in which they are listed.
+    /// The policies in the order of the page's list.
     pub fn all(&self) -> &[OfferedPolicy] {
         &self.0
     }
 
-    /// True if a policy may be run.
+    /// True if the page may run this policy, given with its arguments.
     pub fn has(&self, policy: &str) -> bool {
         self.0.iter().any(|offered| offered.policy == policy)
     }

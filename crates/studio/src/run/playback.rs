@@ -1,4 +1,4 @@
-//! An episode as states: poses of all links over time.
+//! Playback of an episode: poses of all links over time.
 
 use std::sync::Arc;
 
@@ -6,19 +6,19 @@ use genmanip_core::{Episode, Frame, ObjectModel, Pose, RobotModel};
 
 use crate::scene::scene_message::SceneMessage;
 
-/// Most states per second of a track, Hz.
+/// Maximum number of states per second of a track, Hz.
 const RATE_HZ: f64 = 30.0;
-/// Most states of a track; a longer episode has fewer of them per second.
+/// Maximum number of states of a track; longer episodes have fewer states per second.
 pub const MAX_FRAMES: usize = 9000;
-/// Numbers of a pose: position (m), then the unit quaternion, w first.
+/// Number of values of a pose: position (3, m) and unit quaternion (4, w first).
 const POSE: usize = 7;
 
-/// A link whose pose is part of each state.
+/// A link whose pose is part of every state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Body {
-    /// Link of the robot by index.
+    /// Link of the robot, by index.
     Robot(usize),
-    /// Link of an object, by both indices.
+    /// Link of an object: index of the object, index of the link.
     Object(usize, usize),
 }
 
@@ -27,21 +27,21 @@ pub enum Body {
 pub struct Track {
     /// Number of states.
     pub frames: usize,
-    /// Numbers of a state: time (s), opening of the gripper (m), and a pose for each link.
+    /// Number of values of a state: time (s), opening of the gripper (m), and seven for the pose of each link.
     pub width: usize,
-    /// All numbers, row by row.
+    /// Values of all states, one after the other.
     pub values: Vec<f32>,
 }
 
 impl Track {
-    /// The numbers as little-endian bytes.
+    /// All values as little-endian bytes.
     pub fn to_bytes(&self) -> Vec<u8> {
         self.values.iter().flat_map(|value| value.to_le_bytes()).collect()
     }
 }
 
-/// Links of a scene in the order of its message: those of the robot, then those of the objects; links without a mesh
-/// are left out there.
+/// Links of a scene in the order of its message: those of the robot, then those of the objects. The message omits links
+/// without a mesh.
 fn bodies(scene: &SceneMessage, robot: &RobotModel, models: &[Arc<ObjectModel>]) -> Vec<Body> {
     let of_robot = scene.robot.links.iter().filter_map(|shown| {
         let link = robot.links.iter().position(|link| link.name == shown.name)?;
@@ -57,7 +57,7 @@ fn bodies(scene: &SceneMessage, robot: &RobotModel, models: &[Arc<ObjectModel>])
     of_robot.chain(of_objects).collect()
 }
 
-/// Recorded states that are played back: at most `RATE_HZ` per second, the last one included.
+/// Recorded states of an episode for playback: at most `RATE_HZ` per second, the last one included.
 pub fn states(episode: &Episode) -> impl Iterator<Item = &Frame> {
     let count = episode.frames.len();
     let by_rate = (episode.result.control_rate_hz / RATE_HZ).round().max(1.0) as usize;

@@ -1,4 +1,4 @@
-//! Scenario as a file for modelling programs.
+//! Export of a scenario as a GLB file for modelling programs.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use super::glb::scenario_glb;
 /// Binary glTF of a scenario at its start; see [`scenario_glb`].
 ///
 /// # Errors
-/// When robot or objects are not those that the scenario was made with, or a texture is broken.
+/// When the robot or objects differ from those that the scenario was made with, or a texture is broken.
 pub fn scenario_file(scenario: &Scenario, assets: &dyn AssetSource) -> Result<Vec<u8>, WorkspaceError> {
     let robot = worlds::robot(&scenario.world)?;
     let models = models(scenario, assets)?;
@@ -22,7 +22,7 @@ pub fn scenario_file(scenario: &Scenario, assets: &dyn AssetSource) -> Result<Ve
 /// Models of a scenario's objects, in their order.
 ///
 /// # Errors
-/// When an object is unknown or has changed.
+/// When an object is unknown or has changed since the scenario was made.
 pub fn models(scenario: &Scenario, assets: &dyn AssetSource) -> Result<Vec<Arc<ObjectModel>>, WorkspaceError> {
     let model = |placed| {
         assets.instance(placed).map_err(|error| {

@@ -1,7 +1,7 @@
-//! Writer of binary glTF 2.0 (GLB): the meshes of a link, or a whole scenario for modelling programs.
+//! Encoder of binary glTF 2.0 (GLB): the meshes of a link, or a whole scenario for modelling programs.
 //!
-//! Meshes keep the project's axes (metres, z up) in the frame of their link. glTF demands y up, so only a whole scenario,
-//! which other programs open, has a root node that turns it.
+//! Meshes keep the project's axes (metres, z up) in the frame of their link. glTF requires y up, so a whole scenario,
+//! which other programs open, has a root node that rotates it.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -13,33 +13,35 @@ use genmanip_render::encode::{EncodeError, jpeg_rgb, png_rgb};
 use genmanip_render::internals::{Mesh, fixtures};
 use serde_json::{Value, json};
 
-/// Size from which a texture is stored as JPEG if that is smaller, bytes: small ones stay exact.
+/// Size from which a texture is stored as JPEG, if that is smaller, bytes. Smaller textures are stored losslessly.
 const EXACT_TEXTURE: usize = 64 << 10;
-/// Quality of JPEG textures, 1-100; chosen: full chroma, compression is hardly seen.
+/// Quality of JPEG textures, 1-100. Chosen by hand: compression with full chroma is hardly visible at this value.
 const JPEG_QUALITY: u8 = 92;
-/// Index of refraction that glTF assumes.
+/// Index of refraction that glTF assumes by default.
 const USUAL_IOR: f32 = 1.5;
 
-/// Component types and targets of glTF.
+/// Component types and buffer targets of glTF.
 const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
 const FLOAT: u32 = 5126;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
-/// Visual parts of one link in the frame of the link, without any turn.
+/// GLB with the visual parts of one link, in the frame of the link (z up).
 ///
 /// # Errors
-/// When a texture has not as many pixels as its size says.
+/// When the number of a texture's pixels contradicts its size.
 pub fn link_glb(name: &str, visual: &[VisualPart]) -> Result<Vec<u8>, EncodeError> {
     let mut glb = Writer::default();
     let root = glb.node(name, &Pose::IDENTITY, visual, Vec::new())?;
     Ok(glb.finish(root))
 }
 
-/// Scenario at its start: surfaces, robot, objects and cameras under one node that turns z up into y up.
+/// GLB with the initial scene of a scenario: surfaces, robot, objects and cameras under a root node that converts z up
+/// to
+/// y up.
 ///
-/// `models` are those of the scenario's objects, in their order.
+/// `models` are the models of the scenario's objects, in the order of the objects.
 ///
 /// # Errors
 /// As [`link_glb`].
@@ -77,16 +79,17 @@ pub fn scenario_glb(
     Ok(glb.finish(root))
 }
 
-/// `gltf_from_world`: a quarter turn about x.
+/// `gltf_from_world`: rotation by -90 degrees about x.
 const Z_UP_TO_Y_UP: Pose = Pose {
     position: DVec3::ZERO,
     rotation: DQuat::from_xyzw(-std::f64::consts::FRAC_1_SQRT_2, 0.0, 0.0, std::f64::consts::FRAC_1_SQRT_2),
 };
 
-/// Half a turn about x: from the optical axes of OpenCV (y down, z ahead) to those of glTF (y up, z back).
+/// Rotation by 180 degrees about x, from the optical axes of OpenCV (y down, z forwards) to those of glTF (y up, z
+/// backwards).
 const OPTICAL_FROM_GLTF: Pose = Pose { position: DVec3::ZERO, rotation: DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0) };
 
-/// A file under construction: JSON lists of glTF and the binary chunk that they point into.
+/// A file under construction: the JSON lists of glTF, and the binary chunk that they refer to.
 #[derive(Default)]
 struct Writer<'a> {
     nodes: Vec<Value>,
@@ -98,18 +101,18 @@ struct Writer<'a> {
     accessors: Vec<Value>,
     views: Vec<Value>,
     binary: Vec<u8>,
-    /// Mesh of the visual parts at an address: copies of an object share it.
+    /// Index of the mesh for visual parts at this address, which the copies of an object share.
     known: BTreeMap<*const VisualPart, usize>,
 }
 
-/// A material with the sides on which it is seen.
+/// A material, single- or double-sided.
 #[derive(Clone, Copy, PartialEq)]
 struct Surface<'a> {
     material: &'a Material,
     is_double_sided: bool,
 }
 
-/// Vertices of all parts with one surface.
+/// Vertices and triangles of all parts with the same surface.
 #[derive(Default)]
 struct Primitive {
     positions: Vec<Vec3>,
@@ -119,7 +122,7 @@ struct Primitive {
 }
 
 impl<'a> Writer<'a> {
-    /// Adds a node at `parent_from_node`; returns its index.
+    /// Adds a node with its pose `parent_from_node`; returns the index of the node.
     fn node(
         &mut self,
         name: &str,
@@ -142,7 +145,7 @@ impl<'a> Writer<'a> {
         Ok(self.nodes.len() - 1)
     }
 
-    /// Adds a node with a pinhole camera of the same vertical field of view; distortion is left out.
+    /// Adds a node with a pinhole camera of the same vertical field of view; lens distortion is omitted.
     fn camera(&mut self, camera: &Camera, world_from_camera: &Pose) -> usize {
         let seen = &camera.intrinsics;
         self.cameras.push(json!({
@@ -165,7 +168,7 @@ impl<'a> Writer<'a> {
         self.nodes.len() - 1
     }
 
-    /// Mesh with one primitive per surface: fewer draw calls than one per part.
+    /// Adds a mesh with one primitive per surface, which needs fewer draw calls than one per part; returns its index.
     fn mesh(&mut self, name: &str, visual: &'a [VisualPart]) -> Result<usize, EncodeError> {
         if let Some(&known) = self.known.get(&visual.as_ptr()) {
             return Ok(known);
@@ -203,7 +206,7 @@ impl<'a> Writer<'a> {
         self.accessors[positions]["min"] = json!(low.to_array());
         self.accessors[positions]["max"] = json!(high.to_array());
         let mut attributes = json!({ "POSITION": positions });
-        // Without normals a viewer shades every triangle flat.
+        // Without normals, a viewer uses flat shading.
         if own.normals.len() == count {
             attributes["NORMAL"] = json!(self.accessor(floats(&own.normals), ARRAY_BUFFER, FLOAT, count, "VEC3"));
         }
@@ -284,7 +287,7 @@ impl<'a> Writer<'a> {
         Ok(self.images.len() - 1)
     }
 
-    /// Bytes of the file with one node as its scene.
+    /// Content of the file, with this node as the root of its scene.
     fn finish(self, root: usize) -> Vec<u8> {
         let mut document = json!({
             "asset": { "version": "2.0", "generator": concat!("genmanip ", env!("CARGO_PKG_VERSION")) },
@@ -295,7 +298,7 @@ impl<'a> Writer<'a> {
         let textures: Vec<Value> = (0..self.images.len()).map(|image| json!({ "source": image })).collect();
         let materials: Vec<Value> = self.materials.into_iter().map(|(_, material)| material).collect();
         let uses_ior = materials.iter().any(|material| material.get("extensions").is_some());
-        // glTF forbids empty lists.
+        // glTF forbids empty lists, so these are omitted.
         for (name, list) in [
             ("meshes", self.meshes),
             ("cameras", self.cameras),
@@ -335,13 +338,13 @@ impl<'a> Writer<'a> {
 }
 
 impl Primitive {
-    /// Adds the triangles of a part in the frame of its link.
+    /// Adds the triangles of a part, transformed to the frame of its link.
     fn add(&mut self, part: &VisualPart) {
         let (mesh, first) = (&part.render_mesh, self.positions.len());
         let count = mesh.positions.len();
         let (place, first_corner) = (&part.link_from_part, first as u32);
         self.positions.extend(mesh.positions.iter().map(|at| place.transform_point(at.as_dvec3()).as_vec3()));
-        // Attributes that one part lacks are dropped for all: their lists then are shorter than the positions.
+        // An attribute that one part lacks is dropped for all, since its list is then shorter than the positions.
         if mesh.normals.len() == count {
             let turned = |normal: &Vec3| place.transform_vector(normal.as_dvec3()).as_vec3().normalize_or(Vec3::Z);
             self.normals.extend(mesh.normals.iter().map(turned));

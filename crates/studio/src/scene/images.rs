@@ -1,4 +1,4 @@
-//! Images of the renderer that makes the datasets, with the visible share of each object.
+//! Camera images, rendered as for datasets, with the visible share of each object.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -12,15 +12,15 @@ use genmanip_render::{
 };
 use genmanip_workspace::WorkspaceError;
 
-/// Size of the images, pixels.
+/// Width and height of the images, pixels.
 pub const SIZE_PX: [u32; 2] = [512, 288];
-/// Quality of the JPEG files, 1-100; chosen.
+/// Quality of the JPEG files, 1-100. Chosen by hand.
 const QUALITY: u8 = 88;
-/// Number of scenes whose renderers are kept.
+/// Maximum number of scenes whose renderers are kept.
 const MAX_SCENES: usize = 4;
-/// Number of objects whose whole outlines are remembered by a renderer.
+/// Maximum number of silhouette sizes that a renderer remembers.
 const MAX_OUTLINES: usize = 512;
-/// Height of objects that are left out of an image, m: far below every image.
+/// Height to which objects are moved that an image must not show, m: far below the view of every camera.
 const AWAY_M: f64 = -50.0;
 
 /// An image of one camera.
@@ -28,11 +28,11 @@ const AWAY_M: f64 = -50.0;
 pub struct CameraImage {
     /// JPEG file.
     pub jpeg: Vec<u8>,
-    /// Visible share of each object's pixels by id; without those that are outside of the image.
+    /// Visible share of each object's silhouette, 0 to 1, by id; objects outside the image are absent.
     pub visible_shares: BTreeMap<String, f64>,
 }
 
-/// Renderers of the scenes that were drawn last; each continues its last image of a camera.
+/// Renderers of the most recently rendered scenes; each reuses its last image of every camera.
 #[derive(Debug, Default)]
 pub struct Painters {
     kept: Mutex<Vec<(String, Arc<Mutex<Painter>>)>>,
@@ -46,15 +46,15 @@ struct Painter {
     robot: Arc<RobotModel>,
     assets: Arc<RenderAssets>,
     renderer: Renderer,
-    /// Pixels of an object alone, by what they depend on.
+    /// Number of pixels of an object without occlusion, by everything that it depends on, as text.
     outlines: BTreeMap<String, usize>,
 }
 
 impl Painters {
-    /// Image of a scenario at its start; `key` names its scene, `models` are those of its objects.
+    /// Image of a scenario's initial scene. `key` identifies the scene for reuse; `models` are those of its objects.
     ///
     /// # Errors
-    /// When there is no such camera, or it cannot be drawn.
+    /// When the camera does not exist, or the image cannot be rendered.
     pub fn draw(
         &self,
         key: &str,
@@ -134,7 +134,7 @@ impl Painter {
         })
     }
 
-    /// True if only poses and cameras have changed.
+    /// True if the renderer can be reused: only poses and cameras have changed.
     fn fits(&self, scenario: &Scenario, models: &[Arc<ObjectModel>]) -> bool {
         let (old, new) = (&self.world, &scenario.world);
         let same_models =
@@ -185,7 +185,7 @@ impl Painter {
         })
     }
 
-    /// Pixels of one object without the others and the robot.
+    /// Number of pixels of an object rendered without the other objects and the robot.
     fn outline(&mut self, scenario: &Scenario, index: usize, camera: &Camera) -> Result<usize, WorkspaceError> {
         let placed = &scenario.objects[index];
         let Camera { name: _, mount, mount_from_camera, intrinsics, distortion: _, sensor: _ } = camera;
@@ -205,7 +205,8 @@ impl Painter {
         Ok(outline)
     }
 
-    /// Poses at the start: of everything, or of one object alone. The hand stays, since cameras are mounted on it.
+    /// Initial poses of everything, or with all objects but one out of view. The hand remains, since cameras are
+    /// mounted on it.
     fn state(&self, scenario: &Scenario, only: Option<usize>) -> Result<FrameState, WorkspaceError> {
         let away = Pose::from_position(DVec3::Z * AWAY_M);
         let poses = scenario.objects.iter().enumerate().map(|(index, placed)| {

@@ -1,4 +1,4 @@
-//! Meshes of links as GLB files, named by the hash of their content.
+//! Cache of link meshes as GLB files, addressed by the hash of their content.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -9,35 +9,35 @@ use sha2::{Digest, Sha256};
 
 use super::glb::link_glb;
 
-/// Most bytes of files that are kept; others are written again when they are asked for.
+/// Maximum total size of cached files, bytes; files dropped from the cache are encoded again when requested.
 const MAX_BYTES: usize = 256 << 20;
-/// Most bodies whose files are known; a forgotten one is known again with the next scene that shows it.
+/// Maximum number of bodies whose hashes are known; a forgotten body is hashed again with the next scene that shows it.
 const MAX_BODIES: usize = 4096;
 
-/// Files of the bodies that were shown, by hash.
+/// GLB files of the links of all bodies shown so far, by hash.
 #[derive(Debug, Default)]
 pub struct MeshStore {
     known: Mutex<Known>,
 }
 
-/// An object or a robot; held, so that its address stays its own.
+/// An object or a robot. Owning it keeps its address unique, which is the key of the cache.
 #[derive(Clone, Debug)]
 pub enum Body {
-    /// An object.
+    /// Model of an object.
     Object(Arc<ObjectModel>),
-    /// A robot.
+    /// Model of a robot.
     Robot(Arc<RobotModel>),
 }
 
 #[derive(Debug, Default)]
 struct Known {
-    /// Hashes of the links of a body, by its address; `None` for a link without surface.
+    /// Bodies and the hashes of their links, by address of the body; `None` for a link without visual geometry.
     bodies: BTreeMap<usize, (Body, Vec<Option<String>>)>,
-    /// Addresses of the bodies, oldest first.
+    /// Addresses of the bodies, least recently added first.
     order: Vec<usize>,
     files: BTreeMap<String, File>,
     bytes: usize,
-    /// Number of accesses.
+    /// Number of accesses so far, as a logical time for evicting the least recently used file.
     clock: u64,
 }
 
@@ -48,7 +48,7 @@ struct File {
 }
 
 impl MeshStore {
-    /// Hash of the file of each link of a body; `None` for a link without surface.
+    /// Hash of the GLB file of each link of a body; `None` for a link without visual geometry.
     ///
     /// # Errors
     /// When a texture of the body is broken.
@@ -56,7 +56,7 @@ impl MeshStore {
         if let Some((_, hashes)) = self.lock().bodies.get(&body.address()) {
             return Ok(hashes.clone());
         }
-        // Written without the lock: several scenes are opened at once.
+        // Encoded without holding the lock, since several scenes may be opened at the same time.
         let files = body.links().map(|(name, visual)| match visual {
             [] => Ok(None),
             visual => link_glb(name, visual).map(Some),
@@ -75,7 +75,7 @@ impl MeshStore {
         Ok(hashes)
     }
 
-    /// File of a hash; `None` if no body that was shown has it.
+    /// GLB file with a hash; `None` if no body shown so far has it.
     pub fn file(&self, hash: &str) -> Option<Arc<[u8]>> {
         let mut known = self.lock();
         known.clock += 1;
@@ -95,7 +95,7 @@ impl MeshStore {
         Some(bytes)
     }
 
-    // A poisoned lock still guards whole maps.
+    // A panic of another thread leaves the maps consistent, so a poisoned lock is used.
     fn lock(&self) -> std::sync::MutexGuard<'_, Known> {
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -113,7 +113,7 @@ impl Known {
         }
     }
 
-    /// Adds a file and drops those that were not used for longest.
+    /// Adds a file and evicts the least recently used ones beyond [`MAX_BYTES`].
     fn keep(&mut self, hash: &str, bytes: Arc<[u8]>) {
         self.clock += 1;
         self.bytes += bytes.len();
@@ -136,7 +136,7 @@ impl Body {
         }
     }
 
-    /// Name and surfaces of each link.
+    /// Name and visual geometry of each link.
     fn links(&self) -> impl Iterator<Item = (&str, &[VisualPart])> {
         let (objects, robots) = match self {
             Self::Object(model) => (model.links.as_slice(), &[][..]),

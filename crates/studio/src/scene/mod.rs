@@ -1,4 +1,4 @@
-//! Scenes as the page and modelling programs draw them: meshes as GLB, and what stands where.
+//! Scenes for the page and for modelling programs: meshes as GLB, and bodies with their poses.
 
 pub mod exported;
 pub mod glb;

@@ -1,4 +1,4 @@
-//! Scene as one JSON message: task, objects, cameras, surfaces and robot, with the addresses of their meshes.
+//! Scene as one JSON message: task, objects, cameras, surfaces and robot, with the URLs of their meshes.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -15,21 +15,21 @@ use serde::Serialize;
 
 use super::meshes::{Body, MeshStore};
 
-/// Most other wordings of an instruction that are shown.
+/// Maximum number of paraphrases of an instruction.
 const PARAPHRASES: usize = 4;
 
 /// Scene of one revision of a scenario.
 #[derive(Clone, Debug, Serialize)]
 pub struct SceneMessage {
-    /// Key of the scenario in addresses.
+    /// Key of the scenario in URLs.
     pub key: String,
     /// Id of the scenario.
     pub id: String,
-    /// True if the first edit makes a copy.
+    /// True if the scenario is read-only, so that the first edit makes a copy.
     pub read_only: bool,
-    /// Collection that it belongs to.
+    /// Collection that the scenario belongs to.
     pub source: String,
-    /// Key of the scenario of which it is a copy.
+    /// Key of the scenario that this one was copied from; `None` for an original.
     pub parent: Option<String>,
     /// Revision that is shown.
     pub revision: u64,
@@ -37,40 +37,40 @@ pub struct SceneMessage {
     pub state: SceneState,
     /// Support surfaces, the table first.
     pub surfaces: Vec<SurfaceMessage>,
-    /// Usable part of the table, metres.
+    /// Usable part of the table, m, world frame.
     pub workspace: Workspace,
-    /// Robot at its start.
+    /// The robot in its initial configuration.
     pub robot: RobotMessage,
 }
 
-/// Everything that an edit may change.
+/// All parts of a scene that an edit can change.
 #[derive(Clone, Debug, Serialize)]
 pub struct SceneState {
-    /// Key of the scenario in addresses.
+    /// Key of the scenario in URLs.
     pub key: String,
     /// Revision of the scenario.
     pub revision: u64,
     /// Kind of the task.
     pub kind: TaskKind,
-    /// Instruction.
+    /// Instruction of the task.
     pub instruction: String,
-    /// Other wordings of it.
+    /// Paraphrases of the instruction.
     pub paraphrases: Vec<String>,
     /// Alternatives of the goal, each a list of conditions.
     pub goal: Vec<Vec<Atom>>,
-    /// Conditions of each alternative in words, alternatives joined by "or".
+    /// One sentence per alternative of the goal, for people.
     pub goal_sentences: Vec<String>,
     /// Description of the initial scene.
     pub description: String,
-    /// Relations of the initial scene.
+    /// Edges of the initial scene graph.
     pub edges: Vec<GraphEdge>,
     /// Objects in the order of the scenario.
     pub objects: Vec<ObjectMessage>,
     /// Cameras of the world.
     pub cameras: Vec<CameraMessage>,
-    /// True if the author has a command to undo.
+    /// True if the author can undo a command.
     pub can_undo: bool,
-    /// True if the author has a command to redo.
+    /// True if the author can redo a command.
     pub can_redo: bool,
 }
 
@@ -79,58 +79,58 @@ pub struct SceneState {
 pub struct ObjectMessage {
     /// Id of the instance.
     pub id: String,
-    /// Uid of its asset in the catalogue.
+    /// Uid of the object's asset in the catalogue.
     pub uid: String,
-    /// Display name.
+    /// Name of the object for people.
     pub name: String,
-    /// One sentence.
+    /// Description in one sentence.
     pub description: String,
-    /// Part that it plays in the task.
+    /// Role of the object in the task.
     pub role: Role,
-    /// True if the gripper can hold it.
+    /// True if the gripper can grasp the object.
     pub graspable: bool,
-    /// `world_from_object`.
+    /// Pose of the object, `world_from_object`.
     pub pose: Pose,
     /// Joint positions, rad or m.
     pub joint_positions: Vec<f64>,
     /// Joints, in the order of the positions.
     pub joints: Vec<JointMessage>,
-    /// Names of its states.
+    /// Names of the object's states.
     pub states: Vec<String>,
-    /// Joint positions that set each state; joints that the state does not name stay as they are.
+    /// Joint positions that set each state, rad or m; joints that the state does not define keep their position.
     pub state_joint_positions: BTreeMap<String, Vec<f64>>,
-    /// State that it is in.
+    /// State that the object is in; `None` for none.
     pub state: Option<String>,
-    /// Lowest and highest corner of its world-aligned bounds, metres.
+    /// Minimum and maximum corner of the axis-aligned bounding box, m, world frame.
     pub bounds_m: [[f64; 3]; 2],
-    /// Links with their meshes.
+    /// Links of the object that have a mesh.
     pub links: Vec<LinkMessage>,
 }
 
 /// A joint of an object.
 #[derive(Clone, Debug, Serialize)]
 pub struct JointMessage {
-    /// Name, unique in the object.
+    /// Name of the joint, unique within the object.
     pub name: String,
-    /// `hinge`, or `slide`.
+    /// Type: `hinge` or `slide`.
     pub kind: &'static str,
-    /// Smallest position, rad or m.
+    /// Lower limit, rad or m.
     pub lower: f64,
-    /// Largest position, rad or m.
+    /// Upper limit, rad or m.
     pub upper: f64,
 }
 
-/// Part of an object in its task.
+/// Role of an object in a task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
-    /// Its place or state is in the goal.
+    /// The goal requires a relation with the object as subject, or a state of it.
     Moved,
-    /// The goal refers to it.
+    /// The goal uses the object as a reference.
     Reference,
-    /// In the task's graph.
+    /// The object is in the task's scene graph, but not in the goal.
     Other,
-    /// Unmentioned.
+    /// The object is not in the task's scene graph.
     Distractor,
 }
 
@@ -139,61 +139,62 @@ pub enum Role {
 pub struct LinkMessage {
     /// Name of the link.
     pub name: String,
-    /// Address of its mesh.
+    /// URL of the link's mesh, a GLB file.
     pub mesh: String,
-    /// Pose of the link.
+    /// Pose of the link, `world_from_link`.
     pub world_from_link: Pose,
 }
 
-/// A camera with its pose in the world.
+/// A camera with its pose.
 #[derive(Clone, Debug, Serialize)]
 pub struct CameraMessage {
-    /// Camera as in scenario files.
+    /// The camera as in scenario files.
     #[serde(flatten)]
     pub camera: Camera,
-    /// Pose with optical axes (x right, y down, z ahead); on the hand, for the robot at its start.
+    /// Pose of the optical frame (x right, y down, z forwards); for a camera on the hand, at the robot's initial
+    /// configuration.
     pub world_from_camera: Pose,
 }
 
 /// A support surface.
 #[derive(Clone, Debug, Serialize)]
 pub struct SurfaceMessage {
-    /// Id in the world.
+    /// Id of the surface in the world.
     pub id: String,
-    /// Display name.
+    /// Name of the surface for people.
     pub name: String,
-    /// Centre of its top, metres.
+    /// Centre of the upper side, m, world frame.
     pub center_m: [f64; 3],
-    /// Extent along its axes and thickness, metres.
+    /// Extents along the surface's x and y axes, and thickness, m.
     pub size_m: [f64; 3],
-    /// Turn about z, rad.
+    /// Yaw about the vertical, rad.
     pub yaw_rad: f64,
 }
 
-/// The robot at its start.
+/// The robot in its initial configuration.
 #[derive(Clone, Debug, Serialize)]
 pub struct RobotMessage {
-    /// Name in the registry.
+    /// Name of the robot in the registry.
     pub name: String,
-    /// Links with their meshes.
+    /// Links of the robot that have a mesh.
     pub links: Vec<LinkMessage>,
 }
 
-/// Models, meshes and shapes shared by all scenes.
+/// Caches of models, meshes and shapes, shared by all scenes.
 #[derive(Debug, Default)]
 pub struct SceneAssets {
-    /// Files of the meshes.
+    /// Cache of the mesh files.
     pub meshes: MeshStore,
     shapes: Mutex<ShapeCache>,
-    /// Robots by their entry in a world.
+    /// Robots by their entry in a world, as JSON.
     robots: Mutex<BTreeMap<String, Arc<RobotModel>>>,
 }
 
 impl SceneAssets {
-    /// Robot of a world; the same `Arc` for equal entries.
+    /// Robot of a world; equal entries give the same `Arc`.
     ///
     /// # Errors
-    /// When it is not the one that the world was made with.
+    /// When the robot is unknown, or differs from the one that the world was made with.
     pub fn robot(&self, world: &World) -> Result<Arc<RobotModel>, WorkspaceError> {
         let key = serde_json::to_string(&world.robot).unwrap_or_default();
         let mut known = self.robots.lock().unwrap_or_else(PoisonError::into_inner);
@@ -206,10 +207,10 @@ impl SceneAssets {
         Ok(robot)
     }
 
-    /// Fields of a scene that no edit changes: surfaces, workspace and robot.
+    /// Parts of a scene that no edit changes: surfaces and robot.
     ///
     /// # Errors
-    /// When a mesh cannot be written, or as [`SceneAssets::robot`].
+    /// When a mesh cannot be encoded, or as [`SceneAssets::robot`].
     pub fn fixed(&self, world: &World) -> Result<(Vec<SurfaceMessage>, RobotMessage), WorkspaceError> {
         let surfaces = world.surfaces.iter().map(|surface| SurfaceMessage {
             id: surface.id.clone(),
@@ -225,7 +226,8 @@ impl SceneAssets {
         Ok((surfaces.collect(), RobotMessage { name: robot.name.clone(), links }))
     }
 
-    /// Everything that an edit may change; `models` are those of the scenario's objects, in their order.
+    /// Parts of a scene that an edit can change; `models` are those of the scenario's objects, in the order of the
+    /// objects.
     ///
     /// # Errors
     /// As [`SceneAssets::fixed`].
@@ -291,7 +293,7 @@ impl SceneAssets {
         })
     }
 
-    /// State that an articulated object is in, as it is judged.
+    /// State that an articulated object is in, by the same rule as in judging; `None` for none.
     fn current_state(&self, scenario: &Scenario, placed: &PlacedObject, model: &Arc<ObjectModel>) -> Option<String> {
         if model.joint_states.is_empty() {
             return None;
@@ -339,7 +341,7 @@ impl JointMessage {
     }
 }
 
-/// Joint positions that set each state of an object whose joints are at `now`.
+/// Joint positions that set each state of an object whose present joint positions are `now`.
 fn states(model: &ObjectModel, now: &[f64]) -> BTreeMap<String, Vec<f64>> {
     let positions = |state: &JointState| {
         let position = |(index, joint): (usize, &Joint)| {
@@ -365,7 +367,7 @@ fn role(task: &Task, id: &str) -> Role {
     }
 }
 
-/// Conditions of an alternative as a sentence.
+/// Text of the conditions of one alternative, for people.
 fn goal_sentence(task: &Task, all: &[Atom]) -> String {
     let name = |id: &str| task.name_of(id);
     let words = |atom: &Atom| match atom {

@@ -1,27 +1,27 @@
-//! Dropping objects with physics.
+//! Dropping of objects in the physics simulation until they rest.
 
 use std::sync::Arc;
 
 use genmanip_core::{ObjectModel, Pose, Scenario};
 use genmanip_sim::{Model, SceneObject, SettleSettings, Sim, SimError};
 
-/// Moves and turns below these are none, m and rad: objects that already rest keep their numbers.
+/// Translation (m) and rotation (rad) below which an object counts as at rest already and keeps its exact pose.
 const NO_MOVE_M: f64 = 5e-5;
 const NO_TURN_RAD: f64 = 1e-3;
 
-/// An object that came to rest elsewhere.
+/// An object that came to rest at another pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settled {
-    /// Index in the scenario.
+    /// Index in the scenario's list of objects.
     pub object: usize,
-    /// `world_from_object`.
+    /// New pose, `world_from_object`.
     pub pose: Pose,
-    /// Joint positions, rad or m.
+    /// New joint positions, rad or m.
     pub joint_positions: Vec<f64>,
 }
 
-/// Objects that move when a scenario is simulated without its robot, at rest; `false` if they still move at the end of
-/// the time.
+/// Objects that move when a scenario is simulated without its robot, with their final poses; and true if everything
+/// came to rest within the time limit.
 ///
 /// # Errors
 /// When the simulator refuses the scene, or the simulation becomes unstable.

@@ -1,4 +1,4 @@
-//! Access: requests of other sites are refused, and a server for others demands its token.
+//! Access control: refusal of requests from other sites, and the token that a server on a public address requires.
 
 use axum::http::header::{AUTHORIZATION, COOKIE};
 use axum::http::{HeaderMap, Uri};
@@ -6,10 +6,10 @@ use genmanip_core::hexadecimal;
 use sha2::{Digest, Sha256};
 use std::io::Read;
 
-/// Name of the cookie that holds the token: files of the page are requested without it in their address.
+/// Name of the cookie with the token; with it, a browser requests files of the page without a token in the URL.
 const COOKIE_NAME: &str = "genmanip_studio";
 
-/// A secret that every request must hold: in a header, a cookie, or the address.
+/// Secret that every request must contain: in the `Authorization` header, a cookie, or the URL.
 #[derive(Clone, Debug)]
 pub struct Token {
     text: String,
@@ -17,27 +17,27 @@ pub struct Token {
 }
 
 impl Token {
-    /// A new one from the random numbers of the system.
+    /// A new random token (128 bits from the system's generator).
     ///
     /// # Errors
-    /// When the system gives none.
+    /// When `/dev/urandom` cannot be read.
     pub fn random() -> std::io::Result<Self> {
         let mut bytes = [0; 16];
         std::fs::File::open("/dev/urandom")?.read_exact(&mut bytes)?;
         Ok(Self::new(&hexadecimal(&bytes)))
     }
 
-    /// A given one.
+    /// The token with a given text.
     pub fn new(text: &str) -> Self {
         Self { text: text.to_owned(), digest: digest(text) }
     }
 
-    /// The secret.
+    /// Text of the token.
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// True if a request holds the token.
+    /// True if a request contains the token.
     pub fn is_held(&self, headers: &HeaderMap, uri: &Uri) -> bool {
         let text = |name| headers.get_all(name).into_iter().filter_map(|value| value.to_str().ok());
         let mut bearers = text(AUTHORIZATION).filter_map(|value| value.strip_prefix("Bearer "));
@@ -48,18 +48,18 @@ impl Token {
             || cookies.any(|(name, given)| name == COOKIE_NAME && self.is(given))
     }
 
-    /// True if the address itself holds the token.
+    /// True if the URL contains the token, as `token=…`.
     pub fn is_in_address(&self, uri: &Uri) -> bool {
         let mut pairs = uri.query().unwrap_or_default().split('&').filter_map(|pair| pair.split_once('='));
         pairs.any(|(name, given)| name == "token" && self.is(given))
     }
 
-    /// Value of the header that stores the token in a browser.
+    /// Value of the `Set-Cookie` header that stores the token in a browser.
     pub fn cookie(&self) -> String {
         format!("{COOKIE_NAME}={}; Path=/; HttpOnly; SameSite=Strict", self.text)
     }
 
-    /// Compares digests, whose time tells nothing about the secret.
+    /// Compares digests, so that the time of the comparison reveals nothing about the secret.
     fn is(&self, given: &str) -> bool {
         digest(given) == self.digest
     }

@@ -1,4 +1,4 @@
-//! Answers of the server: JSON bodies and errors with a hint.
+//! HTTP responses: JSON bodies, and errors with a hint.
 
 use axum::Json;
 use axum::http::StatusCode;
@@ -8,29 +8,29 @@ use serde_json::{Value, json};
 
 use crate::edit::EditError;
 
-/// Reason why a request is not met.
+/// Reason why a request is refused.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Refusal {
     /// Another author changed the same field.
     Conflict {
-        /// Field, values and revision.
+        /// The [`crate::edit::EditError::Conflict`] as JSON: field, values and revision.
         conflict: Value,
     },
-    /// The request does not fit the scenario, or what it names is not there.
+    /// The request does not fit the scenario, or refers to something that does not exist in it.
     Unsuited {
-        /// Reason.
+        /// Description of the reason.
         message: String,
         /// Suggested fix.
         hint: String,
     },
-    /// Nothing of that name.
+    /// No scenario, episode or file of this name.
     Unknown {
-        /// Reason.
+        /// Description of the missing item.
         message: String,
     },
-    /// Editing of the scenario has stopped; the same request may be met later.
+    /// Editing of the scenario has stopped; the same request may succeed later.
     Stopped {
-        /// Reason.
+        /// Description of the reason.
         message: String,
         /// Suggested fix.
         hint: String,
@@ -38,17 +38,17 @@ pub enum Refusal {
 }
 
 impl Refusal {
-    /// [`Refusal::Unsuited`].
+    /// A [`Refusal::Unsuited`].
     pub fn unsuited(message: impl Into<String>, hint: impl Into<String>) -> Self {
         Self::Unsuited { message: message.into(), hint: hint.into() }
     }
 
-    /// A defect or shortage of the server.
+    /// Refusal because of an error of a computation, with its causes and its hint.
     pub fn of_work(error: &WorkspaceError) -> Self {
         Self::unsuited(with_causes(error), error.hint().unwrap_or_default())
     }
 
-    /// Error as `{"message", "hint"}`.
+    /// The error as JSON: `{"message", "hint"}`.
     pub fn error(&self) -> Value {
         match self {
             Self::Conflict { .. } => json!({ "message": "another author changed the same", "hint": "choose one" }),
@@ -91,12 +91,12 @@ impl IntoResponse for Refusal {
     }
 }
 
-/// Answer that nothing is at an address.
+/// Response 404 with a message.
 pub fn not_found(message: &str) -> Response {
     Refusal::Unknown { message: message.to_owned() }.into_response()
 }
 
-/// Message of an error with those behind it.
+/// Message of an error with those of its causes.
 pub fn with_causes(error: &dyn std::error::Error) -> String {
     let mut message = error.to_string();
     let mut cause = error.source();

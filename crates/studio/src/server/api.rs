@@ -1,4 +1,4 @@
-//! Operations over HTTP; those of the page's tabs are the same.
+//! HTTP API of all operations; the page uses the same ones.
 
 use std::sync::Arc;
 
@@ -23,9 +23,9 @@ use crate::edit::{Command, Placement, Stamp};
 use crate::scene::settling::settle;
 use crate::verdict::{Inspection, ProblemCode, Stage};
 
-/// Objects of a search without a limit.
+/// Maximum number of search results by default.
 const FOUND: usize = 40;
-/// Moves of objects that were not to be dropped, below which they stay, metres.
+/// Displacement below which an object that was not dropped itself keeps its pose, m.
 const NUDGE_M: f64 = 0.002;
 
 /// Routes of all operations.
@@ -64,7 +64,7 @@ async fn list(State(studio): Shared) -> Response {
     work(&studio, |studio| Ok(Json(studio.list()).into_response())).await
 }
 
-/// Author on whose behalf something is read, and the revision; the newest if absent.
+/// Author who reads a scenario, and revision to read; the newest if `None`.
 #[derive(Deserialize)]
 struct Reader {
     author: Option<String>,
@@ -96,7 +96,7 @@ async fn redo(State(studio): Shared, Path(key): Path<String>, request: HttpReque
     change(&studio, key, request, Request::Redo).await
 }
 
-/// A revision that is taken back.
+/// Revision to revert.
 #[derive(Deserialize)]
 struct Reverted {
     revision: u64,
@@ -132,7 +132,7 @@ async fn history(State(studio): Shared, Path(key): Path<String>) -> Response {
             let commands = document.history().map(|line| (line.revision, serde_json::to_value(line)));
             let snapshots = document.snapshots().iter().map(|named| (named.revision, serde_json::to_value(named)));
             let mut lines: Vec<_> = commands.chain(snapshots).collect();
-            // A stable sort: a snapshot follows the command that it names.
+            // The sort is stable: a snapshot stays behind the command that made its revision.
             lines.sort_by_key(|(revision, _)| *revision);
             lines.into_iter().filter_map(|(_, line)| line.ok()).collect()
         });
@@ -141,7 +141,7 @@ async fn history(State(studio): Shared, Path(key): Path<String>) -> Response {
     .await
 }
 
-/// Two revisions.
+/// Two revisions to compare.
 #[derive(Deserialize)]
 struct Between {
     from: u64,
@@ -158,7 +158,7 @@ async fn difference(State(studio): Shared, Path(key): Path<String>, Query(betwee
     .await
 }
 
-/// A named snapshot; the id may be left out, since a second one of the same name is harmless.
+/// Name for the newest revision. The operation id may be omitted: a second snapshot of the same name is harmless.
 #[derive(Deserialize)]
 struct Named {
     name: String,
@@ -197,7 +197,7 @@ async fn verdict(State(studio): Shared, Path(key): Path<String>) -> Response {
     .await
 }
 
-/// A problem whose repairs are asked for.
+/// Problem for which repairs are requested.
 #[derive(Deserialize)]
 struct Asked {
     stage: Stage,
@@ -230,7 +230,7 @@ async fn repairs(State(studio): Shared, Path(key): Path<String>, request: HttpRe
     .await
 }
 
-/// Objects to drop: by id, or at given poses.
+/// Objects to drop, each from its present or from another pose.
 #[derive(Deserialize)]
 struct Dropped {
     #[serde(default)]
@@ -241,9 +241,9 @@ struct Dropped {
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum OneDropped {
-    /// From its pose.
+    /// Id of an object that is dropped from its present pose.
     Here(String),
-    /// From another pose.
+    /// An object that is dropped from another pose.
     There(Placement),
 }
 
@@ -267,7 +267,7 @@ async fn drop_objects(State(studio): Shared, Path(key): Path<String>, request: H
             if let Some((pose, joint_positions)) = pose {
                 let object = &mut scenario.objects[index];
                 object.pose = pose;
-                // Other numbers of joints are those of another object.
+                // Joint positions of another number belong to another object.
                 let fits = |joints: &Vec<f64>| joints.len() == object.joint_positions.len();
                 if let Some(joints) = joint_positions.filter(fits) {
                     object.joint_positions = joints;
@@ -307,7 +307,7 @@ async fn drop_objects(State(studio): Shared, Path(key): Path<String>, request: H
     .await
 }
 
-/// Revision that an image should show.
+/// Revision that a camera image shows; the newest if `None`.
 #[derive(Deserialize)]
 struct AtRevision {
     revision: Option<u64>,
@@ -337,7 +337,7 @@ async fn image(
     .await
 }
 
-/// JSON that fits into a header: other characters as `\u` escapes.
+/// JSON that fits into an HTTP header: characters outside ASCII as `\u` escapes.
 fn ascii_json(value: &impl serde::Serialize) -> String {
     let text = serde_json::to_string(value).unwrap_or_default();
     let escaped = |letter: char| -> String {
@@ -350,7 +350,7 @@ fn ascii_json(value: &impl serde::Serialize) -> String {
     text.chars().map(escaped).collect()
 }
 
-/// Query of the catalogue.
+/// Query and filters of a catalogue search.
 #[derive(Deserialize)]
 struct Searched {
     #[serde(default)]

@@ -10,38 +10,38 @@ use genmanip_viz::object_images::portrait;
 use genmanip_workspace::WorkspaceError;
 use serde::Serialize;
 
-/// Side of a thumbnail, pixels.
+/// Side length of a thumbnail, pixels.
 const THUMBNAIL_PX: u32 = 112;
-/// Quality of the JPEG files, 1-100; chosen.
+/// Quality of the JPEG thumbnails, 1-100. Chosen by hand.
 const QUALITY: u8 = 85;
-/// Most objects of an answer, and longest query in bytes.
+/// Maximum number of results, and maximum length of a query in bytes.
 const MAX_FOUND: usize = 200;
 const MAX_QUERY: usize = 400;
-/// Number of thumbnails that are kept, some 4 kB each.
+/// Maximum number of cached thumbnails, about 4 kB each.
 const MAX_THUMBNAILS: usize = 4096;
 
-/// An object that was found.
+/// A search result.
 #[derive(Clone, Debug, Serialize)]
 pub struct Found {
     /// Uid in the catalogue.
     pub uid: String,
-    /// Display name.
+    /// Name of the object for people.
     pub name: String,
-    /// One sentence.
+    /// Description in one sentence.
     pub description: String,
-    /// Category.
+    /// Category of the object.
     pub category: String,
-    /// Extent along its axes, metres.
+    /// Extents along the object's axes, m.
     pub size_m: [f64; 3],
-    /// True if the gripper can hold it.
+    /// True if the gripper can grasp the object.
     pub graspable: bool,
-    /// True if it has joints.
+    /// True if the object has joints.
     pub articulated: bool,
-    /// Address of its thumbnail.
+    /// URL of the thumbnail.
     pub thumbnail: String,
 }
 
-/// Index and thumbnails of the catalogue, made on first use.
+/// Search index and thumbnails of the catalogue, each made on first use.
 #[derive(Debug, Default)]
 pub struct CatalogueSearch {
     index: OnceLock<Index>,
@@ -49,7 +49,7 @@ pub struct CatalogueSearch {
 }
 
 impl CatalogueSearch {
-    /// Objects that fit a query, best first; all for an empty one.
+    /// Objects that match a query, best first, at most `limit`; all objects for an empty query.
     pub fn find(&self, query: &str, graspable: Option<bool>, limit: usize) -> Vec<Found> {
         let index = self.index.get_or_init(|| Catalogue::all().index());
         let filter = Filter { graspable, ..Filter::default() };
@@ -69,10 +69,10 @@ impl CatalogueSearch {
         found.into_iter().map(shown).collect()
     }
 
-    /// Thumbnail of an object as JPEG; `None` without such an object.
+    /// Thumbnail of an object as JPEG; `None` if the object does not exist.
     ///
     /// # Errors
-    /// When it cannot be drawn.
+    /// When the thumbnail cannot be rendered.
     pub fn thumbnail(&self, uid: &str) -> Result<Option<Arc<[u8]>>, WorkspaceError> {
         let known = || self.thumbnails.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(thumbnail) = known().get(uid) {

@@ -1,4 +1,4 @@
-//! Jobs that run policies: one at a time for each scenario, its tabs told how far it is.
+//! Jobs that run policies, at most one at a time per scenario; the scenario's tabs are informed of the progress.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -15,28 +15,28 @@ use super::answer::Refusal;
 use super::room::{Event, Room};
 use crate::run::{EpisodeRow, OfferedPolicies};
 
-/// Most jobs that wait or run at once.
+/// Maximum number of waiting and running jobs.
 const MAX_JOBS: usize = 64;
-/// Shortest time between two reports of a job.
+/// Minimum interval between two progress messages of a job.
 const REPORT: Duration = Duration::from_millis(100);
 
-/// Jobs of all scenarios.
+/// Jobs of all scenarios, and their limits.
 pub struct Runs {
-    /// Folder of the run folders.
+    /// Folder that the run folders are created in.
     pub folder: PathBuf,
     /// Policies that may be run.
     pub offered: OfferedPolicies,
-    /// Episodes that are simulated at once.
+    /// Limits the number of episodes that are simulated at the same time.
     pub turns: Semaphore,
-    /// Episode that was played back last, by the key of its scenario and its own.
+    /// Episode that was played back last, with the keys of its scenario and of the episode; `None` before the first.
     pub played: Mutex<Option<((String, String), Arc<Episode>)>>,
-    /// Newest job by the key of its scenario.
+    /// Newest job of each scenario, by key.
     jobs: Mutex<BTreeMap<String, Arc<Job>>>,
 }
 
-/// A job of a scenario.
+/// Job that runs one episode on a scenario.
 pub struct Job {
-    /// True once it is to end.
+    /// True once the job is to be cancelled.
     pub stop: Arc<AtomicBool>,
     run: Mutex<Run>,
     told: Mutex<Option<Instant>>,
@@ -45,20 +45,20 @@ pub struct Job {
 /// State of a job, as the page sees it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Run {
-    /// Number, unique while the studio runs.
+    /// Number of the job, unique while the studio runs.
     pub number: u64,
-    /// Name of the policy, with arguments.
+    /// Name of the policy, with its arguments.
     pub policy: String,
-    /// Revision that is run.
+    /// Revision of the scenario that is run.
     pub revision: u64,
     /// Stage of the job.
     pub state: Stage,
-    /// Time of the episode so far, s.
+    /// Simulated time of the episode so far, s.
     pub time_s: f64,
-    /// Reason why it failed.
+    /// Error as `{"message", "hint"}`; `None` unless the job failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<Value>,
-    /// Row of the new episode.
+    /// Row of the new episode; `None` until it is stored.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub episode: Option<EpisodeRow>,
 }
@@ -67,40 +67,40 @@ pub struct Run {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
-    /// Other episodes run.
+    /// Waiting for episodes of other jobs.
     Waiting,
-    /// Its episode is simulated.
+    /// The episode is being simulated.
     Running,
-    /// Its episode was kept.
+    /// The episode was stored.
     Done,
-    /// It was ended; nothing was kept.
+    /// The job was cancelled; nothing was stored.
     Cancelled,
-    /// It could not be run.
+    /// The episode could not be run.
     Failed,
 }
 
 impl Runs {
-    /// No job yet; episodes go to `folder`.
+    /// No jobs yet; run folders are created in `folder`.
     pub fn new(folder: PathBuf, offered: OfferedPolicies) -> Self {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         Self { folder, offered, turns: Semaphore::new(cores), played: Mutex::default(), jobs: Mutex::default() }
     }
 
-    /// Message about the newest job of a scenario, if there is one.
+    /// Message about the newest job of a scenario; `None` without one.
     pub fn message(&self, key: &str) -> Option<Value> {
         let job = self.newest(key)?;
         Some(json!({ "type": "run", "run": job.now() }))
     }
 
-    /// Newest job of a scenario.
+    /// Newest job of a scenario; `None` without one.
     pub fn newest(&self, key: &str) -> Option<Arc<Job>> {
         self.lock().get(key).cloned()
     }
 
-    /// Adds a job, unless the scenario has one that is not over.
+    /// Adds a job, unless the scenario has one that has not ended.
     ///
     /// # Errors
-    /// [`Refusal::Unsuited`].
+    /// [`Refusal::Unsuited`] if the scenario has such a job, or too many jobs wait or run.
     pub fn add(&self, key: &str, policy: &str, revision: u64) -> Result<Arc<Job>, Refusal> {
         static NUMBER: AtomicU64 = AtomicU64::new(0);
         let mut jobs = self.lock();
@@ -121,31 +121,31 @@ impl Runs {
         Ok(job)
     }
 
-    // Poisoned locks still guard whole values.
+    // A panic of another thread leaves the values consistent, so a poisoned lock is used.
     fn lock(&self) -> MutexGuard<'_, BTreeMap<String, Arc<Job>>> {
         self.jobs.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Job {
-    /// Its state.
+    /// Present state of the job.
     pub fn now(&self) -> Run {
         self.run.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// True if it neither waits nor runs.
+    /// True if the job neither waits nor runs.
     pub fn is_over(&self) -> bool {
         !matches!(self.now().state, Stage::Waiting | Stage::Running)
     }
 
-    /// Changes the state of the job and tells the tabs of its scenario.
+    /// Changes the state of the job, and sends it to the scenario's tabs.
     pub fn change(&self, room: &Room, change: impl FnOnce(&mut Run)) {
         let mut run = self.run.lock().unwrap_or_else(PoisonError::into_inner);
         change(&mut run);
         let _ = room.events.send(Event::Run(Arc::new(json!({ "type": "run", "run": &*run }))));
     }
 
-    /// Tells the time of the episode, but not too often.
+    /// Sends the simulated time of the episode to the tabs, at most every 100 ms.
     pub fn advance(&self, room: &Room, time_s: f64) {
         let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
         if told.is_some_and(|before| before.elapsed() < REPORT) {

@@ -1,4 +1,4 @@
-//! New scenarios from a sentence, cameras to choose from, and a scenario's world as a file.
+//! HTTP API for new scenarios from a sentence, camera presets, and the world of a scenario as a file.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -30,7 +30,7 @@ pub fn routes() -> Router<Arc<Studio>> {
 
 type Shared = State<Arc<Studio>>;
 
-/// Cameras and sensors that can be bought.
+/// Presets of commercial cameras and sensors.
 async fn cameras() -> Json<Value> {
     let presets = PRESETS
         .iter()
@@ -40,7 +40,7 @@ async fn cameras() -> Json<Value> {
     Json(json!({ "presets": presets.collect::<Vec<_>>(), "sensors": sensors.collect::<Vec<_>>() }))
 }
 
-/// A sentence, with the uids of objects that its phrases mean.
+/// A sentence, with the chosen uid of each ambiguous phrase.
 #[derive(Deserialize)]
 struct Said {
     text: String,
@@ -60,7 +60,7 @@ async fn sentence(State(studio): Shared, request: HttpRequest) -> Response {
     .await
 }
 
-/// Makes a scenario of a sentence.
+/// Makes a scenario from a sentence.
 pub async fn create(State(studio): Shared, request: HttpRequest) -> Response {
     let Said { text, choices } = match body(request).await {
         Ok(said) => said,
@@ -73,7 +73,7 @@ pub async fn create(State(studio): Shared, request: HttpRequest) -> Response {
     .await
 }
 
-/// Revision whose world is asked for; the newest if absent.
+/// Revision whose world is requested; the newest if `None`.
 #[derive(Deserialize)]
 struct AtRevision {
     revision: Option<u64>,

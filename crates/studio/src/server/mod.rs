@@ -1,4 +1,4 @@
-//! The studio's server: the page, scenes and edits over HTTP, and one WebSocket per tab.
+//! HTTP server of the studio: the page, the API, and one WebSocket per tab.
 
 mod access;
 mod answer;
@@ -60,7 +60,7 @@ fn router(studio: Arc<Studio>, listens_on_loopback: bool) -> Router {
         .with_state(studio)
 }
 
-/// Refuses requests of other sites and those without the token.
+/// Refuses requests of other sites, and requests without the token.
 async fn guard(studio: &Studio, listens_on_loopback: bool, request: Request, next: Next) -> Response {
     let refused = |status: StatusCode, message: &str, hint: &str| {
         (status, Json(json!({ "error": { "message": message, "hint": hint } }))).into_response()

@@ -1,4 +1,4 @@
-//! The page: files of `web/dist`, embedded in the program.
+//! Files of the page (`web/dist`), embedded in the program.
 
 use axum::body::Body;
 use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, ETAG, IF_NONE_MATCH};
@@ -14,11 +14,11 @@ use super::answer::not_found;
 #[allow_missing = true]
 struct Files;
 
-/// Sources that the page may load from: this server alone.
+/// Content security policy: the page may load from this server alone.
 const POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; connect-src 'self' ws: wss: blob:; \
                       style-src 'self' 'unsafe-inline'; worker-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'";
 
-/// A file of the page; the page itself for `/`.
+/// A file of the page; `index.html` for `/`.
 pub async fn file(headers: HeaderMap, uri: Uri) -> Response {
     let path = match uri.path().trim_start_matches('/') {
         "" => "index.html",
@@ -36,7 +36,7 @@ pub async fn file(headers: HeaderMap, uri: Uri) -> Response {
 fn answer(path: &str, file: EmbeddedFile, headers: &HeaderMap) -> Response {
     let tag = format!("\"{}\"", hexadecimal(&file.metadata.sha256_hash()[..16]));
     let is_known = headers.get(IF_NONE_MATCH).is_some_and(|known| known.as_bytes() == tag.as_bytes());
-    // Names do not change with the content, so a browser asks each time.
+    // File names do not depend on the content, so browsers must revalidate.
     let head = [
         (CONTENT_TYPE, media_type(path).to_owned()),
         (ETAG, tag),

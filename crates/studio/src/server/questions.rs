@@ -1,4 +1,4 @@
-//! Questions of a folder over HTTP: a person answers them in place of a model.
+//! HTTP API for the questions of an agent in a folder, which a person answers in place of a model.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use super::answer::{Refusal, with_causes};
 use super::requests::{body, work};
 use super::studio::Studio;
 
-/// Routes of all operations.
+/// Routes of this module.
 pub fn routes() -> Router<Arc<Studio>> {
     Router::new()
         .route("/api/questions", get(list))
@@ -53,7 +53,7 @@ async fn image(State(studio): Shared, Path((name, image)): Path<(String, String)
     .await
 }
 
-/// An answer with its author.
+/// Answer of a person to a question, with the author.
 #[derive(Deserialize)]
 struct Said {
     answer: Value,

@@ -1,4 +1,4 @@
-//! Requests: bodies received within bounds, computations on threads of their own.
+//! HTTP requests: size and time limits of bodies, and computations outside the async threads.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,11 +11,12 @@ use serde::de::DeserializeOwned;
 use super::answer::{Refusal, not_found};
 use super::studio::Studio;
 
-/// Largest body of a request, bytes: many times the largest command.
+/// Maximum size of a request's body, bytes: many times the largest command.
 pub const MAX_BODY: usize = 1 << 20;
-/// Most that is read of a body: closed before its end, the connection would be reset and the answer lost.
+/// Maximum size up to which the body of a refused request is still read, bytes. If the connection were closed earlier,
+/// it would be reset and the client would not receive the answer.
 const MAX_READ: usize = 4 * MAX_BODY;
-/// Time-out for receiving a body.
+/// Timeout for receiving a body.
 const RECEIVE: Duration = Duration::from_secs(30);
 
 /// Receives a JSON body.
@@ -31,7 +32,7 @@ pub async fn body<T: DeserializeOwned>(request: Request) -> Result<T, Refusal> {
         .map_err(|error| Refusal::unsuited(format!("the request cannot be read: {error}"), ""))
 }
 
-/// Runs a computation on its own thread when one is free; a panic costs one answer, not the server.
+/// Runs a computation on a blocking thread as soon as a permit is free; a panic fails only this request.
 pub async fn work(
     studio: &Arc<Studio>,
     compute: impl FnOnce(&Studio) -> Result<Response, Refusal> + Send + 'static,

@@ -1,4 +1,4 @@
-//! The desk of the reviews, kept up with the scenarios that are edited.
+//! Review desk of the server, kept up to date with edited scenarios.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,20 +10,22 @@ use super::room::Room;
 use crate::collections::Listed;
 use crate::review::{ReviewDesk, ReviewError, Reviewable, read_item};
 
-/// The desk with the revisions that are on it; read on first use.
+/// Review desk with the revisions that it holds; read on first use.
 #[derive(Debug, Default)]
 pub struct Reviews {
     desk: Mutex<Option<(ReviewDesk, BTreeMap<String, u64>)>>,
-    /// Held while the expert tries a scenario: one at a time, and those who wait take no thread.
+    /// Lock held while the expert tries a scenario, one at a time; it is asynchronous, so that waiting requests block
+    /// no thread.
     pub expert: tokio::sync::Mutex<()>,
 }
 
 impl Reviews {
-    /// Works on the desk with all scenarios, those that are edited at their present revision, and with what other
-    /// programs wrote into the log.
+    /// Runs `work` on the desk, after updating it with all scenarios (edited ones at their present revision) and with
+    /// the
+    /// lines that other programs wrote to the log.
     ///
     /// # Errors
-    /// When the desk cannot be read, and those of the work.
+    /// When the desk cannot be read, and any error of `work`.
     pub fn at_desk<T>(
         &self,
         listed: &[Listed],
@@ -58,7 +60,7 @@ impl Reviews {
     }
 }
 
-/// Refusal of a review.
+/// Refusal for the error of a review.
 pub fn refused(error: ReviewError) -> Refusal {
     match error {
         ReviewError::Invalid(message) => Refusal::unsuited(message, ""),

@@ -1,5 +1,5 @@
-//! Reviews over HTTP: queue, one scenario's reviews, certificates, agreement, balance, and the suite of what was
-//! approved.
+//! HTTP API of reviews: queue, reviews of a scenario, certificates, agreement, balance, and the suite of the approved
+//! scenarios.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -21,7 +21,7 @@ use super::review_desk::refused;
 use super::studio::Studio;
 use crate::review::{self, ReviewDesk, ReviewError, Reviewable};
 
-/// Routes of all operations.
+/// Routes of this module.
 pub fn routes() -> Router<Arc<Studio>> {
     Router::new()
         .route("/api/reviews", get(queue))
@@ -34,7 +34,7 @@ pub fn routes() -> Router<Arc<Studio>> {
 
 type Shared = State<Arc<Studio>>;
 
-/// Reviewer on whose behalf something is read.
+/// Reviewer whose view is requested.
 #[derive(Deserialize)]
 struct AsReviewer {
     reviewer: Option<String>,
@@ -84,10 +84,10 @@ async fn add(State(studio): Shared, Path(key): Path<String>, request: HttpReques
     .await
 }
 
-/// Place where the fields of a review are described.
+/// Hint for an invalid review.
 const HINT: &str = "docs/formats/reviews.md lists the fields of a review";
 
-/// Time of a request, from its caller.
+/// Time of a request, given by its caller.
 #[derive(Deserialize)]
 struct Timed {
     at: String,
@@ -104,7 +104,7 @@ async fn certify(State(studio): Shared, Path(key): Path<String>, request: HttpRe
         let reviewer = reviewer.as_deref().unwrap_or(&studio.author);
         let (item, is_tried) =
             studio.at_desk(|desk| found(desk, &key).map(|item| (item.clone(), desk.trials(item).is_some())))?;
-        // A page that asks again after a lost answer gets the trials that were made.
+        // A repeated request after a lost response gets the trials that were already made.
         if !is_tried {
             let mut tried = Vec::new();
             let keep = |trials| {
@@ -131,7 +131,7 @@ async fn balance(State(studio): Shared) -> Response {
     work(&studio, |studio| studio.at_desk(|desk| Ok(Json(desk.dashboard(&Targets::new())).into_response()))).await
 }
 
-/// A suite to write.
+/// Name and size of the suite to write.
 #[derive(Deserialize)]
 struct Wanted {
     name: String,

@@ -1,4 +1,4 @@
-//! A scenario that is open: its document, who looks at it, and its verdict.
+//! Room of an open scenario: its document, the tabs that show it, and its verdict.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -14,38 +14,38 @@ use super::answer::Refusal;
 use crate::edit::{Applied, Command, EditError, EditedScenario, Stamp};
 use crate::verdict::{Problem, Stage};
 
-/// Messages that a slow tab may be behind before it gets the whole scene instead.
+/// Number of messages a slow tab may lag behind; beyond it, the tab gets the whole scene anew.
 const BEHIND: usize = 256;
 
-/// An open scenario.
+/// An open scenario with the tabs that show it.
 pub struct Room {
-    /// Key in addresses.
+    /// Key of the scenario in URLs.
     pub key: String,
-    /// Collection that it belongs to.
+    /// Collection that the scenario belongs to.
     pub source: String,
-    /// Folder for its copy if it is read-only.
+    /// Folder for the copy if the scenario is read-only; `None` if it is edited in place.
     pub copies: Option<PathBuf>,
-    /// Key of the scenario of which it is a copy.
+    /// Key of the scenario that this one was copied from; `None` for an original.
     pub parent: Option<String>,
     document: Mutex<Document>,
-    /// Messages to its tabs.
+    /// Sender of messages to all tabs.
     pub events: broadcast::Sender<Event>,
-    /// Newest revision that is to be judged.
+    /// Newest revision that is to be judged; `None` before the first one.
     pub wanted: watch::Sender<Option<Revision>>,
-    /// Stages of the verdict on the newest revision.
+    /// Judged stages of the newest revision, in order.
     verdict: Mutex<Vec<StageVerdict>>,
-    /// True once somebody judges the newest revision.
+    /// True once a task judges the newest revisions of this room.
     is_judged: AtomicBool,
-    /// Author of each tab.
+    /// Author of each tab, by number of the tab.
     tabs: Mutex<BTreeMap<u64, String>>,
 }
 
 /// A revision of a scenario.
 #[derive(Clone, Debug)]
 pub struct Revision {
-    /// Number.
+    /// Number of the revision, from 0.
     pub number: u64,
-    /// The scenario.
+    /// The scenario at this revision.
     pub scenario: Arc<Scenario>,
 }
 
@@ -54,9 +54,9 @@ pub struct Revision {
 pub struct StageVerdict {
     /// Revision that was judged.
     pub revision: u64,
-    /// The stage.
+    /// Stage of the verdict.
     pub stage: Stage,
-    /// Its problems.
+    /// Problems that the stage found.
     pub problems: Vec<Problem>,
     /// True for the last stage.
     pub done: bool,
@@ -67,26 +67,26 @@ pub struct StageVerdict {
 pub enum Event {
     /// A command was applied.
     Applied {
-        /// Id that the client chose.
+        /// Id that the client chose for the command.
         client_operation_id: String,
-        /// Its author.
+        /// Author of the command.
         author: String,
-        /// State without the fields that depend on the author.
+        /// State of the scenario, without the fields that depend on the author.
         state: Arc<Value>,
-        /// Authors who may undo and redo.
+        /// For each author, if undo and redo are possible.
         steps: Arc<Steps>,
     },
-    /// A stage was judged.
+    /// A stage of the verdict was judged.
     Verdict(Arc<Value>),
-    /// Authors came or left.
+    /// Authors of all tabs, after one came or left.
     Presence(Vec<String>),
-    /// Editing has stopped.
+    /// Editing has stopped, for this reason.
     Stopped(String),
-    /// An episode is run, or was.
+    /// An episode of a policy makes progress or has ended.
     Run(Arc<Value>),
 }
 
-/// True for each author of a tab who may undo, and redo.
+/// Two flags per author of a tab: undo is possible, redo is possible.
 #[derive(Clone, Debug, Default)]
 pub struct Steps(BTreeMap<String, (bool, bool)>);
 
@@ -95,11 +95,11 @@ pub struct Steps(BTreeMap<String, (bool, bool)>);
 pub enum Request {
     /// A new command.
     Command(Box<Command>),
-    /// Takes the author's last command back.
+    /// Undoes the author's last command.
     Undo(Stamp),
-    /// Applies it again.
+    /// Redoes the author's last undone command.
     Redo(Stamp),
-    /// Takes any one command back.
+    /// Reverts the command that made a revision, whoever gave it.
     Revert(u64, Stamp),
 }
 
@@ -113,14 +113,14 @@ impl Request {
     }
 }
 
-/// The document, or why editing has stopped.
+/// The edited scenario, and the reason if editing has stopped.
 struct Document {
     edited: EditedScenario,
     stopped: Option<String>,
 }
 
 impl Room {
-    /// Opens a document for tabs.
+    /// A room for a document, without tabs.
     pub fn new(
         key: String,
         source: String,
@@ -142,31 +142,31 @@ impl Room {
         }
     }
 
-    /// Newest revision.
+    /// Newest revision of the scenario.
     pub fn revision(&self) -> Revision {
         revision_of(&self.lock().edited)
     }
 
-    /// True if an author may undo, and redo.
+    /// Two flags for an author: undo is possible, redo is possible.
     pub fn steps(&self, author: &str) -> (bool, bool) {
         let document = self.lock();
         (document.edited.can_undo(author), document.edited.can_redo(author))
     }
 
-    /// Message why editing has stopped.
+    /// Reason why editing has stopped; `None` if it has not.
     pub fn stopped(&self) -> Option<String> {
         self.lock().stopped.clone()
     }
 
-    /// Reads the document, such as its history.
+    /// Passes the document to `read`, e.g. to list its history.
     pub fn read<T>(&self, read: impl FnOnce(&EditedScenario) -> T) -> T {
         read(&self.lock().edited)
     }
 
-    /// Makes a change and tells all tabs; `describe` gives the state of a revision.
+    /// Applies a change and sends the new state to all tabs; `describe` gives the state of a revision.
     ///
     /// # Errors
-    /// [`Refusal`]; a stop is reported to the tabs.
+    /// [`Refusal`]; if editing stops because of it, the tabs are informed as well.
     pub fn change(
         &self,
         request: &Request,
@@ -193,9 +193,9 @@ impl Room {
             (author, steps)
         };
         let steps = Arc::new(Steps(authors.into_iter().map(step).collect()));
-        // A command that was sent again changes nothing.
+        // A repeated command (same operation id) made no new revision.
         if revision.number != before {
-            // Under one lock, so that no verdict comes before its state, and none of an older revision is kept.
+            // Both locks are held, so that no verdict is sent before its state and none of an older revision is kept.
             let mut verdict = self.lock_verdict();
             verdict.clear();
             let _ = self.events.send(Event::Applied {
@@ -217,7 +217,7 @@ impl Room {
         self.edit(&mut self.lock(), |edited| edited.snapshot(name, stamp))
     }
 
-    /// Edits the document; a stopped one is opened again first.
+    /// Edits the document; if editing has stopped, the document is reopened first.
     fn edit<T>(
         &self,
         document: &mut Document,
@@ -239,7 +239,7 @@ impl Room {
         })
     }
 
-    /// Wants a revision judged, unless it already wants a newer one.
+    /// Requests a verdict on a revision, unless one on a newer revision is requested.
     pub fn want(&self, revision: Revision) {
         self.wanted.send_if_modified(|wanted| {
             let is_newer = wanted.as_ref().is_none_or(|known| known.number <= revision.number);
@@ -250,12 +250,12 @@ impl Room {
         });
     }
 
-    /// True for the first caller, who is to judge the newest revision from now on.
+    /// True for the first caller only, which must judge the newest revision from then on.
     pub fn is_first_judge(&self) -> bool {
         !self.is_judged.swap(true, Ordering::Relaxed)
     }
 
-    /// Keeps what a stage found and tells the tabs, if the revision is still the newest.
+    /// Stores the verdict of a stage and sends it to the tabs, if its revision is still the newest.
     pub fn judged(&self, found: StageVerdict) {
         let mut verdict = self.lock_verdict();
         let is_newest = self.wanted.borrow().as_ref().is_some_and(|wanted| wanted.number == found.revision);
@@ -265,24 +265,24 @@ impl Room {
         }
     }
 
-    /// Stages of the verdict on the newest revision, as far as they are judged.
+    /// Verdict on the newest revision: the stages judged so far.
     pub fn verdict(&self) -> Vec<StageVerdict> {
         self.lock_verdict().clone()
     }
 
-    /// Adds or renames the author of a tab and tells the others.
+    /// Adds a tab, or renames its author, and sends all authors to the tabs.
     pub fn enter(&self, tab: u64, author: &str) {
         self.lock_tabs().insert(tab, author.to_owned());
         let _ = self.events.send(Event::Presence(self.authors()));
     }
 
-    /// Removes a tab and tells the others.
+    /// Removes a tab and sends the remaining authors to the tabs.
     pub fn leave(&self, tab: u64) {
         self.lock_tabs().remove(&tab);
         let _ = self.events.send(Event::Presence(self.authors()));
     }
 
-    /// Authors of the tabs, sorted, each once.
+    /// Names of the tabs' authors, sorted, without duplicates.
     pub fn authors(&self) -> Vec<String> {
         let mut authors: Vec<String> = self.lock_tabs().values().cloned().collect();
         authors.sort();
@@ -290,7 +290,7 @@ impl Room {
         authors
     }
 
-    // Poisoned locks still guard whole values.
+    // A panic of another thread leaves the values consistent, so a poisoned lock is used.
     fn lock(&self) -> MutexGuard<'_, Document> {
         self.document.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -305,7 +305,7 @@ impl Room {
 }
 
 impl StageVerdict {
-    /// Message to a tab.
+    /// The verdict as a message to a tab; `preview` is passed through.
     pub fn message(&self, preview: bool) -> Value {
         let Self { revision, stage, problems, done } = self;
         json!({
@@ -316,7 +316,7 @@ impl StageVerdict {
 }
 
 impl Steps {
-    /// State with the fields of an author.
+    /// A state with the fields that depend on this author.
     pub fn complete(&self, state: &Value, author: &str) -> Value {
         let (can_undo, can_redo) = self.0.get(author).copied().unwrap_or_default();
         let mut state = state.clone();

@@ -1,4 +1,5 @@
-//! Episodes over HTTP: a policy is run on a scenario, one job at a time for each, and kept episodes are played back.
+//! HTTP API of episodes: running a policy on a scenario, one job at a time per scenario, and playback of stored
+//! episodes.
 
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, PoisonError};
@@ -23,10 +24,10 @@ use super::room::{Revision, Room};
 use super::studio::Studio;
 use crate::run::{EpisodeJob, EpisodeRow, KeptEpisode, Moments, kept_episodes, playback};
 
-/// Sources that the page of a transcript may load: its own images and styles.
+/// Content security policy of a transcript's page: only its own images and styles.
 const TRANSCRIPT_POLICY: &str = "default-src 'none'; img-src 'self' data:; style-src 'unsafe-inline'";
 
-/// Routes of runs and episodes.
+/// Routes of this module.
 pub fn routes() -> Router<Arc<Studio>> {
     Router::new()
         .route("/api/policies", get(policies))
@@ -80,7 +81,7 @@ async fn start(State(studio): Shared, Path(key): Path<String>, request: HttpRequ
     .await
 }
 
-/// Time limit that a frozen suite gives its scenario, s.
+/// Time limit of a scenario in its frozen suite, simulated s; `None` if it is in no suite.
 fn horizon_s(file: &std::path::Path) -> Option<f64> {
     let id = file.file_stem()?.to_string_lossy();
     let folder = file.parent().filter(|folder| folder.ends_with("scenarios"))?.parent()?;
@@ -88,7 +89,7 @@ fn horizon_s(file: &std::path::Path) -> Option<f64> {
     entries.into_iter().find(|entry| entry.id == id).map(|entry| entry.horizon_s)
 }
 
-/// Runs a job when its turn comes.
+/// Runs a job as soon as a permit is free.
 async fn run(studio: Arc<Studio>, room: Arc<Room>, job: Arc<Job>, episode: EpisodeJob) {
     let shared = Arc::clone(&studio);
     let Ok(_turn) = shared.runs.turns.acquire().await else { return };
@@ -149,14 +150,14 @@ async fn list(State(studio): Shared, Path(key): Path<String>) -> Response {
     .await
 }
 
-/// Episodes of a scenario.
+/// Stored episodes of a scenario, at all of its revisions.
 fn episodes(studio: &Studio, room: &Room) -> Vec<KeptEpisode> {
     let (file, id, hashes) =
         room.read(|document| (document.path().to_owned(), document.scenario().id.clone(), document.hashes()));
     kept_episodes(&file, &id, &hashes, &studio.runs.folder)
 }
 
-/// An episode of a scenario by the key of its row.
+/// Stored episode of a scenario, by the key in its row.
 fn find(studio: &Studio, room: &Room, episode: &str) -> Result<KeptEpisode, Refusal> {
     let mut kept = episodes(studio, room).into_iter();
     let shown = || episode.chars().take(40).collect::<String>();
@@ -171,7 +172,7 @@ fn read(kept: &KeptEpisode) -> Result<Episode, Refusal> {
         .map_err(|error| Refusal::of_work(&unreadable(error)))
 }
 
-/// Scene of an episode's scenario; its revision is 0.
+/// Scenario of an episode as a revision for display, with number 0.
 fn revision_of(episode: &Episode) -> Revision {
     Revision { number: 0, scenario: Arc::new(episode.scenario.clone()) }
 }

@@ -1,4 +1,4 @@
-//! The WebSocket of a tab: it opens scenarios, and hears of edits, verdicts and other authors.
+//! WebSocket of a tab: it opens a scenario, and receives edits, verdicts and the names of the other authors.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -19,22 +19,22 @@ use super::studio::{Changed, Studio};
 use crate::edit::{Command, Operation, Placement, Stamp};
 use crate::verdict::Stage;
 
-/// Most tabs at once.
+/// Maximum number of open tabs.
 const MAX_TABS: usize = 256;
-/// Longest name of an author, bytes.
+/// Maximum length of an author's name, bytes.
 const MAX_AUTHOR: usize = 80;
-/// Time after which a silent connection is probed; a dead one is noticed by that.
+/// Idle time after which a connection is pinged, to detect a dead one.
 const PROBE: Duration = Duration::from_secs(30);
-/// Time-out for sending a message to a tab.
+/// Timeout for sending a message to a tab.
 const SEND: Duration = Duration::from_secs(20);
-/// Stages of a preview: the fast ones.
+/// Stages that a preview judges, the fast ones.
 const PREVIEWED: [Stage; 3] = [Stage::Wording, Stage::Relations, Stage::Collision];
 
-/// Message of a tab.
+/// Message from a tab.
 #[derive(Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
 enum FromTab {
-    /// Shows a scenario from now on.
+    /// Shows a scenario.
     Open {
         scenario: String,
         #[serde(default)]
@@ -45,13 +45,13 @@ enum FromTab {
     },
     Undo(Stamp),
     Redo(Stamp),
-    /// Judges poses that are not stored.
+    /// Judges poses that are not stored, while an object is dragged.
     Preview {
         objects: Vec<Placement>,
     },
 }
 
-/// Accepts a tab.
+/// Accepts the connection of a tab.
 pub async fn connect(State(studio): State<Arc<Studio>>, upgrade: WebSocketUpgrade) -> Response {
     static OPEN: AtomicUsize = AtomicUsize::new(0);
     static NUMBER: AtomicU64 = AtomicU64::new(0);
@@ -70,7 +70,7 @@ pub async fn connect(State(studio): State<Arc<Studio>>, upgrade: WebSocketUpgrad
     })
 }
 
-/// Counts an open tab.
+/// Counter of open tabs, which is decremented on drop.
 struct Open(&'static AtomicUsize);
 
 impl Drop for Open {
@@ -79,20 +79,20 @@ impl Drop for Open {
     }
 }
 
-/// A tab and the scenario that it shows.
+/// A tab, with the scenario that it shows.
 struct Tab {
     studio: Arc<Studio>,
     number: u64,
     author: String,
     room: Option<Arc<Room>>,
     events: Option<broadcast::Receiver<Event>>,
-    /// Newest preview to judge; the judge ends when it is replaced.
+    /// Sender of the newest preview to judge; dropping it ends the judging task.
     previews: Option<watch::Sender<Option<Revision>>>,
     outbox: mpsc::Sender<Value>,
     inbox: Option<mpsc::Receiver<Value>>,
 }
 
-/// Next thing to do.
+/// Next event to handle.
 enum Next {
     Received(Option<Result<Message, axum::Error>>),
     Event(Result<Event, broadcast::error::RecvError>),
@@ -107,7 +107,7 @@ impl Tab {
         Self { studio, number, author, room: None, events: None, previews: None, outbox, inbox: Some(inbox) }
     }
 
-    /// Serves the tab until it leaves.
+    /// Serves the tab until it disconnects.
     async fn serve(&mut self, mut socket: WebSocket) {
         let Some(mut outgoing) = self.inbox.take() else { return };
         loop {
@@ -149,7 +149,7 @@ impl Tab {
         }
     }
 
-    /// Answers to a message.
+    /// Handles a message of the tab; returns the answers.
     async fn received(&mut self, text: &str) -> Vec<Value> {
         let message: FromTab = match serde_json::from_str(text) {
             Ok(message) => message,
@@ -195,7 +195,7 @@ impl Tab {
         }
     }
 
-    /// Shows a scenario from now on.
+    /// Shows a scenario: subscribes to its messages and enters its room.
     fn enter(&mut self, room: &Arc<Room>) {
         self.leave();
         self.events = Some(room.events.subscribe());
@@ -212,10 +212,10 @@ impl Tab {
         self.events = None;
     }
 
-    /// The whole scene with the verdict as far as it is known.
+    /// Messages with the whole scene, and the stages of the verdict so far.
     async fn scene(&mut self) -> Vec<Value> {
         let Some(room) = self.room.clone() else { return Vec::new() };
-        // What happens from here on is in the events; what happened before is in the scene.
+        // Subscribe before reading the scene, so that no event is lost in between.
         self.events = Some(room.events.subscribe());
         let (studio, author) = (Arc::clone(&self.studio), self.author.clone());
         let own = Arc::clone(&room);
@@ -233,7 +233,7 @@ impl Tab {
         }
     }
 
-    /// Makes a change; all tabs hear of it, this one by the same event.
+    /// Applies a change. All tabs get it as an event, this one included, so that there usually is no other answer.
     async fn change(&mut self, request: Request) -> Vec<Value> {
         let id = request.stamp().client_operation_id.clone();
         let Some(room) = self.room.clone() else {
@@ -250,13 +250,13 @@ impl Tab {
                     "state": steps.complete(&state, &self.author),
                 });
                 if !Arc::ptr_eq(&own, &room) {
-                    // The first edit of a read-only scenario made a copy.
+                    // The first edit of a read-only scenario has made a copy, which the tab shows from now on.
                     self.enter(&own);
                     let mut messages = self.scene().await;
                     messages.push(applied);
                     return messages;
                 }
-                // A command that was sent again has no event.
+                // A repeated command causes no event, so it is answered directly.
                 if own.revision().number == before { vec![applied] } else { Vec::new() }
             }
             Err(Refusal::Conflict { conflict }) => {
@@ -266,7 +266,7 @@ impl Tab {
         }
     }
 
-    /// Message of an event.
+    /// Message to the tab for an event of its room.
     fn heard(&self, event: Event) -> Value {
         match event {
             Event::Applied { client_operation_id, author, state, steps } => json!({
@@ -279,11 +279,11 @@ impl Tab {
         }
     }
 
-    /// Judges poses by the fast stages; a newer preview replaces an older one.
+    /// Requests a preview of poses by the fast stages; it replaces an older one that is not judged yet.
     fn preview(&mut self, objects: Vec<Placement>) {
         let Some(room) = &self.room else { return };
         let now = room.revision();
-        // Poses that do not fit the scene are of an object that has gone meanwhile.
+        // The poses do not fit if another author has removed an object meanwhile; there is no preview then.
         let Ok(change) = (Operation::Place { objects }).apply(&now.scenario, Catalogue::all()) else { return };
         let wanted = Revision { number: now.number, scenario: Arc::new(change.scenario) };
         let previews = self.previews.get_or_insert_with(|| {
@@ -295,7 +295,7 @@ impl Tab {
     }
 }
 
-/// Judges the newest preview until the tab leaves the scenario.
+/// Judges the newest preview, until the tab shows another scenario.
 async fn judge_previews(
     studio: Arc<Studio>,
     mut wanted: watch::Receiver<Option<Revision>>,
@@ -310,23 +310,23 @@ async fn judge_previews(
                 if newer.has_changed().unwrap_or(true) {
                     return false;
                 }
-                // A tab that does not read gets no more previews.
+                // Judging ends if the tab's queue is full or closed.
                 found.is_none_or(|found| outbox.try_send(found.message(true)).is_ok())
             })
         });
-        // A stage that cannot run is reported when the poses are stored.
+        // Errors of a preview are ignored; they are reported when the poses are stored.
         drop(judged.await);
     }
 }
 
-/// Judges the newest revision of a scenario from now on; once per scenario.
+/// Starts the task that judges the newest revision of a scenario; once per scenario.
 fn begin_judging(studio: &Arc<Studio>, room: &Arc<Room>) {
     if !room.is_first_judge() {
         return;
     }
     let mut wanted = room.wanted.subscribe();
     room.want(room.revision());
-    // A room is never closed, and its judge sleeps where nothing changes.
+    // The task never ends, since rooms are never closed; it sleeps while nothing changes.
     let (studio, room) = (Arc::clone(studio), Arc::clone(room));
     tokio::spawn(async move {
         while wanted.changed().await.is_ok() {
@@ -355,7 +355,7 @@ fn begin_judging(studio: &Arc<Studio>, room: &Arc<Room>) {
     });
 }
 
-/// Runs a computation on its own thread.
+/// Runs a computation on a blocking thread; a panic becomes a refusal.
 async fn blocking<T: Send + 'static>(
     compute: impl FnOnce() -> Result<T, Refusal> + Send + 'static,
 ) -> Result<T, Refusal> {
@@ -366,7 +366,7 @@ async fn blocking<T: Send + 'static>(
     tokio::task::spawn_blocking(compute).await.unwrap_or_else(|_| Err(panicked()))
 }
 
-/// Sends a message; `None` if the tab is gone or does not read.
+/// Sends a message; `None` if the tab is disconnected or does not read within [`SEND`].
 async fn send(socket: &mut WebSocket, message: Message) -> Option<()> {
     tokio::time::timeout(SEND, socket.send(message)).await.ok()?.ok()
 }

@@ -1,4 +1,4 @@
-//! State that all requests share: the scenarios, those that are open, and the means to draw and judge them.
+//! State shared by all requests: the collection, the open rooms, and everything needed to render and judge scenarios.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -29,44 +29,44 @@ use crate::verdict::{Equipment, Inspection, Stage};
 
 /// State shared by all requests.
 pub struct Studio {
-    /// Author of tabs that name none.
+    /// Author of tabs that give no name.
     pub author: String,
-    /// Secret that requests must hold.
+    /// Secret that requests must contain; `None` if anybody may use the studio.
     pub token: Option<Token>,
-    /// Search of the catalogue.
+    /// Search index of the catalogue.
     pub catalogue: CatalogueSearch,
-    /// Meshes and models.
+    /// Cache of meshes and models.
     pub scenes: SceneAssets,
-    /// Computations at once.
+    /// Limits the number of simultaneous computations.
     pub permits: Semaphore,
     /// Reviews of the scenarios.
     pub reviews: Reviews,
-    /// Episodes that are run.
+    /// Episodes that are running or have ended.
     pub runs: Runs,
     /// Questions that people answer in place of a model.
     pub questions: Option<FolderAnswers>,
     out: PathBuf,
     collection: Mutex<Collection>,
     rooms: Mutex<BTreeMap<String, Arc<Room>>>,
-    /// Held while a scenario is made.
+    /// Lock held while a scenario is created.
     creating: Mutex<()>,
     painters: Painters,
-    /// By the robot of a world.
+    /// Planner and settings by robot and surfaces of the world, as JSON.
     equipment: Mutex<BTreeMap<String, Arc<Equipment>>>,
 }
 
 /// A change that was applied.
 pub struct Changed {
-    /// Room of the scenario, or of the copy that was made.
+    /// Room of the scenario, or of its copy if the scenario is read-only.
     pub room: Arc<Room>,
-    /// State without the fields that depend on the author.
+    /// State of the scenario, without the fields that depend on the author.
     pub state: Arc<Value>,
-    /// Those fields.
+    /// For each author, if undo and redo are possible.
     pub steps: Arc<Steps>,
 }
 
 impl Studio {
-    /// A studio of a collection.
+    /// A studio for a collection; copies of read-only scenarios are written below `out` of the settings.
     pub fn new(collection: Collection, settings: StudioSettings) -> Self {
         let StudioSettings { address: _, out, author, token, policies, questions } = settings;
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
@@ -88,15 +88,15 @@ impl Studio {
         }
     }
 
-    /// Folder of copies, of the log of reviews and of suites.
+    /// Folder of copies, built suites and the log of reviews.
     pub fn out(&self) -> &Path {
         &self.out
     }
 
-    /// Works on the scenarios under review.
+    /// Runs `work` on the review desk, which is brought up to date before.
     ///
     /// # Errors
-    /// When the log of reviews or a suite's file is damaged, and those of the work.
+    /// When the log of reviews or a suite's file is damaged, and any error of `work`.
     pub fn at_desk<T>(&self, work: impl FnOnce(&mut ReviewDesk) -> Result<T, Refusal>) -> Result<T, Refusal> {
         let edited = self.edited();
         let listed: Vec<Listed> = self.lock_collection().iter().cloned().collect();
@@ -104,17 +104,17 @@ impl Studio {
         self.reviews.at_desk(&listed, &edited, read, work)
     }
 
-    /// Scenarios with a log of edits, opened.
+    /// Rooms of all scenarios with a log of edits, opened if necessary.
     fn edited(&self) -> Vec<(Listed, Arc<Room>)> {
         let edited: Vec<Listed> = {
             let collection = self.lock_collection();
             collection.iter().filter(|listed| EditLog::path_of(&listed.path).is_file()).cloned().collect()
         };
-        // A log that cannot be read is reported where its scenario is opened.
+        // Scenarios with an unreadable log are skipped here; the error is reported when they are opened.
         edited.into_iter().filter_map(|listed| self.room(&listed.key).ok().map(|room| (listed, room))).collect()
     }
 
-    /// List of all scenarios.
+    /// Rows of all scenarios as JSON, for the page's list.
     pub fn list(&self) -> Value {
         drop(self.edited());
         let open: BTreeMap<String, Arc<Room>> = self.lock_rooms().clone();
@@ -131,7 +131,7 @@ impl Studio {
         collection.iter().map(row).collect()
     }
 
-    /// Room of a scenario, opened if need be.
+    /// Room of a scenario, opened if necessary.
     ///
     /// # Errors
     /// [`Refusal::Unknown`], and when its file cannot be read.
@@ -153,11 +153,12 @@ impl Studio {
         Ok(room)
     }
 
-    /// Room in which a scenario is edited: its own, or for a read-only one that of its copy, made on first use.
+    /// Room in which a scenario is edited: its own, or that of its copy if it is read-only. The copy is made on first
+    /// use.
     fn editable(&self, key: &str) -> Result<Arc<Room>, Refusal> {
         let room = self.room(key)?;
         let Some(folder) = &room.copies else { return Ok(room) };
-        // The lock makes two first edits share one copy.
+        // Under the lock, so that two simultaneous first edits use the same copy.
         let copy = {
             let mut collection = self.lock_collection();
             let path = collection.get(key).map(|listed| listed.path.clone()).unwrap_or_default();
@@ -175,10 +176,10 @@ impl Studio {
         self.room(&copy)
     }
 
-    /// Adds a scenario that `make` writes into the studio's folder, and returns its key; one at a time.
+    /// Adds a scenario that `make` writes into the studio's folder, and returns its key; one call at a time.
     ///
     /// # Errors
-    /// Those of `make`, and when its file cannot be read.
+    /// Those of `make`, and when the written file cannot be read.
     pub fn create(&self, make: impl FnOnce(&Path) -> Result<PathBuf, WorkspaceError>) -> Result<String, Refusal> {
         let _alone = self.creating.lock().unwrap_or_else(PoisonError::into_inner);
         let file = make(&self.out).map_err(|error| Refusal::of_work(&error))?;
@@ -196,7 +197,7 @@ impl Studio {
         serde_json::to_value(&message).map_err(|error| Refusal::unsuited(error.to_string(), ""))
     }
 
-    /// Scene of a revision of a scenario, or of an episode's, to look at.
+    /// Scene of a revision of a scenario or of an episode, without the fields that depend on an author.
     ///
     /// # Errors
     /// As [`Studio::scene`].
@@ -235,7 +236,7 @@ impl Studio {
         Ok(Changed { room, state, steps })
     }
 
-    /// Models of a scenario's objects.
+    /// Models of a scenario's objects, in the order of the objects.
     ///
     /// # Errors
     /// When an object is unknown or has changed.
@@ -269,7 +270,7 @@ impl Studio {
         draw().map_err(|error: WorkspaceError| Refusal::of_work(&error))
     }
 
-    /// Judges the stages of a revision one after the other, until `go_on` says no.
+    /// Judges the given stages of a revision in order, until `go_on` returns false.
     pub fn judge(
         &self,
         now: &Revision,
@@ -291,10 +292,10 @@ impl Studio {
         Ok(())
     }
 
-    /// Planner and settings of verdicts for the robot of a world.
+    /// Planner and settings for verdicts on scenarios in this world.
     ///
     /// # Errors
-    /// When the robot cannot be used.
+    /// When the world's robot cannot be loaded.
     pub fn equipment(&self, world: &World) -> Result<Arc<Equipment>, Refusal> {
         let key = serde_json::to_string(&(&world.robot, &world.surfaces)).unwrap_or_default();
         let mut known = self.equipment.lock().unwrap_or_else(PoisonError::into_inner);
@@ -306,7 +307,8 @@ impl Studio {
         Ok(equipment)
     }
 
-    // Poisoned locks still guard whole values. Rooms are locked before the collection.
+    // A panic of another thread leaves the values consistent, so a poisoned lock is used. Lock order: rooms, then
+    // collection.
     fn lock_rooms(&self) -> MutexGuard<'_, BTreeMap<String, Arc<Room>>> {
         self.rooms.lock().unwrap_or_else(PoisonError::into_inner)
     }

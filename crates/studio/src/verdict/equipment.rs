@@ -1,4 +1,4 @@
-//! Equipment of verdicts: assets, planner, grasps and settings.
+//! Equipment for verdicts: assets, planner, grasps and settings.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -11,25 +11,25 @@ use genmanip_workspace::{WorkspaceError, worlds};
 
 use super::problem::Stage;
 
-/// Assets, planner, known grasps and settings of verdicts; shared by all scenarios of one robot.
+/// Assets, planner, verified grasps and settings for verdicts, shared by all scenarios with the same robot.
 #[derive(Clone)]
 pub struct Equipment {
-    /// Source of the models.
+    /// Source of object models.
     pub assets: &'static dyn AssetSource,
     /// Planner of the robot.
     pub planner: Arc<Planner>,
-    /// Grasps tried beforehand.
+    /// Library of grasps that were verified in simulation.
     pub grasps: &'static GraspLibrary,
-    /// Settings of layouts.
+    /// Settings of the layout's checks.
     pub settings: LayoutSettings,
     shapes: Arc<Mutex<ShapeCache>>,
 }
 
 impl Equipment {
-    /// The equipment of the program for a world's robot, with default settings.
+    /// Equipment for the robot of a world, with the program's assets and default settings.
     ///
     /// # Errors
-    /// When the robot is unknown or was changed.
+    /// When the robot is unknown, or differs from the one that the world was made with.
     pub fn of_world(world: &World) -> Result<Self, WorkspaceError> {
         Ok(Self {
             assets: Catalogue::all(),
@@ -40,27 +40,27 @@ impl Equipment {
         })
     }
 
-    /// The scene of a scenario; shapes of objects are kept from one call to the next.
+    /// Posed scene of a scenario; collision shapes of objects are cached between calls.
     ///
     /// # Errors
-    /// When an asset is missing or was changed.
+    /// When an asset is missing, or differs from the one that the scenario was made with.
     pub fn scene(&self, scenario: &Scenario) -> Result<PosedScene, AssetError> {
         posed(scenario, self.assets, &mut self.shapes.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
-/// Reason why a stage gives no verdict: a shortage or a defect, never a problem of the scenario.
+/// Reason why a stage has no verdict: an error of the program or of its resources, never a problem of the scenario.
 #[derive(Debug, thiserror::Error)]
 #[error("stage `{}` of the verdict cannot run: {message}", stage.name())]
 pub struct VerdictError {
-    /// The stage.
+    /// Stage that failed.
     pub stage: Stage,
-    /// The cause.
+    /// Description of the cause.
     pub message: String,
 }
 
 impl VerdictError {
-    /// A stage's error.
+    /// An error of this stage.
     pub(super) fn new(stage: Stage, error: impl std::fmt::Display) -> Self {
         Self { stage, message: error.to_string() }
     }

@@ -15,29 +15,29 @@ use super::problem::{Problem, ProblemCode, Stage, Verdict};
 use super::support::{Below, support};
 use super::wording;
 
-/// Number of grasps in reach that are asked which neighbours they would hit.
+/// Maximum number of reachable grasps that are tested for collisions with neighbours.
 const MAX_BLOCKED: usize = 24;
-/// Number of random streams in which a grasp or a goal pose is searched before there is none.
+/// Number of random streams in which a grasp or a goal pose is searched before it counts as not existing.
 const TRIES: u64 = 3;
 
-/// A scenario under inspection; stages may be asked in any order, and share what they compute.
+/// A scenario under inspection. Stages may be requested in any order; their results are cached.
 pub struct Inspection<'a> {
-    /// The scenario.
+    /// The inspected scenario.
     pub(super) scenario: Arc<Scenario>,
     pub(super) equipment: &'a Equipment,
-    /// The scene, or the reason why it cannot be built.
+    /// The posed scene, or the reason why it cannot be built.
     posed: Result<PosedScene, AssetError>,
     pub(super) found: BTreeMap<Stage, Vec<Problem>>,
 }
 
 impl<'a> Inspection<'a> {
-    /// Begins the inspection of a scenario.
+    /// An inspection without results yet.
     pub fn new(scenario: Arc<Scenario>, equipment: &'a Equipment) -> Self {
         let posed = equipment.scene(&scenario);
         Self { scenario, equipment, posed, found: BTreeMap::new() }
     }
 
-    /// The problems that a stage finds.
+    /// Problems that a stage finds.
     ///
     /// # Errors
     /// [`VerdictError`].
@@ -48,7 +48,7 @@ impl<'a> Inspection<'a> {
         let found = match (&self.posed, stage) {
             (_, Stage::Wording) => wording::problems(&self.scenario),
             (Err(error), Stage::Relations) => vec![self.missing(error)],
-            // Without its objects nothing more can be said about the scene.
+            // Without the objects, the other stages cannot be judged.
             (Err(_), _) => Vec::new(),
             (Ok(scene), Stage::Relations) => self.relations(scene),
             (Ok(scene), Stage::Collision) => self.collision(scene)?,
@@ -61,7 +61,7 @@ impl<'a> Inspection<'a> {
         Ok(found)
     }
 
-    /// The verdict of all stages.
+    /// Verdict of all stages; `revision` is only copied into it.
     ///
     /// # Errors
     /// [`VerdictError`].
@@ -73,7 +73,7 @@ impl<'a> Inspection<'a> {
         Ok(Verdict { revision, problems })
     }
 
-    /// The scene, if all its objects exist.
+    /// The posed scene; `None` if an object is missing.
     pub(super) fn scene(&self) -> Option<&PosedScene> {
         self.posed.as_ref().ok()
     }
@@ -142,7 +142,7 @@ impl<'a> Inspection<'a> {
         }
     }
 
-    /// A condition as a clause: `the cola can left of the mug`.
+    /// Text of a condition as a clause: `the cola can left of the mug`.
     fn in_words(&self, atom: &Atom) -> String {
         match atom {
             Atom::Relation { subject, relation, reference, second_reference } => {
@@ -190,7 +190,7 @@ impl<'a> Inspection<'a> {
         Ok(found)
     }
 
-    /// Grasps that were tried beforehand, per node.
+    /// Verified grasps of the objects with nodes, in the order of the nodes.
     fn known_grasps(&self, scene: &PosedScene, stage: Stage) -> Result<Vec<&'a [VerifiedGrasp]>, VerdictError> {
         let Equipment { planner, grasps, .. } = self.equipment;
         let nodes = self.scenario.task.scene_graph.nodes.len();
@@ -198,7 +198,7 @@ impl<'a> Inspection<'a> {
         known.collect::<Result<_, _>>().map_err(|error| VerdictError::new(stage, error))
     }
 
-    /// The checks of a random stream.
+    /// Reachability check of the layout with this random stream.
     fn check<'s>(&'s self, scene: &'s PosedScene, known: &'s [&'s [VerifiedGrasp]], seed: Seed) -> ReachCheck<'s> {
         let Equipment { planner, settings, .. } = self.equipment;
         ReachCheck { scene, world: &self.scenario.world, planner, settings, known_grasps: known, seed }
@@ -232,7 +232,7 @@ impl<'a> Inspection<'a> {
         Ok(fewest.unwrap_or_default())
     }
 
-    /// The problem of an object that cannot be grasped.
+    /// Problem that explains why an object cannot be grasped.
     fn ungraspable(
         &self,
         scene: &PosedScene,
@@ -246,7 +246,7 @@ impl<'a> Inspection<'a> {
         let among_all = obstacles::around(scene, None);
         let checks: Vec<ReachCheck> = self.seeds().map(|seed| self.check(scene, known, seed)).collect();
         let mut candidates = Vec::new();
-        // Known grasps, which need no random stream, and then those of each stream.
+        // Known grasps, which do not depend on the random stream, then sampled ones of each stream.
         let groups = checks.iter().take(1).map(|check| check.known(object));
         for group in groups.chain(checks.iter().map(|check| check.sampled(object))) {
             let group = match group {
@@ -270,7 +270,7 @@ impl<'a> Inspection<'a> {
         if in_reach.is_empty() {
             return unreachable(format!("no grasp of {name} is in reach of the arm"));
         }
-        // By grasp, the neighbours that it would hit.
+        // For each grasp, the neighbours that it would hit.
         let mut hits: Vec<Vec<usize>> = vec![Vec::new(); in_reach.len()];
         for &other in &others {
             let occupied = only(Some(other));
@@ -281,7 +281,7 @@ impl<'a> Inspection<'a> {
             }
         }
         let fewest = hits.iter().map(Vec::len).filter(|&count| count > 0).min().unwrap_or(0);
-        // The nearest neighbour without which a grasp would be free, or nearly so.
+        // The nearest neighbour that obstructs the grasps with the fewest obstructing neighbours.
         let is_in_the_way = |other: usize| hits.iter().any(|hits| hits.len() == fewest && hits.contains(&other));
         let gap_m = |other: usize| planar_gap(scene, object, other).unwrap_or(f64::INFINITY);
         let rank = |one: &usize, two: &usize| {
@@ -342,7 +342,7 @@ impl<'a> Inspection<'a> {
         for alternative in moves(&self.scenario.task.judged_goal(), scene) {
             let infeasible = |seed: Seed| self.check(scene, &known, seed).infeasible(&alternative);
             let mut rejections = self.seeds().map(infeasible);
-            // One feasible stream suffices; the first reason is reported.
+            // The goal is reachable if it is with one stream; otherwise the first reason is reported.
             let first = rejections.next().flatten();
             if first.is_none() || rejections.any(|rejection| rejection.is_none()) {
                 return Ok(Vec::new());
@@ -380,7 +380,8 @@ impl<'a> Inspection<'a> {
     }
 }
 
-/// `None` if the simulation became unstable, which is the scene's fault; other errors are defects or shortages.
+/// Result of a simulation; `None` if it became unstable, which is a problem of the scene. Other errors are those of the
+/// program.
 fn unless_unstable<T>(stage: Stage, simulated: Result<T, SimError>) -> Result<Option<T>, VerdictError> {
     match simulated {
         Ok(value) => Ok(Some(value)),

@@ -11,26 +11,26 @@ use super::inspection::Inspection;
 use super::support::{Below, support};
 use crate::edit::{Operation, Placement};
 
-/// Distances of tried places from the middle of a ring, m.
+/// Radii of the rings of tried places, m.
 const RINGS_M: [f64; 12] = [0.01, 0.02, 0.03, 0.045, 0.06, 0.08, 0.1, 0.13, 0.17, 0.22, 0.28, 0.35];
-/// Places per ring.
+/// Number of places per ring.
 const DIRECTIONS: usize = 16;
-/// Spacing of the grid of places over the table, m.
+/// Spacing of the grid of places on the table, m.
 const GRID_M: f64 = 0.06;
-/// Gap to neighbours if there is no place with the layout's gap, m; the fingers of a gripper still fit beside most
+/// Gap to neighbours that is used if no place has the layout's gap, m; a gripper's fingers still fit beside most
 /// objects.
 const SMALL_GAP_M: f64 = 0.012;
 
-/// An object and what rests on it, moved as one.
+/// An object with everything that rests on it, moved together.
 pub(super) struct Group {
-    /// Indices, the carrier first.
+    /// Indices of the objects; the carrier is the first.
     pub members: Vec<usize>,
 }
 
 impl Group {
     /// The group of an object.
     pub fn of(scene: &PosedScene, world: &World, object: usize) -> Self {
-        // What is sunk deep into another object overlaps it, and is not carried.
+        // An object that penetrates another one deeply counts as overlapping it, not as carried by it.
         let below: Vec<Option<Below>> = (0..scene.objects().len())
             .map(|index| support(scene, world, index))
             .map(|own| (own.gap_m >= -world.relations.sinking_m).then_some(own.below))
@@ -46,7 +46,7 @@ impl Group {
         Self { members }
     }
 
-    /// The operation that shifts the group.
+    /// Operation that shifts the group by a vector, m.
     pub fn shifted(&self, scene: &PosedScene, by: DVec3) -> Operation {
         let objects = scene.objects().enumerate().filter(|(index, _)| self.members.contains(index));
         let placement = |object: &genmanip_relations::PosedObject| Placement {
@@ -59,8 +59,10 @@ impl Group {
 }
 
 impl Inspection<'_> {
-    /// Shifts of a group to free places on its support, nearest first: clear of others, in the
-    /// workspace, without a false edge that was true or that should become true, and with a goal that is false.
+    /// Horizontal shifts of a group (m) to free places on its support, nearest first. There, the group is clear of
+    /// other
+    /// objects and within the workspace, no true edge becomes false, `should_hold` is true, and the goal is not
+    /// reached.
     pub(super) fn free_shifts(&self, group: &Group, should_hold: Option<&genmanip_core::Atom>) -> Vec<DVec3> {
         let Some(scene) = self.scene() else { return Vec::new() };
         let (world, settings) = (&self.scenario.world, &self.equipment.settings);
@@ -69,7 +71,7 @@ impl Inspection<'_> {
         let id = &self.scenario.objects[object].id;
         let mut edges = self.scenario.task.scene_graph.edges.iter();
         let is_carried = edges.any(|edge| edge.subject == *id && edge.relation.is_support());
-        // An object that only happens to be on another one goes back to the table.
+        // An object that is by accident on another one is moved to the table.
         let carrier = match support(scene, world, object).below {
             Below::Object(carrier) if is_carried => Some(carrier),
             Below::Object(_) | Below::Surface(_) | Below::Nothing => None,
@@ -125,7 +127,7 @@ impl Inspection<'_> {
         Vec::new()
     }
 
-    /// Middles of the rings of places: the object itself, and what its edges name.
+    /// Centres of the rings of places: the object itself, and the objects that share an edge with it.
     fn middles(&self, scene: &PosedScene, object: usize, center: DVec2) -> Vec<DVec2> {
         let id = &self.scenario.objects[object].id;
         let edges = self.scenario.task.scene_graph.edges.iter().map(genmanip_core::GraphEdge::atom);
@@ -137,7 +139,7 @@ impl Inspection<'_> {
         std::iter::once(center).chain(middles).collect()
     }
 
-    /// True if a group is clear of everything else, still on its support, and the goal is false.
+    /// True if a group keeps its gap to everything else, is still on its support, and the goal is not reached.
     fn is_free(&self, moved: &PosedScene, group: &Group, carrier: Option<usize>, gap_m: f64) -> bool {
         let world = &self.scenario.world;
         let others = (0..moved.objects().len()).filter(|other| !group.members.contains(other));

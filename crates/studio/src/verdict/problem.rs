@@ -6,23 +6,23 @@ use serde::{Deserialize, Serialize};
 use crate::edit::Operation;
 
 named_enum! {
-    /// Stage of the verdict, in order.
+    /// Stage of the verdict, in the order of judging.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
     #[serde(rename_all = "snake_case")]
     pub enum Stage {
-        /// Rules of task documents, and the independent reader on the instruction.
+        /// Rules of task documents, and the rule-based reader on the instruction.
         Wording = "wording",
-        /// Edges, states and goal on the poses as they are.
+        /// Edges, states and goal at the initial poses.
         Relations = "relations",
-        /// Interpenetration, support and the edges of the surfaces.
+        /// Penetration, support, and objects beyond the edges of surfaces.
         Collision = "collision",
-        /// Grasps that the arm reaches.
+        /// Reachable grasps of the objects that the goal moves.
         Reach = "reach",
-        /// Visibility to the cameras.
+        /// Visibility in the cameras.
         Visibility = "visibility",
-        /// Rest in the simulation.
+        /// Rest of the objects in the physics simulation.
         Stability = "stability",
-        /// Goal poses.
+        /// Reachable goal poses.
         Goal = "goal",
     }
 }
@@ -36,31 +36,31 @@ named_enum! {
         MissingObject = "missing_object",
         /// The instruction fits several objects.
         AmbiguousSentence = "ambiguous_sentence",
-        /// The instruction states another goal, or is not understood.
+        /// The instruction states another goal, or cannot be parsed.
         SentenceMismatch = "sentence_mismatch",
         /// The task breaks a rule of task documents.
         Rule = "rule",
-        /// An edge of the initial graph does not hold.
+        /// An edge of the initial scene graph does not hold.
         EdgeFalse = "edge_false",
-        /// A state of the initial graph does not hold.
+        /// A state in the initial scene graph does not hold.
         StateFalse = "state_false",
-        /// The goal holds already.
+        /// The goal already holds at the start.
         GoalHolds = "goal_holds",
-        /// Two bodies interpenetrate.
+        /// Two bodies penetrate each other.
         Overlap = "overlap",
-        /// Nothing carries the object.
+        /// The object is above its support, without contact.
         Floating = "floating",
-        /// The object is not over its support surface.
+        /// The object extends beyond its support surface.
         Outside = "outside",
-        /// No grasp of the object is in reach, or its joint cannot be moved.
+        /// No grasp of the object is reachable, or its joint cannot be moved.
         Unreachable = "unreachable",
-        /// Every grasp in reach hits a neighbour.
+        /// Every reachable grasp hits a neighbour.
         GraspBlocked = "grasp_blocked",
         /// No prompt camera sees enough of the object.
         Hidden = "hidden",
-        /// The object moves when simulated.
+        /// The object moves in the physics simulation.
         Unstable = "unstable",
-        /// No pose of the object at the goal is free.
+        /// Every goal pose of the object is in collision or out of reach.
         NoGoalPose = "no_goal_pose",
     }
 }
@@ -68,30 +68,30 @@ named_enum! {
 /// A problem of a scenario.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Problem {
-    /// Stage that found it.
+    /// Stage that found the problem.
     pub stage: Stage,
-    /// Kind.
+    /// Kind of the problem.
     pub code: ProblemCode,
-    /// Id of the object with the problem.
+    /// Id of the object with the problem; `None` if it concerns the whole scenario.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub object: Option<String>,
-    /// Id of a second object, such as the neighbour in the way.
+    /// Id of a second object, such as an obstructing neighbour; `None` if there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub other: Option<String>,
     /// Explanation with names and numbers.
     pub message: String,
-    /// Measured value.
+    /// Measured value that decides the problem; `None` if there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub value: Option<f64>,
-    /// Limit of the value.
+    /// Limit that the value violates; `None` without a value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limit: Option<f64>,
-    /// Unit of value and limit, e.g. `mm`.
+    /// Unit of value and limit, e.g. `mm`; `None` without a value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
-    /// True if the scenario cannot be used with it.
+    /// True if the scenario cannot be used unless the problem is repaired.
     pub blocking: bool,
-    /// Repairs, best first; empty until asked for.
+    /// Repairs, best first; empty until they are requested.
     #[serde(default)]
     pub repairs: Vec<Repair>,
 }
@@ -101,7 +101,7 @@ pub struct Problem {
 pub struct Repair {
     /// Description, e.g. `lift it by 4.0 mm`.
     pub label: String,
-    /// The operation.
+    /// Operation that repairs the problem.
     #[serde(flatten)]
     pub operation: Operation,
 }
@@ -109,14 +109,14 @@ pub struct Repair {
 /// Problems of all stages.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
-    /// Revision of the scenario.
+    /// Revision of the scenario that was judged.
     pub revision: u64,
-    /// The problems, in the order of the stages.
+    /// Problems, in the order of the stages.
     pub problems: Vec<Problem>,
 }
 
 impl Problem {
-    /// A blocking problem of an object.
+    /// A blocking problem without values and repairs.
     pub(super) fn new(stage: Stage, code: ProblemCode, object: Option<String>, message: impl Into<String>) -> Self {
         Self {
             stage,
@@ -132,26 +132,26 @@ impl Problem {
         }
     }
 
-    /// The problem with the number that decides it.
+    /// The problem with a measured value, its limit and their unit.
     #[must_use]
     pub(super) fn measured(self, value: f64, limit: f64, unit: &str) -> Self {
         Self { value: Some(value), limit: Some(limit), unit: Some(unit.to_owned()), ..self }
     }
 
-    /// The problem with a second object.
+    /// The problem with the id of a second object.
     #[must_use]
     pub(super) fn with(self, other: impl Into<String>) -> Self {
         Self { other: Some(other.into()), ..self }
     }
 
-    /// True if the other problem is the same, whatever its numbers and words.
+    /// True if the other problem has the same kind and objects; values and message may differ.
     pub fn is_same(&self, other: &Self) -> bool {
         (self.code, &self.object, &self.other) == (other.code, &other.object, &other.other)
     }
 }
 
 impl Verdict {
-    /// The problems with which the scenario cannot be used.
+    /// Blocking problems of all stages.
     pub fn blocking(&self) -> impl Iterator<Item = &Problem> {
         self.problems.iter().filter(|problem| problem.blocking)
     }

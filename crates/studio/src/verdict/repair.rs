@@ -1,4 +1,4 @@
-//! Repairs: operations that remove a problem and add none.
+//! Repairs: operations that remove a problem without adding a blocking one.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -18,17 +18,17 @@ use super::support::{Below, support};
 use crate::edit::{Operation, Placement};
 use crate::scene::settling::{Settled, settle};
 
-/// Number of repairs offered per problem.
+/// Maximum number of repairs offered per problem.
 const MAX_REPAIRS: usize = 3;
-/// Number of candidates that are inspected per problem; each inspection may take a second.
+/// Maximum number of candidates inspected per problem; each inspection may take a second.
 const MAX_INSPECTED: usize = 14;
-/// Angle between tried headings, degrees.
+/// Step between tried yaw angles, degrees.
 const TURN_DEG: i32 = 15;
-/// Gap in the plane of an object that may hide another one, m.
+/// Maximum horizontal gap to an object that may occlude another one, m.
 const HIDING_M: f64 = 0.2;
-/// Gap in the plane of an object that may stand where the goal has another one, m.
+/// Maximum horizontal gap between a goal's reference and an object that may take up the room, m.
 const ROOM_M: f64 = 0.3;
-/// Number of repairs in a row.
+/// Maximum number of repairs applied to one scenario by [`repair_all`].
 const MAX_ROUNDS: usize = 12;
 
 impl Inspection<'_> {
@@ -44,7 +44,7 @@ impl Inspection<'_> {
         Ok(self.cures(problem, most)?.into_iter().map(|(repair, _)| repair).collect())
     }
 
-    /// Up to `most` repairs of a problem with the repaired scenario, best first.
+    /// Up to `most` repairs of a problem, best first, each with the inspection of the repaired scenario.
     fn cures(&mut self, problem: &Problem, most: usize) -> Result<Vec<(Repair, Self)>, VerdictError> {
         let mut cures: Vec<(Repair, Self)> = Vec::new();
         for candidate in self.candidates(problem)?.into_iter().take(MAX_INSPECTED) {
@@ -61,8 +61,9 @@ impl Inspection<'_> {
         Ok(cures)
     }
 
-    /// The operation that lets physics settle the scene; `None` if nothing moves, an object falls over, or they do not
-    /// come to rest.
+    /// Operation that moves objects to where physics lets them settle; `None` if nothing moves, an object falls over,
+    /// or
+    /// the objects do not come to rest.
     ///
     /// # Errors
     /// [`VerdictError`].
@@ -86,7 +87,7 @@ impl Inspection<'_> {
         Ok((is_at_rest && stands && !objects.is_empty()).then_some(Operation::Place { objects }))
     }
 
-    /// The scenario after an operation; `None` if the problem stays or a blocking one is added.
+    /// Inspection of the scenario after an operation; `None` if the problem remains or a blocking one is added.
     fn cured(&mut self, problem: &Problem, operation: &Operation) -> Result<Option<Self>, VerdictError> {
         let Ok(change) = operation.apply(&self.scenario, self.equipment.assets) else { return Ok(None) };
         let same_task = change.scenario.task == self.scenario.task;
@@ -94,7 +95,7 @@ impl Inspection<'_> {
         if same_task && let Some(known) = self.found.get(&Stage::Wording) {
             after.found.insert(Stage::Wording, known.clone());
         }
-        // The stage of the problem first: most candidates fail there.
+        // The stage of the problem is judged first, since most candidates fail there.
         let others = Stage::ALL.into_iter().filter(|&stage| stage != problem.stage);
         for stage in std::iter::once(problem.stage).chain(others) {
             let found = after.problems(stage)?;
@@ -182,7 +183,7 @@ impl Inspection<'_> {
         Ok(found)
     }
 
-    /// The object lowered or lifted onto its support.
+    /// Candidate that lowers or lifts the object, with everything on it, onto its support.
     fn lowered(&self, index: usize) -> Option<Repair> {
         let scene = self.scene()?;
         let below = support(scene, &self.scenario.world, index);
@@ -204,19 +205,19 @@ impl Inspection<'_> {
         Some(Repair { label: format!("lift {name} by {:.1} mm", by_m * 1e3), operation })
     }
 
-    /// The scene settled by physics.
+    /// Candidate that lets physics settle the scene; `None` if there is none.
     fn dropped(&self) -> Result<Option<Repair>, VerdictError> {
         let label = "let it settle by physics".to_owned();
         Ok(self.settled()?.map(|operation| Repair { label, operation }))
     }
 
-    /// The object at free places, nearest first and then ever further apart.
+    /// Candidates that move the object to free places: the nearest ones, then others spread ever further.
     fn moved(&self, index: usize, should_hold: Option<&Atom>) -> Vec<Repair> {
         let Some(scene) = self.scene() else { return Vec::new() };
         let group = Group::of(scene, &self.scenario.world, index);
         let shifts = self.free_shifts(&group, should_hold);
         let name = self.name(&self.scenario.objects[index].id);
-        // What the goal has carried stays in reach of the arm.
+        // An object that the goal moves must remain within reach of the arm.
         let is_carried = moves(&self.scenario.task.judged_goal(), scene)
             .iter()
             .flatten()
@@ -233,7 +234,7 @@ impl Inspection<'_> {
         chosen.filter_map(|at| places.get(at)).map(|shift| repair(shift)).collect()
     }
 
-    /// The object in view: moved, or what stands near it moved or removed.
+    /// Candidates that bring the object into view: it or an object near it is moved, or that one is removed.
     fn moved_into_view(&self, index: usize) -> Vec<Repair> {
         let Some(scene) = self.scene() else { return Vec::new() };
         let near = self.neighbours(scene, index, HIDING_M);
@@ -251,7 +252,9 @@ impl Inspection<'_> {
         repairs
     }
 
-    /// The container that an object happens to be in moved away, and what was in it lowered onto the surface.
+    /// Candidates for an object that is by accident inside a container: the container is moved away and its contents
+    /// are
+    /// lowered onto the surface.
     fn uncovered(&self, index: usize) -> Vec<Repair> {
         let Some(scene) = self.scene() else { return Vec::new() };
         let world = &self.scenario.world;
@@ -277,7 +280,7 @@ impl Inspection<'_> {
         self.free_shifts(&alone, None).into_iter().step_by(8).take(MAX_INSPECTED).map(repair).collect()
     }
 
-    /// The object where the edges that it is the subject of hold, as goal poses are searched.
+    /// Candidates that move the object to poses where the edges with it as subject hold, found by goal-pose search.
     fn by_edges(&self, index: usize) -> Vec<Repair> {
         let Some(scene) = self.scene() else { return Vec::new() };
         let (world, id) = (&self.scenario.world, &self.scenario.objects[index].id);
@@ -305,7 +308,7 @@ impl Inspection<'_> {
         poses.into_iter().map(|goal| repair(goal.world_from_object)).collect()
     }
 
-    /// The others up to a distance in the plane, m, nearest first.
+    /// Indices of the other objects up to a horizontal gap, m, nearest first.
     fn neighbours(&self, scene: &PosedScene, index: usize, within_m: f64) -> Vec<usize> {
         let gap = |other: usize| planar_gap(scene, index, other).unwrap_or(f64::INFINITY);
         let others = (0..scene.objects().len()).filter(|&other| other != index);
@@ -315,7 +318,7 @@ impl Inspection<'_> {
         near.into_iter().map(|(_, other)| other).collect()
     }
 
-    /// The object turned about the vertical, by small angles first.
+    /// Candidates that rotate the object about the vertical, small angles first.
     fn turned(&self, index: usize) -> Vec<Repair> {
         let Some(scene) = self.scene() else { return Vec::new() };
         let Some((object, bounds)) = scene.objects().nth(index).zip(scene.bounds(index)) else { return Vec::new() };
@@ -324,7 +327,7 @@ impl Inspection<'_> {
             return Vec::new();
         }
         let pivot = bounds.center();
-        // Fewer angles, wide apart: each one is inspected.
+        // Few and widely spaced angles, since each candidate is inspected.
         let angles = [3, -3, 6, -6, 2, -2, 4, -4, 1, -1].map(|steps| steps * TURN_DEG);
         let repair = |degrees: i32| {
             let turn = DQuat::from_rotation_z(TAU * f64::from(degrees) / 360.0);
@@ -340,7 +343,7 @@ impl Inspection<'_> {
         angles.map(repair).into()
     }
 
-    /// The object upright at its place.
+    /// Candidate that puts the object upright at the same place.
     fn upright(&self, index: usize) -> Option<Repair> {
         let scene = self.scene()?;
         let object = scene.objects().nth(index)?;
@@ -352,19 +355,19 @@ impl Inspection<'_> {
         Some(Repair { label, operation: Operation::Place { objects } })
     }
 
-    /// Room at the goal: bystanders near its reference moved away, or the reference itself.
+    /// Candidates that make room at the goal: objects near its reference are moved away, or the reference itself is.
     fn with_room(&self, index: Option<usize>, anchor: Option<usize>) -> Vec<Repair> {
         let Some(scene) = self.scene() else { return Vec::new() };
         let Some(anchor) = anchor else { return Vec::new() };
         let near = self.neighbours(scene, anchor, ROOM_M).into_iter().filter(|&other| Some(other) != index);
         let mut freed: Vec<Vec<Repair>> = near.map(|other| self.moved(other, None)).collect();
         freed.push(self.moved(anchor, None));
-        // The nearest places hardly make room.
+        // Skip the nearest places, which hardly make room.
         freed.iter_mut().for_each(|repairs| drop(repairs.drain(..repairs.len().min(4))));
         alternated(freed)
     }
 
-    /// The object's joints in the state that the graph names.
+    /// Candidate that moves the object's joints into the state that the scene graph names.
     fn in_state(&self, id: &str) -> Option<Repair> {
         let graph = &self.scenario.task.scene_graph;
         let state = graph.nodes.get(graph.index_of(id)?)?.state.clone()?;
@@ -373,7 +376,7 @@ impl Inspection<'_> {
         Some(Repair { label, operation })
     }
 
-    /// The scene graph with a true edge instead of a false one, or without it.
+    /// Candidates that replace a false edge of the scene graph by one that holds, or remove it.
     fn with_other_edge(&self, edge: &Atom) -> Vec<Repair> {
         let (graph, relations) = (&self.scenario.task.scene_graph, &self.scenario.world.relations);
         let pair = || {
@@ -392,7 +395,7 @@ impl Inspection<'_> {
         changed.into_iter().chain([with(format!("strike `{edge}` from the scene graph"), None)]).collect()
     }
 
-    /// A true edge for an object without one.
+    /// Candidate that adds an edge that holds to an object without edges.
     fn with_edge(&self, index: usize) -> Option<Repair> {
         let scene = self.scene()?;
         let graph = &self.scenario.task.scene_graph;
@@ -433,18 +436,18 @@ pub fn edge_between(
     Some(GraphEdge { subject: id(subject)?, relation, reference: id(reference)?, second_reference: None })
 }
 
-/// Repairs of a whole scenario, one after another, and what is left.
+/// A scenario after all possible repairs.
 #[derive(Clone, Debug)]
 pub struct RepairedScenario {
-    /// The scenario after the repairs.
+    /// The repaired scenario.
     pub scenario: Arc<Scenario>,
-    /// The repairs in order; each fits the scenario after the ones before it.
+    /// The repairs in the order of their application; each refers to the scenario after the previous ones.
     pub repairs: Vec<Repair>,
-    /// Blocking problems without a repair.
+    /// Blocking problems that no repair removes.
     pub left: Vec<Problem>,
 }
 
-/// Repairs all that can be repaired, the first problem first.
+/// Repairs blocking problems, the first one of the verdict first, until none can be repaired.
 ///
 /// # Errors
 /// [`VerdictError`].
@@ -470,20 +473,20 @@ pub fn repair_all(scenario: Arc<Scenario>, equipment: &Equipment) -> Result<Repa
     }
 }
 
-/// Adds candidates that are inspected last, but are inspected.
+/// Appends candidates and truncates the others, so that these are inspected too.
 fn with_last(candidates: &mut Vec<Repair>, last: impl IntoIterator<Item = Repair>) {
     let last: Vec<Repair> = last.into_iter().collect();
     candidates.truncate(MAX_INSPECTED.saturating_sub(last.len()));
     candidates.extend(last);
 }
 
-/// Several lists in turn: the first of each, then the second of each.
+/// Interleaves lists: the first of each, then the second of each.
 fn alternated(lists: Vec<Vec<Repair>>) -> Vec<Repair> {
     let longest = lists.iter().map(Vec::len).max().unwrap_or(0);
     (0..longest).flat_map(|place| lists.iter().filter_map(move |list| list.get(place).cloned())).collect()
 }
 
-/// A shift in words: `3.1 cm to the left`.
+/// Text of a horizontal shift (m): `3.1 cm to the left`.
 fn in_words(shift: DVec3) -> String {
     let distance_cm = shift.truncate().length() * 100.0;
     let angle = shift.y.atan2(shift.x);

@@ -1,18 +1,19 @@
-//! Instructions in the task's own wording, which the independent reader understands as its goal.
+//! New instructions for a task, which the rule-based reader understands as exactly its goal.
 
 use std::sync::Arc;
 
 use genmanip_core::{ObjectCard, Relation, RelationKind, Support, Task};
 use genmanip_tasks::{references, wording};
 
-/// Number of combinations of noun phrases that are tried.
+/// Maximum number of combinations of noun phrases tried.
 const MAX_COMBINATIONS: usize = 300;
-/// Number of noun phrases per object.
+/// Maximum number of noun phrases per object.
 const MAX_PHRASES: usize = 8;
-/// Words that join the sentences of several moves.
+/// Conjunctions between the sentences of several moves.
 const JOINTS: [&str; 3] = [", then ", " and ", ", and then "];
 
-/// Instructions that state exactly the goal, shortest noun phrases first; at most `most`.
+/// Up to `most` instructions that state exactly the goal, shortest noun phrases first; none for a goal with
+/// alternatives.
 pub(super) fn instructions(task: &Task, most: usize) -> Vec<String> {
     let [alternative] = task.goal.alternatives.as_slice() else { return Vec::new() };
     let ids = references::intended(task);
@@ -51,7 +52,7 @@ pub(super) fn instructions(task: &Task, most: usize) -> Vec<String> {
     found
 }
 
-/// Sentences as one.
+/// One sentence from those of several moves, with this conjunction.
 fn joined(steps: &[String], joint: &str) -> String {
     let mut sentence = String::new();
     for (number, step) in steps.iter().enumerate() {
@@ -69,7 +70,7 @@ fn joined(steps: &[String], joint: &str) -> String {
     sentence
 }
 
-/// Noun phrases of an object without article: its name, its looks, its name with a place.
+/// Noun phrases of an object, without article: by its name, its look, and its name with a place.
 fn phrases_of(task: &Task, node: usize) -> Vec<String> {
     let (card, id) = (&task.objects[node], &task.scene_graph.nodes[node].id);
     let mut phrases = vec![card.name.to_lowercase()];

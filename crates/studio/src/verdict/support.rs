@@ -10,24 +10,25 @@ pub(super) enum Below {
     Object(usize),
     /// A support surface of the world.
     Surface(usize),
-    /// None: beside all surfaces.
+    /// No body: the object is beside all surfaces.
     Nothing,
 }
 
-/// Support of an object.
+/// Support of an object, or the body that it would fall onto.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Support {
     pub below: Below,
-    /// Vertical gap to it, m; negative if the object is sunk into it.
+    /// Vertical gap between the object and the body below, m; negative if they penetrate.
     pub gap_m: f64,
-    /// True if the outline lies over the top of the surface, or another object carries it.
+    /// True if the object's outline lies within the top of the surface, or another object carries it.
     pub is_inside: bool,
 }
 
-/// Furthest that an object may be sunk into a body that still counts as below it, m; chosen: half of a small object.
+/// Maximum depth by which an object may penetrate a body that still counts as below it, m. Chosen by hand: half of a
+/// small object.
 const MAX_SUNK_M: f64 = 0.03;
 
-/// The support of an object: the body that it would touch first if it fell.
+/// Support of an object: the body that it would touch first if it fell.
 pub(super) fn support(scene: &PosedScene, world: &World, object: usize) -> Support {
     let Some(bounds) = scene.bounds(object) else {
         return Support { below: Below::Nothing, gap_m: f64::INFINITY, is_inside: false };
@@ -42,8 +43,8 @@ pub(super) fn support(scene: &PosedScene, world: &World, object: usize) -> Suppo
     });
     let others = (0..scene.objects().len()).filter(|&other| other != object).filter_map(|other| {
         let contact = contact_below(scene, object, other, &world.relations)?;
-        // What stands in a container is lower than the middle of its walls; the container would have to rise much
-        // further to clear it.
+        // For an object in a container: its centre is below the middle of the walls, but the container would have to be
+        // raised much further to clear it.
         let is_under = || {
             let over = contact_below(scene, other, object, &world.relations);
             over.is_none_or(|over| over.gap_m < contact.gap_m)

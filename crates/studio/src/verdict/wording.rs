@@ -1,4 +1,4 @@
-//! Stage `wording`: the rules for task documents, and the independent reader on the instruction.
+//! Stage `wording`: the rules for task documents, and the rule-based reader on the instruction.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use genmanip_workspace::task_checks::{FlawDetail, check_task};
 
 use super::problem::{Problem, ProblemCode, Stage};
 
-/// Problems of the task's text, graph and goal, whatever the poses.
+/// Problems of the task's text, scene graph and goal, which do not depend on poses.
 pub(super) fn problems(scenario: &Scenario) -> Vec<Problem> {
     let task = &scenario.task;
     let mut found = Vec::new();
@@ -39,7 +39,7 @@ pub(super) fn problems(scenario: &Scenario) -> Vec<Problem> {
     found
 }
 
-/// Flaw of a sentence that states another goal, in the report of `task check`.
+/// Name in the report of `task check` of a sentence that states another goal.
 const SENTENCE: &str = "sentence_mismatch";
 
 fn of_sentence(task: &Task, mismatch: &Mismatch) -> Problem {
@@ -75,7 +75,7 @@ fn of_rule(task: &Task, detail: &FlawDetail) -> Problem {
     Problem::new(Stage::Wording, code, object_at(task, &detail.path), message)
 }
 
-/// The object of a node, edge or condition by its JSON path.
+/// Id of the object that the node, edge or condition at a JSON path is about; `None` for other paths.
 fn object_at(task: &Task, path: &str) -> Option<String> {
     let index = |list: &str| {
         let rest = path.strip_prefix(list)?.strip_prefix('[')?;

@@ -5,33 +5,33 @@ use std::fmt;
 use genmanip_core::named_enum;
 
 named_enum! {
-    /// Axis of a perturbation, as in LIBERO-Plus (Fei et al., 2025), with physics, distractors and an exchanged
+    /// Axis of a perturbation: those of LIBERO-Plus (Fei et al., 2025), and also physics, distractors and an exchanged
     /// instruction.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum Axis {
         /// A new layout of the same task.
         Layout = "layout",
-        /// Camera poses.
+        /// Shifted and rotated cameras.
         Camera = "camera",
-        /// Initial posture of the arm.
+        /// Another initial arm configuration.
         RobotStart = "robot_start",
-        /// Light and exposure.
+        /// Another light and exposure.
         Light = "light",
-        /// Background behind the table.
+        /// Another background behind the table.
         Background = "background",
-        /// Material of the table top.
+        /// Another material of the table top.
         Texture = "texture",
-        /// Tint and roughness of objects; every colour word stays true.
+        /// Another tint and roughness of the objects, within what their colour words allow.
         Paint = "paint",
-        /// Sensor noise, exposure, white balance and compression of the cameras.
+        /// Other sensor noise, exposure, white balance and compression of the cameras.
         Sensor = "sensor",
-        /// Friction, mass, bouncing, and friction of joints.
+        /// Other friction, mass, restitution, and joint friction.
         Physics = "physics",
-        /// Additional objects.
+        /// Additional objects that the goal does not name.
         Distractors = "distractors",
-        /// The same request in other words.
+        /// The same request in other words, with the same goal.
         Wording = "wording",
-        /// Another request that the scene allows; both are judged.
+        /// Another request that the scene allows, with another goal; the original goal is judged as well.
         Instruction = "instruction",
     }
 }

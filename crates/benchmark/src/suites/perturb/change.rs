@@ -1,7 +1,7 @@
 //! Perturbation of one scenario along one axis.
 //!
-//! Ranges at dial 1 are chosen: as large as the day-to-day variation in a laboratory, and still solvable. Smaller dials
-//! scale them proportionally. Those of light, background, texture and paint are the renderer's, in
+//! Ranges at dial 1 are chosen by hand: as large as the day-to-day variation in a laboratory, and still solvable.
+//! Smaller dials scale the ranges proportionally. Ranges of light, background, texture and paint are in
 //! `genmanip_render::sampling`.
 
 use std::sync::Arc;
@@ -25,7 +25,7 @@ use super::Axis;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::worlds;
 
-/// Maximum shift of a camera along each axis, m, and rotation about each, rad, by its mount.
+/// Maximum translation of a camera along each axis, m, and rotation about each axis, rad, by the camera's mount.
 const CAMERA: [(CameraMount, f64, f64); 2] = [(CameraMount::World, 0.06, 0.06), (CameraMount::Hand, 0.01, 0.03)];
 /// Maximum deviation of each arm joint from its home, rad.
 const START_RAD: f64 = 0.25;
@@ -33,16 +33,16 @@ const START_RAD: f64 = 0.25;
 const POSTURES: usize = 100;
 /// Minimum distance from the joint limits, rad.
 const LIMIT_RAD: f64 = 0.05;
-/// Maximum change of the exposure, stops, and of the white balance's factors.
+/// Maximum change of the exposure, stops, and of the white-balance gains, as a share.
 const EXPOSURE_STOPS: f64 = 0.7;
 const WHITE_BALANCE: f64 = 0.12;
-/// Minimum JPEG quality.
+/// JPEG quality at dial 1, the lowest (of 1 to 100).
 const JPEG_QUALITY: f64 = 40.0;
-/// Number of additional objects.
+/// Number of distractors added at dial 1.
 const DISTRACTORS: f64 = 5.0;
-/// Number of paraphrases to choose from.
+/// Number of paraphrases of the instruction to draw from.
 const PARAPHRASES: usize = 8;
-/// Maximum number of other requests sampled until the reader understands one.
+/// Maximum number of new requests sampled until the rule-based reader understands one.
 const REQUESTS: usize = 200;
 
 /// Perturbs scenarios along one axis; planner and settings are built once.
@@ -67,7 +67,7 @@ impl Perturber {
     /// The perturbed scenario, with the id and seed of the original.
     ///
     /// # Errors
-    /// The reason why it cannot be perturbed.
+    /// If the scenario cannot be perturbed along this axis; the error is the reason.
     pub fn change(&self, scenario: &Scenario, seed: Seed) -> Result<Scenario, String> {
         let mut changed = scenario.clone();
         let (world, rng) = (&mut changed.world, &mut seed.rng());
@@ -118,7 +118,7 @@ impl Perturber {
         }
     }
 
-    /// A random collision-free posture near home.
+    /// Random collision-free arm configuration near home.
     fn posture(&self, scenario: &Scenario, rng: &mut impl Rng) -> Result<Vec<f64>, String> {
         let scene = posed(scenario, Catalogue::builtin(), &mut ShapeCache::default());
         let around = obstacles::around(&scene.map_err(|error| error.to_string())?, None);
@@ -143,7 +143,7 @@ impl Perturber {
         AppearanceRandomisation { strength: self.dial, ..AppearanceRandomisation::new(seed, vec![vary]) }
     }
 
-    /// A D435's noise with changed exposure and white balance.
+    /// Sensor of a D435 with changed exposure and white balance.
     fn sensor(&self, rng: &mut impl Rng) -> CameraSensor {
         let usual = SensorPreset::named("d435").map(|preset| preset.sensor).unwrap_or_default();
         let mut within = |most: f64| self.dial * most * (2.0 * rng.random::<f64>() - 1.0);
@@ -160,7 +160,7 @@ impl Perturber {
     }
 }
 
-/// Prepositions of the relations in a request.
+/// Relations that a new request can ask for, with their prepositions.
 const ASKED: [(Relation, &str); 5] = [
     (Relation::Near, "next to"),
     (Relation::Left, "to the left of"),
@@ -169,22 +169,22 @@ const ASKED: [(Relation, &str); 5] = [
     (Relation::In, "into"),
 ];
 
-/// Free space around an object that is to go into another one, m; chosen.
+/// Free space around an object that is to be put into another one, m. Chosen by hand.
 const AROUND_M: f64 = 0.01;
 
-/// True if the first object, as it stands, fits into the second's cavity.
+/// True if the first object, in its initial orientation, fits into the second's cavity.
 fn fits((object, container): (&ObjectCard, &ObjectCard)) -> bool {
     let size = object.size_m.truncate().max_element() + AROUND_M;
     container.annotations.room.is_some_and(|room| room.inside_m.into_iter().all(|inside| size <= inside))
 }
 
-/// Asks for something else that the reader understands and that does not hold yet; the original request is judged as
-/// well.
+/// Replaces the instruction and goal by a request for something else, which the reader understands and which does
+/// not hold yet. The original goal is judged as well.
 fn exchange(scenario: &mut Scenario, rng: &mut impl Rng) -> Result<(), String> {
     let scene = posed(scenario, Catalogue::builtin(), &mut ShapeCache::default()).map_err(|error| error.to_string())?;
     let task = &scenario.task;
     let known = task.judged_goal().into_owned();
-    // A copy among several has no unique name.
+    // An object with several copies has no unique name.
     let is_single = |id: &str| !id.contains('#');
     let ids: Vec<&str> =
         task.scene_graph.nodes.iter().map(|node| node.id.as_str()).filter(|id| is_single(id)).collect();
@@ -197,7 +197,8 @@ fn exchange(scenario: &mut Scenario, rng: &mut impl Rng) -> Result<(), String> {
         let subject = movable[rng.random_range(0..movable.len())];
         let reference = ids[rng.random_range(0..ids.len())];
         let (relation, words) = ASKED[rng.random_range(0..ASKED.len())];
-        // Another object must move, so that a policy that ignores the instruction does not succeed by chance.
+        // The new request moves another object, so that a policy that ignores the instruction does not succeed by
+        // chance.
         if subject == reference || known.alternatives.iter().flatten().any(|atom| atom.subject() == subject) {
             continue;
         }

@@ -1,4 +1,4 @@
-//! Perturbations of scenarios along one axis. `genmanip-pipeline` certifies the perturbed ones.
+//! Perturbations of scenarios along one axis. `genmanip-pipeline` certifies the perturbed scenarios.
 
 mod axis;
 mod change;

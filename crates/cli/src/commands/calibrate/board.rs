@@ -1,4 +1,4 @@
-//! `genmanip calibrate board`.
+//! `genmanip calibrate board`: an image of a calibration board to print.
 
 use genmanip_core::glam::DVec2;
 use genmanip_real::boards::{BORDER_MM, Charuco, Layout, TagGrid, svg};
@@ -10,12 +10,12 @@ use serde_json::json;
 
 use crate::args::CalibrateBoardArguments;
 
-/// Pixels per metre of a PNG: 600 dpi.
+/// Resolution of a PNG, pixels per metre: 600 dpi.
 const PIXELS_PER_M: u32 = 23_622;
-/// Longest side of a PNG, m.
+/// Maximum side of a board as PNG, m.
 const MAX_PNG_M: f64 = 0.6;
 
-/// Writes the image of a board and its description.
+/// Writes the image of a board, and its description for `genmanip calibrate`.
 pub fn write(arguments: &CalibrateBoardArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let CalibrateBoardArguments { columns, rows, first_id, .. } = *arguments;
     let (square_m, tag_m) = (arguments.square_mm / 1e3, arguments.tag_mm / 1e3);
@@ -76,7 +76,7 @@ fn page(layout: &Layout, name: &str, caption: &str) -> Result<(Vec<u8>, DVec2), 
         "letter" => DVec2::new(215.9, 279.4),
         _ => DVec2::new(210.0, 297.0),
     };
-    // Upright, or across.
+    // Portrait and landscape.
     let pages = [upright, DVec2::new(upright.y, upright.x)];
     let drawn = pages.into_iter().find_map(|page| Some((svg(layout, page, caption)?.into_bytes(), page)));
     drawn.ok_or_else(|| {

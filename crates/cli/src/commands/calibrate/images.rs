@@ -1,4 +1,4 @@
-//! Views of a board whose corners are found in images.
+//! Views of a calibration board whose corners are detected in images.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,11 +10,11 @@ use genmanip_real::calibrate::{BoardViews, CameraModel};
 use genmanip_terminal::Printer;
 use genmanip_workspace::{WorkspaceError, documents};
 
-/// File of views in a folder of images.
+/// File that describes the views in a folder of images.
 const VIEWS: &str = "views.json";
 
-/// Views with their corners, and by id the reason why an image shows no board. A file without detections has images
-/// beside it, named after the views.
+/// Views with their corners, and by id of a view the reason why no board was detected. If the file has no detections,
+/// the images lie beside it, named after the views.
 pub fn read(path: &Path, printer: &Printer) -> Result<(BoardViews, BTreeMap<String, String>), WorkspaceError> {
     let path = if path.is_dir() { path.join(VIEWS) } else { path.to_owned() };
     let mut file: BoardViews = documents::read_document(&path, limits::VIEWS)?;
@@ -44,7 +44,7 @@ pub fn read(path: &Path, printer: &Printer) -> Result<(BoardViews, BTreeMap<Stri
     Ok((file, reasons))
 }
 
-/// Images of a folder by their names without ending.
+/// Image files of a folder by their names without extension.
 fn images(folder: &Path) -> Result<BTreeMap<String, PathBuf>, WorkspaceError> {
     let unreadable = |error: std::io::Error| WorkspaceError::file("read", folder, error);
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
@@ -66,7 +66,7 @@ fn images(folder: &Path) -> Result<BTreeMap<String, PathBuf>, WorkspaceError> {
 
 type Corners = Vec<(u32, f64, f64)>;
 
-/// Corners of the board in an image, or why there is none.
+/// Corners of the board in an image, or the reason why none was detected.
 fn corners(path: &Path, camera: &CameraModel, layout: &Layout) -> Result<Result<Corners, String>, WorkspaceError> {
     let bytes = documents::read_bytes(path, limits::IMPORTED_PICTURE)?;
     let broken = || WorkspaceError::input(format!("{} is no image of the camera", path.display()));

@@ -15,30 +15,30 @@ use super::{HostileArguments, Sandbox, Starts, TASK, collect, start};
 use crate::LabError;
 use crate::hostile::listing;
 
-/// Contents by path in the sandbox; names of folders end with a slash.
+/// Contents of files by path in the sandbox; names of folders end with a slash and have no content.
 type Files = BTreeMap<String, Vec<u8>>;
 
-/// A call to be killed.
+/// A call that is killed and repeated.
 struct Work {
-    /// Its activity.
+    /// Activity of the call, for the report.
     doing: &'static str,
     call: Vec<String>,
-    /// Files before it.
+    /// Files before the call.
     before: Files,
     /// Files after an uninterrupted call.
     after: Files,
-    /// The phase of a `collect` in which it is killed; `None` for any moment of another call.
+    /// Phase of `collect` in which it is killed; `None` to kill another call at any moment.
     phase: Option<Phase>,
-    /// Duration of the phase or the call.
+    /// Duration of the phase, or of the call.
     takes: Duration,
 }
 
-/// Error output of calls; the second for the repeated call.
+/// Names of the files with the output of the killed and of the repeated call.
 const SAID: [&str; 2] = ["said", "said-again"];
-/// Datasets that must appear atomically.
+/// Datasets that must appear atomically: complete or not at all.
 const DATASETS: [&str; 4] = ["made/", "made-depth/", "merged/dataset/", "merged/dataset-depth/"];
 
-/// Kills calls of all subcommands, in turn.
+/// Kills and repeats calls of all subcommands that write, in turn.
 pub(super) fn measure(
     arguments: &HostileArguments,
     sandbox: &Sandbox,
@@ -54,7 +54,7 @@ pub(super) fn measure(
         let before = starts.clone();
         let wrong = kill(arguments, sandbox, work, rng.random_range(0.0..1.0), starts)?;
         if stop.load(Ordering::Relaxed) {
-            // The signal that stops this program may have ended the call too.
+            // Ctrl-C reaches the call as well, so its outcome does not count.
             *starts = before;
             break;
         }
@@ -66,7 +66,7 @@ pub(super) fn measure(
     Ok(())
 }
 
-/// Kills a call at a fraction 0 to 1 of its duration and repeats it; returns violations.
+/// Kills a call after a fraction of its duration (`moment`, 0 to 1) and repeats it; returns descriptions of violations.
 fn kill(
     arguments: &HostileArguments,
     sandbox: &Sandbox,
@@ -90,7 +90,7 @@ fn kill(
     let (now, expected) = (files(sandbox), without_clock(&work.after));
     let now = without_clock(&now);
     let said = fs::read_to_string(sandbox.work().join(SAID[1])).unwrap_or_default();
-    // Some subcommands refuse to overwrite; then the output must be complete.
+    // A subcommand that refuses to overwrite may refuse the repetition; its output must then be complete.
     let is_there = again.code() == Some(1) && said.contains("exists");
     if !again.success() && !is_there {
         wrong.push(format!("the next call failed: {}", said.trim()));
@@ -102,12 +102,12 @@ fn kill(
     Ok(wrong)
 }
 
-/// Files that are visible but incomplete after a kill.
+/// Descriptions of files that are visible but incomplete after a kill.
 fn halves(work: &Work, left: &Files) -> Vec<String> {
     let visible: Vec<&String> = left.keys().filter(|name| !name.contains(".partial-")).collect();
     let is_half = |name: &&&String| {
         let bytes = &left[**name];
-        // These files are appended to.
+        // Files that are appended to line by line may be a prefix of the complete file.
         let grows = |whole: &Vec<u8>| name.ends_with(".jsonl") && whole.starts_with(bytes);
         let is_of_after = work.after.get(**name).is_none_or(|whole| whole == bytes || grows(whole));
         !is_of_after && work.before.get(**name) != Some(bytes) && !is_clock(name)
@@ -123,7 +123,7 @@ fn halves(work: &Work, left: &Files) -> Vec<String> {
     found
 }
 
-/// All calls to be killed, each run once.
+/// All calls to be killed, each run once to know its duration and files.
 fn works(arguments: &HostileArguments, sandbox: &Sandbox) -> Result<Vec<Work>, LabError> {
     let mut works = collects(arguments, sandbox)?;
     sandbox.clear()?;
@@ -175,7 +175,7 @@ fn works(arguments: &HostileArguments, sandbox: &Sandbox) -> Result<Vec<Work>, L
     Ok(works)
 }
 
-/// A `collect`, to be killed in each of its phases.
+/// One `collect` per phase, to be killed in that phase.
 fn collects(arguments: &HostileArguments, sandbox: &Sandbox) -> Result<Vec<Work>, LabError> {
     sandbox.clear()?;
     let run = sandbox.work().join("run");
@@ -197,7 +197,7 @@ fn collects(arguments: &HostileArguments, sandbox: &Sandbox) -> Result<Vec<Work>
     Ok(Phase::KILLED.into_iter().zip(durations).map(work).collect())
 }
 
-/// Runs a call that must succeed.
+/// Runs a call, which must succeed.
 fn whole(arguments: &HostileArguments, sandbox: &Sandbox, call: &[String]) -> Result<(), LabError> {
     ended_well(sandbox, start(arguments, sandbox, call, SAID[0])?)
 }
@@ -214,7 +214,7 @@ fn failed(error: std::io::Error) -> LabError {
     LabError::broken("cannot run the program", error)
 }
 
-/// Empties the sandbox and writes files into it.
+/// Empties the sandbox and writes these files into it.
 fn lay(sandbox: &Sandbox, wanted: &Files) -> Result<(), LabError> {
     sandbox.clear()?;
     for (name, bytes) in wanted {
@@ -227,14 +227,14 @@ fn lay(sandbox: &Sandbox, wanted: &Files) -> Result<(), LabError> {
     Ok(())
 }
 
-/// Contents of the sandbox, except the output of calls.
+/// Files in the sandbox, except the output of calls.
 fn files(sandbox: &Sandbox) -> Files {
     let mut files = listing(&sandbox.work());
     files.retain(|name, _| !SAID.contains(&name.as_str()));
     files
 }
 
-/// True if a file contains timings.
+/// True if a file contains wall-clock times, which differ between calls.
 fn is_clock(name: &str) -> bool {
     name.rsplit('/').next() == Some("timings.json")
 }
@@ -243,7 +243,7 @@ fn without_clock(files: &Files) -> BTreeMap<&str, &[u8]> {
     files.iter().filter(|(name, _)| !is_clock(name)).map(|(name, bytes)| (name.as_str(), bytes.as_slice())).collect()
 }
 
-/// Phases of a run in order.
+/// Phases of `collect`, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Phase {
     Recording,
@@ -255,7 +255,7 @@ enum Phase {
 impl Phase {
     const KILLED: [Self; 3] = [Self::Recording, Self::Drawing, Self::Exporting];
 
-    /// Phase of a run, inferred from its folder.
+    /// Phase of a run, inferred from the files in its folder.
     fn of(run: &Path) -> Self {
         let episode = run.join("episodes").join(format!("{TASK}-000"));
         let is_exported = |name: &str| run.join(name).join("meta/info.json").exists();
@@ -280,7 +280,7 @@ impl Phase {
     }
 }
 
-/// Waits until a run has reached a phase, or has ended.
+/// Waits until a run has reached a phase, or its process has ended.
 fn wait_for(phase: Phase, child: &mut Child, run: &Path) -> std::io::Result<()> {
     while Phase::of(run) < phase && child.try_wait()?.is_none() {
         std::thread::sleep(Duration::from_millis(2));
