@@ -63,7 +63,7 @@ pub(crate) fn no_episode(policy: &str, first: &NotRun) -> WorkspaceError {
         return mistaken(&what, &first.reason);
     }
     WorkspaceError::input(format!("{what}: {}", first.reason))
-        .with_hint("check that the service it asks is running, then repeat the command; nothing was counted")
+        .with_hint("check that the service it asks is running, and that arguments such as `preset` fit it, then repeat the command; nothing was counted")
 }
 
 /// Note on the episodes that were not run; `None` without any.

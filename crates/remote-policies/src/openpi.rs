@@ -10,7 +10,8 @@ use std::sync::Arc;
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{
     ActionChunk, ActionSpace, ActionSpec, CameraRequest, DeltaFrom, EpisodeStart, GripperEncoding, GripperSpec,
-    ImageChannels, Observation, Policy, PolicyError, PolicySpec, RgbdImage, RobotModel, RotationEncoding,
+    ImageChannels, Interpolation, Observation, Policy, PolicyError, PolicySpec, RgbdImage, RobotModel,
+    RotationEncoding,
 };
 use rmpv::Value;
 
@@ -80,8 +81,10 @@ impl Preset {
         match self {
             Self::Droid => droid(ActionSpace::JointVelocity),
             Self::DroidJointPosition => droid(ActionSpace::JointPosition),
+            // Held targets would make a stiff arm overshoot the changes and turn by its tracking error.
             Self::Libero => ActionSpec {
                 delta_from: DeltaFrom::Measured,
+                between: Interpolation::Linear,
                 rotation: RotationEncoding::AxisAngle,
                 gripper: GripperSpec { encoding: GripperEncoding::PlusOneClosed, binary_threshold: Some(0.0) },
                 ..ActionSpec::new(ActionSpace::EeDelta, GripperEncoding::PlusOneClosed)

@@ -19,8 +19,7 @@ pub fn object_of_instance(instance: u16) -> Option<usize> {
 /// Poses of all bodies at one moment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameState {
-    /// Pose `world_from_link` of every robot link in the order of the robot model, then of every link of object 0, 1,
-    /// ….
+    /// Pose `world_from_link` of every link of the robot, in the order of its model, then of object 0, 1, ….
     pub body_poses: Vec<Pose>,
 }
 
@@ -36,8 +35,7 @@ pub struct ViewJob<'a> {
 }
 
 impl<'a> ViewJob<'a> {
-    /// Job of an image; colours are anti-aliased from 2×2 samples per pixel, other channels are sampled at the pixel
-    /// centre.
+    /// Job of an image; colours are anti-aliased from 2×2 samples per pixel, other channels sampled at pixel centres.
     pub fn new(frame: &'a FrameState, camera: &'a Camera, channels: Channels) -> Self {
         Self { frame, camera, channels }
     }

@@ -5,8 +5,7 @@
 
 use std::ops::{Deref, DerefMut};
 
-/// Number of points per batch: several of the widest registers, while all components of a batch fit the first-level
-/// cache.
+/// Number of points per batch: several of the widest registers; all components fit the first-level cache.
 pub(crate) const CHUNK: usize = 64;
 
 /// Number of 32-bit lanes in the widest registers.

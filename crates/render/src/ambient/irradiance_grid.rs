@@ -19,8 +19,7 @@ use crate::scene::supports::SupportTop;
 use crate::scene::variation::RenderVariation;
 use crate::simd::{BatchColumn, CHUNK, Column, floor, nearest_integer, whole_registers, within};
 
-/// Grid spacing for large and for small images (m). Chosen by hand: a sixth of the width of a small object (6 cm), and
-/// about a pixel of a small image.
+/// Grid spacing for large and small images (m). Chosen by hand: a sixth of a small object (6 cm), a small image's pixel.
 const STEP_M: [f32; 2] = [0.01, 0.02];
 /// Grid points of a row that are computed in one SIMD batch.
 const RUN: usize = 16;

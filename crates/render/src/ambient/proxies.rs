@@ -1,5 +1,4 @@
-//! Proxies: ellipsoids that stand for bodies where the image does not show them, such as the gripper above a wrist
-//! camera.
+//! Proxies: ellipsoids for bodies that the image does not show, such as the gripper above a wrist camera.
 //!
 //! Their form factors have a closed form.
 

@@ -17,8 +17,7 @@ use crate::shading::{ShadedPart, Shading};
 use crate::simd::CHUNK;
 use crate::transparency::visibility::TransparentBuffers;
 
-/// Number of pixels in a strip of tiles that one pass processes at a time: the data of a strip fit the second-level
-/// cache.
+/// Number of pixels in a strip of tiles that a pass processes at a time: its data fit the second-level cache.
 const STRIP_PIXELS: usize = 8_192;
 /// Samples per pixel along each axis.
 const SCALE: usize = 2;
@@ -50,8 +49,7 @@ pub(crate) struct FrameCache {
     pub shaded_pixels: usize,
 }
 
-/// Tiles that each pass must repeat. A pass reads the neighbours of a tile, so marks spread by one tile from pass to
-/// pass.
+/// Tiles that each pass must repeat. Passes read neighbours of a tile, so marks spread by one tile from pass to pass.
 #[derive(Debug, Default)]
 struct DirtyTiles {
     /// Estimation of the raw shadow mask and AO.
@@ -212,8 +210,7 @@ impl FrameCache {
         }
     }
 
-    /// Writes the requested channels, cropped to `size` (width, height; pixels), since the frame is padded to whole
-    /// tiles.
+    /// Writes the requested channels, cropped to `size` (width, height; pixels): the frame is padded to whole tiles.
     pub fn write(&mut self, assets: &RenderAssets, channels: Channels, size: [usize; 2], out: &mut FrameBuffers) {
         out.rgb.clear();
         for row in self.rgb.chunks_exact(3 * self.view.camera.width).take(size[1]) {

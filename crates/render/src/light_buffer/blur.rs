@@ -87,8 +87,7 @@ impl<const SIDE: usize> Window<SIDE> {
         read_window(value, [width, width], first, &mut self.value);
     }
 
-    /// Weighted means, first along rows, then along columns, over known values of the same surface at about the same
-    /// depth.
+    /// Weighted means along rows, then columns, over known values of the same surface at about the same depth.
     #[inline(always)]
     fn blurred<const OUT: usize>(&self) -> [[f32; OUT]; OUT] {
         let mut lines = [[UNKNOWN; OUT]; SIDE];

@@ -1,5 +1,4 @@
-//! Light buffer: depth, ids, shadow mask and ambient occlusion per pixel of the opaque surfaces, and a summary of each
-//! tile.
+//! Light buffer: depth, ids, shadow mask and ambient occlusion per pixel of opaque surfaces, with a summary per tile.
 
 use std::ops::Range;
 
@@ -20,8 +19,7 @@ const NO_RANGE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 /// Number of AO samples along a side of a tile.
 pub(super) const HALF: usize = TILE / 2;
 
-/// Light that arrives at each pixel of the opaque surfaces, kept from frame to frame. The image consists of whole
-/// tiles.
+/// Light that arrives at each pixel of the opaque surfaces, kept from frame to frame; whole tiles.
 #[derive(Debug, Default)]
 pub(crate) struct LightBuffer {
     pub(super) width: usize,

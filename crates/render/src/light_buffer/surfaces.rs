@@ -108,8 +108,7 @@ struct Seen<'a> {
     surface: &'a mut [u16],
 }
 
-/// Reads a tile with 2×2 samples per pixel; `ids` and `reversed_z` begin at its first sample, `stride` is the number of
-/// samples per row.
+/// Reads a tile with 2×2 samples per pixel; `ids` and `reversed_z` begin at its first sample, `stride` in samples.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn read_tile((ids, reversed_z, stride): (&[u32], &[f32], usize), seen: Seen<'_>) -> TileContents {
     const SCALE: usize = 2;

@@ -59,8 +59,7 @@ impl LightBuffer {
     }
 }
 
-/// Mean of the known ones of the four AO samples around each pixel, mostly of those on its surface at about its depth;
-/// 1 without any.
+/// Mean of the known AO samples of the four around a pixel, mostly those on its surface at its depth; 1 without any.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn upsample_tile(window: &UpsampleWindow) -> [[f32; TILE]; TILE] {
     let mut out = [[1.0; TILE]; TILE];

@@ -7,8 +7,7 @@ use crate::simd::within;
 use super::triangle_setup::{BLOCK, Corners, TriangleSetup};
 use super::vertex::{Corner, area_of, range_of_three};
 
-/// Number of a triangle's rows whose spans are computed at once. Measured: 8 are as fast in large images, but slower in
-/// small ones.
+/// Number of a triangle's rows whose spans are computed at once. Measured: 8 are slower in small images.
 const ROWS: usize = 4;
 
 /// Sides of triangles to be drawn: front faces, back faces.
@@ -214,8 +213,7 @@ pub(crate) fn read_window<T: Copy, const SIDE: usize>(
     }
 }
 
-/// Distance between the starts of rows (samples) for rows of `width` samples, which avoids cache conflicts between
-/// rows.
+/// Distance between the starts of rows of `width` samples (samples), which avoids cache conflicts between rows.
 fn stride_of(width: usize) -> usize {
     /// Number of samples (4 bytes) after which lines of a first-level cache with 64 sets and lines of 64 bytes fall
     /// into the same set.

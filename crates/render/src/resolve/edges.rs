@@ -28,8 +28,7 @@ pub(super) struct EdgePixels {
     matches: Matches,
 }
 
-/// Samples of one surface in an edge pixel, where neither the pixel centre nor a neighbouring centre shows that
-/// surface.
+/// Samples of a surface in an edge pixel that neither the pixel's centre nor a neighbouring centre shows.
 #[derive(Debug)]
 pub(super) struct UnmatchedSample {
     pub point: ShadingPoint,

@@ -50,8 +50,7 @@ pub fn visuals(world: &World) -> Vec<Fixture> {
     fixed
 }
 
-/// Slab with rounded vertical corners and rounded edges, in the surface's frame: rings of the outline, closed by flat
-/// faces.
+/// Slab with rounded vertical corners and rounded edges, in the surface's frame: rings of the outline and flat faces.
 /// Texture coordinates are those of the world frame if the slab is not rotated.
 fn slab(surface: &SupportSurface) -> TriMesh {
     const QUARTER: usize = 8;

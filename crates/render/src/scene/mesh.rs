@@ -77,8 +77,7 @@ impl Mesh {
         out > 0.25 * all
     }
 
-    /// Mesh of a visual part, cached in the process as long as `source` lives; indices must be valid and positions
-    /// finite.
+    /// Mesh of a visual part, cached while `source` lives; indices must be valid and positions finite.
     pub fn shared(source: &Arc<TriMesh>, body_from_part: &Pose) -> Arc<Self> {
         type Key = (usize, [u64; 7]);
         type Known = BTreeMap<Key, (Weak<TriMesh>, Arc<Mesh>)>;

@@ -111,8 +111,7 @@ fn room(rng: &mut impl Rng) -> Option<Room> {
     (rng.random::<f32>() < 0.75).then_some(Room { wall, floor })
 }
 
-/// sRGB colour of a black body with 1 as its largest channel: fit by T. Helland, "How to convert temperature (K) to
-/// RGB" (2012).
+/// sRGB colour of a black body, largest channel 1: fit by T. Helland, "How to convert temperature (K) to RGB" (2012).
 fn lamp(kelvin: f32) -> [f32; 3] {
     let t = kelvin / 100.0;
     let red = if t <= 66.0 { 255.0 } else { 329.7 * (t - 60.0).powf(-0.133_2) };

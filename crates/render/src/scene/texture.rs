@@ -140,8 +140,7 @@ impl Samples {
     fn find(&mut self, i: usize, [u, v]: [f32; 2], level: Level) {
         let column = (u - floor(u)).mul_add(level.width, 0.5);
         let row = (v - floor(v)).mul_add(level.height, 0.5);
-        // Also clamps coordinates that are not finite; the border makes the last texel's right and lower neighbours
-        // valid.
+        // Also clamps coordinates that are not finite; the border makes neighbours of the last texel valid.
         let (left, top) = (within(floor(column), 0.0, level.width), within(floor(row), 0.0, level.height));
         self.x[i] = column - left;
         self.y[i] = row - top;

@@ -5,8 +5,7 @@ use genmanip_core::{Distortion, Intrinsics};
 
 use crate::job::FrameBuffers;
 
-/// Distorted image from a larger pinhole image: colours are interpolated bilinearly, other channels take the nearest
-/// pixel.
+/// Distorted image from a larger pinhole image: bilinear interpolation of colours, nearest pixel for other channels.
 pub(super) fn distorted(
     lens: &Distortion,
     seen: &Intrinsics,

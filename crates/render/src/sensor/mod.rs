@@ -1,5 +1,4 @@
-//! Lens distortion, exposure, noise and stereo depth: the sensor stage after rendering. A camera without them keeps its
-//! bytes.
+//! Lens distortion, exposure, noise and stereo depth: the sensor stage after rendering, no change without them.
 //!
 //! ```text
 //! camera ── pinhole, needed ──► job ── Renderer ──► ideal image ── developed ──► sensor output
@@ -25,8 +24,7 @@ use crate::job::{Channels, FrameBuffers};
 use crate::lights::sky::luminance;
 use crate::scene::material::Material;
 
-/// Pinhole camera whose image contains everything that a camera sees through its lens; the camera itself if it has no
-/// lens.
+/// Pinhole camera whose image contains all that a camera sees through its lens; the camera itself without a lens.
 ///
 /// # Errors
 /// A lens whose distortion is not invertible.

@@ -5,8 +5,7 @@ use crate::simd::lerp;
 /// Largest channel from which colours are compressed: 0.8 before the toe, which subtracts 0.04.
 const START: f32 = 0.8 - 0.04;
 
-/// Khronos PBR Neutral: subtracts the toe; results below 0.76 stay unchanged, brighter ones are compressed towards
-/// white.
+/// Khronos PBR Neutral: subtracts the toe; results above 0.76 are compressed towards white.
 #[inline(always)]
 pub fn tone_map(color: [f32; 3]) -> [f32; 3] {
     const DESATURATION: f32 = 0.15;

@@ -93,8 +93,7 @@ impl ShadowMap {
         self.version
     }
 
-    /// Rasterises the shadow casters of a frame into a map of `size` × `size` texels; casters at rest keep their
-    /// texels.
+    /// Rasterises the shadow casters of a frame into a map of `size` × `size` texels; casters at rest keep theirs.
     pub fn update(
         &mut self,
         assets: &RenderAssets,
