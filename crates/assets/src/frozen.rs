@@ -33,7 +33,7 @@ pub struct FrozenAsset {
     pub friction: f64,
     /// Links with collision geometry, without visuals; the root link is first.
     pub links: Vec<FrozenLink>,
-    /// Joint positions of each state named on the card.
+    /// Joint intervals and nominal joint positions of each state named on the card.
     pub states: Vec<JointState>,
     /// Recipe of the visuals, as in `data/catalog.json`, with all expressions evaluated.
     pub recipe: Value,
@@ -45,7 +45,7 @@ pub struct FrozenAsset {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrozenLink {
-    /// Name of the link.
+    /// Name of the link, unique in the object.
     pub name: String,
     /// Joint to the parent link; `None` for the root.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -94,10 +94,11 @@ impl FrozenAsset {
     }
 
     /// Model of the object: stored physics, cavities and states, with visuals built from the stored recipe. Visuals
-    /// have full resolution if the appearance hash is that of full-resolution meshes.
+    /// have full resolution if `looks_hash` is that of the full-resolution meshes, and are not checked otherwise.
     ///
     /// # Errors
-    /// [`AssetError::NotFrozen`] if recipe and links do not match, or the hashes differ.
+    /// [`AssetError::NotFrozen`] if the recipe is invalid or does not match the links, or the hash of physics or judging
+    /// differs.
     pub fn model(&self) -> Result<ObjectModel, AssetError> {
         let wrong = |message: String| AssetError::NotFrozen { asset: self.asset.clone(), message };
         let recipe: Recipe = serde_json::from_value(self.recipe.clone()).map_err(|error| wrong(error.to_string()))?;

@@ -24,9 +24,9 @@ pub struct Distortion {
     pub k1: f64,
     /// Coefficient of r⁴.
     pub k2: f64,
-    /// Coefficient of x y in x', of r² + 2 y² in y'.
+    /// Coefficient of 2 x y in x', of r² + 2 y² in y'.
     pub p1: f64,
-    /// Coefficient of r² + 2 x² in x', of x y in y'.
+    /// Coefficient of r² + 2 x² in x', of 2 x y in y'.
     pub p2: f64,
     /// Coefficient of r⁶.
     #[serde(default)]

@@ -37,7 +37,7 @@ pub struct Measured {
     pub control_steps_per_s: f64,
     /// Control steps per second of CPU time with the same commands in the bare simulation.
     pub bare_steps_per_s: f64,
-    /// Ratio of the two, median of the repetitions.
+    /// Rate of the environment over the bare rate (1 is no overhead), median of the repetitions.
     pub ratio: f64,
     /// Control steps per second of CPU time with one colour image of 256×256 pixels at 15 Hz.
     pub image_steps_per_s: f64,
@@ -76,10 +76,10 @@ pub fn measure(tasks: &[Task], seed: Seed, progress: &dyn Progress) -> Result<Me
     measure_on(&cases, progress)
 }
 
-/// Measures with stored episodes: those of a run, of a store, or one.
+/// Measures on recorded episodes: `path` is a run, an episode store or a single episode.
 ///
 /// # Errors
-/// If there is no episode, or one cannot be read or opened.
+/// If there is no episode, or one cannot be read, opened or replayed.
 pub fn measure_store(path: &Path, progress: &dyn Progress) -> Result<Measured, LabError> {
     measure_on(&replay::recorded(path)?, progress)
 }
@@ -130,7 +130,8 @@ fn begin(stage: &Stage, episode: &Episode) -> Environment {
     environment
 }
 
-/// Applies all commands, without further settling beyond the recorded one.
+/// Applies the commands from frame `from` on. What settles after the last one is cut off: the recording contains its own
+/// settling.
 fn run_through(mut environment: Environment, episode: &Episode, from: usize) -> Result<Episode, RolloutError> {
     for frame in &episode.frames[from..] {
         environment.step(&frame.command)?;

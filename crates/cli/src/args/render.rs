@@ -38,19 +38,19 @@ pub struct RenderArguments {
     /// Overlays on the colour images
     #[arg(long, value_name = "WHAT,…", value_delimiter = ',', value_parser = parse_overlay)]
     pub overlay: Vec<Overlay>,
-    /// Write instruction, step, time and outcome below colour images
+    /// Draw instruction, step, time and outcome over the lower edge of colour images
     #[arg(long)]
     pub captions: bool,
     /// Number of images of a turntable video around the scenario, instead of those of its cameras
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=3600))]
     pub turntable: Option<u32>,
-    /// Image noise, missing depth and depth steps of a device, instead of the cameras' own
+    /// Sensor model of a device (image noise; depth noise, quantisation and holes), instead of the cameras' own
     #[arg(long, value_name = "DEVICE", value_parser = genmanip_core::sensor::SensorPreset::names())]
     pub sensor: Option<String>,
     /// Shutter time for motion blur, seconds, in place of the cameras' own
     #[arg(long, value_name = "SECONDS", value_parser = super::world::parse_shutter)]
     pub shutter: Option<f64>,
-    /// Lens of Brown and Conrady, coefficients as OpenCV has them, in place of the cameras' own
+    /// Brown-Conrady lens distortion, coefficients in OpenCV's order, in place of the cameras' own
     #[arg(
         long,
         value_name = "K1,K2,P1,P2[,K3]",
@@ -58,10 +58,10 @@ pub struct RenderArguments {
         value_parser = super::world::parse_distortion
     )]
     pub distortion: Option<genmanip_core::Distortion>,
-    /// Pictures per second of an episode or a turn
+    /// Image rate of the video of an episode or of a turntable, Hz: 10, 15, 20, 30 or 60
     #[arg(long, alias = "fps", value_name = "HZ", default_value_t = 15, value_parser = super::parse_values::parse_rate)]
     pub rate: u32,
-    /// `reference` traces light paths: thousands of times slower, and what the usual pictures are judged by
+    /// `fast` is the rasteriser; `reference` is the path tracer that it is compared with, thousands of times slower
     #[arg(long, default_value = "fast", value_parser = ["fast", "reference"])]
     pub quality: String,
     /// Light paths per pixel of `--quality reference`

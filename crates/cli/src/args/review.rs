@@ -28,7 +28,7 @@ pub struct ReviewArguments {
     /// Folder of the studio: copies of scenarios, and the log `reviews.jsonl`
     #[arg(long, default_value = "studio", value_name = "DIR")]
     pub out: PathBuf,
-    /// List what the reviewer has to do, and the standing of every scenario
+    /// List the scenarios that wait for --reviewer, and the review status of every scenario
     #[arg(long)]
     pub queue: bool,
     /// Show the reviews of a scenario that the reviewer may see
@@ -43,13 +43,13 @@ pub struct ReviewArguments {
     /// Send a scenario back for a change that --note names
     #[arg(long, value_name = "KEY", requires_all = ["reviewer", "note"])]
     pub send_back: Vec<String>,
-    /// Take the own review of a scenario back
+    /// Withdraw the reviewer's own review of a scenario
     #[arg(long, value_name = "KEY", requires = "reviewer")]
     pub take_back: Vec<String>,
     /// Decide between two reviews that differ
     #[arg(long, requires = "decision")]
     pub adjudicate: bool,
-    /// Name of the reviewer; of a model, its name
+    /// Name of the person, model or script that reviews
     #[arg(long, value_name = "NAME")]
     pub reviewer: Option<String>,
     /// human, model or script
@@ -64,10 +64,11 @@ pub struct ReviewArguments {
     /// Judgement of a criterion, such as `plausible=no`; may be repeated
     #[arg(long, value_name = "NAME=yes|no", value_parser = criterion)]
     pub criterion: Vec<(Criterion, bool)>,
-    /// Remark
+    /// Remark kept with the review; --send-back needs it, to say what is to be changed
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
     pub note: String,
-    /// Let the expert try a scenario five times, as approval needs it, or `all` that have no trials; may be repeated
+    /// Run the expert five times on the scenario KEY, or on `all` without trials; approval needs five successes. May be
+    /// repeated
     #[arg(long, value_name = "KEY|all")]
     pub certify: Vec<String>,
     /// Agreement of the reviewers: raw share, Cohen's kappa, Gwet's AC1
@@ -76,10 +77,11 @@ pub struct ReviewArguments {
     /// Ids of planted faulty scenarios, one a line: detection and false alarms of each reviewer
     #[arg(long, value_name = "FILE", requires = "agreement")]
     pub planted: Option<PathBuf>,
-    /// Distribution of the approved scenarios, and the candidates that help most
+    /// Distribution of the approved scenarios over the axes of balance, and the candidates that would bring it closest to the
+    /// targets
     #[arg(long)]
     pub balance: bool,
-    /// Results of reference policies, which measure the difficulty
+    /// Evaluation files of reference policies: their mean success is the axis `difficulty` of --balance and --build
     #[arg(long, value_name = "EVALUATION", num_args = 1..)]
     pub results: Vec<PathBuf>,
     /// Target shares as JSON: {"relation": {"left": 0.3, …}, …}
@@ -88,7 +90,7 @@ pub struct ReviewArguments {
     /// Write a balanced suite of the approved scenarios, for `suite freeze`
     #[arg(long, value_name = "DIR")]
     pub build: Option<PathBuf>,
-    /// Scenarios of each kind [default: as many as every kind has]
+    /// Number of scenarios of each kind [default: that of the rarest kind among the approved]
     #[arg(long, value_name = "N", requires = "build", value_parser = parse::count)]
     pub per_kind: Option<usize>,
     /// Worker threads [default: all cores]

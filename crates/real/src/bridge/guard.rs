@@ -14,16 +14,16 @@ pub struct GuardSettings {
     pub tick_s: f64,
     /// Maximum validity of a command, s.
     pub longest_validity_s: f64,
-    /// Time without a command or heartbeat after which a lease ends, s.
+    /// Time after the holder's last acquisition, start or command at which the lease ends, s.
     pub lease_s: f64,
 }
 
 impl Default for GuardSettings {
     fn default() -> Self {
         Self {
-            // 1 kHz is the rate of the control protocols of collaborative arms.
+            // 1 kHz is the rate of Franka's control interface; other arms are slower.
             tick_s: 1e-3,
-            // Long enough for three action chunks of slow policies; an operator looks away for no longer.
+            // Chosen by hand: three chunks of a policy that answers every 0.3 s; the arm moves on for no longer than this.
             longest_validity_s: 1.0,
             lease_s: 10.0,
         }
@@ -42,11 +42,14 @@ pub struct Command {
     pub valid_for_s: f64,
     /// True while a person holds the dead-man's switch.
     pub dead_man: bool,
-    /// Target joint positions, rad.
+    /// Target joint positions, rad or m.
     pub positions: Vec<f64>,
 }
 
-/// Reason why a command or a request is refused; a refusal changes nothing unless stated.
+/// Reason why a command or a request is refused.
+///
+/// A refusal never changes the target. A command under the lease in force with a new sequence number uses up that number
+/// and renews the lease, even if it is refused for another reason.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Refused {
     /// Another holder has the lease.
@@ -183,10 +186,11 @@ impl Guard {
     }
 
     /// Starts, or starts again after a stop, from the current position; the first command must follow within
-    /// `longest_validity_s`. After an error of the arm itself, `measured` replaces the setpoints.
+    /// `longest_validity_s`. At the first start and after an error of the arm itself, the setpoints become `measured`.
     ///
     /// # Errors
-    /// [`Refused`] if the lease is not in force, the arm is moving, or the dead-man's switch is not held.
+    /// [`Refused`] if the lease is not in force, the arm is moving, the dead-man's switch is not held, or `measured` is not
+    /// one finite position per joint.
     pub fn start(&mut self, now_s: f64, lease: u64, dead_man: bool, measured: &[f64]) -> Result<(), Refused> {
         let is_moving = !self.is_at_rest();
         let most = self.settings.longest_validity_s;
@@ -268,7 +272,8 @@ impl Guard {
         self.stop(StopReason::Arm);
     }
 
-    /// Setpoints at time `now_s`, to be sent every `tick_s`.
+    /// Advances the setpoints by one tick, braking if the deadline has passed at `now_s`; to be called and sent every
+    /// `tick_s`.
     pub fn tick(&mut self, now_s: f64) -> &[JointState] {
         self.expire(now_s);
         self.interpolator.tick()

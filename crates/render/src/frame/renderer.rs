@@ -87,7 +87,7 @@ impl Renderer {
         }
     }
 
-    /// Assets that this renderer renders.
+    /// Meshes and materials given to [`Renderer::new`], shared with other renderers of the scene.
     pub fn assets(&self) -> &Arc<RenderAssets> {
         &self.assets
     }

@@ -13,8 +13,8 @@ use crate::scene::variation::RenderVariation;
 use crate::scene::walls::WALL_SIZE_M;
 use crate::shading::tone_map::tone_map;
 
-/// Lower and upper corner of the room in the world (m). Chosen by hand around the default cameras, with the floor of
-/// the default world.
+/// Lower and upper corner of the room in the world (m). Chosen by hand around the default cameras, 1 cm below the
+/// floor of the default world.
 const LOW: Vec3A = Vec3A::new(-1.9, -2.7, -0.75);
 const HIGH: Vec3A = Vec3A::new(3.6, 2.9, 2.2);
 /// Distance (m) over which a room darkens towards its edges, and the share of light lost there. Chosen by hand.
@@ -36,7 +36,7 @@ pub struct Backdrop {
 struct Lit {
     wall: Arc<MipTexture>,
     floor: Arc<MipTexture>,
-    /// Irradiance of each side times exposure, by axis: of the side at the lower and at the higher coordinate.
+    /// Radiance of a white diffuse surface times exposure: by axis, at the lower and at the higher coordinate.
     light: [[Vec3A; 2]; 3],
 }
 
@@ -48,7 +48,7 @@ impl Backdrop {
             let light = |axis: usize, sign: f32| {
                 let mut normal = Vec3A::ZERO;
                 normal[axis] = sign;
-                // The ceiling is lit like an upward surface, but more weakly, since light fixtures hang below it.
+                // Lamps below the ceiling light it: ambient light of an upward surface, scaled by `CEILING`.
                 let around =
                     if axis == 2 && sign < 0.0 { lighting.around(Vec3A::Z) * CEILING } else { lighting.around(normal) };
                 around + lighting.key * (lighting.to_light.dot(normal).max(0.0) * KEY_SHARE)

@@ -36,7 +36,7 @@ pub(super) fn add(parts: &mut Parts, objects: &[SceneObject], settings: &Checked
     }
 }
 
-/// Name of a piece, shared by its geom and its mesh.
+/// Name of a geom or mesh of a collision piece; `owner` is the object, for a mesh the first one with that model.
 fn piece_name(owner: &str, link: &str, piece: usize) -> String {
     format!("object/{owner}/{link}/{piece}")
 }
