@@ -1,6 +1,7 @@
 //! `genmanip assets import`: imports files into a pack and tests each object on the table and with grasps.
 
 use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -121,7 +122,7 @@ pub fn import(
     });
     progress.begin("importing", candidates.len());
     let rows = in_parallel(candidates, workers, stop, &|candidate: &Candidate| {
-        let (row, object) = one(candidate, &trials, settings);
+        let (row, object) = guarded(candidate, &trials, settings);
         if let Some((object, tried)) = object {
             let uid = object.model.card.uid.clone();
             documents::write_file(&object_file(&folder, &uid), &pack::to_bytes(&object))?;
@@ -177,6 +178,25 @@ fn known_grasps(path: &Path, trials: &GraspTrials, seed: Seed) -> Result<GraspFi
     }
     let known = crate::grasps::read(path)?;
     Ok(if known.made_by.robot_hash == made_by.robot_hash { GraspFile { made_by, ..known } } else { nothing })
+}
+
+/// Imports and tests one object; a panic costs this object only.
+fn guarded(
+    candidate: &Candidate,
+    trials: &GraspTrials,
+    settings: &ImportSettings,
+) -> (ImportRow, Option<(Imported, Vec<VerifiedGrasp>)>) {
+    let tried = catch_unwind(AssertUnwindSafe(|| one(candidate, trials, settings)));
+    tried.unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
+        let row = ImportRow {
+            file: candidate.root.join(&candidate.path).display().to_string(),
+            error: Some(format!("{}: a defect of this program: {}", candidate.path, text.unwrap_or("no message"))),
+            hint: Some("please report it with the file; the other objects are not affected".into()),
+            ..ImportRow::default()
+        };
+        (row, None)
+    })
 }
 
 /// Imports and tests one object.

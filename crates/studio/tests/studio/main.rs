@@ -9,6 +9,7 @@ mod glb;
 mod operations;
 mod server;
 mod two_authors;
+mod usd;
 mod verdict;
 
 use std::path::{Path, PathBuf};
