@@ -204,7 +204,8 @@ fn imported_objects_of_unknown_categories_are_used() {
         ..mug.clone()
     };
     let presses = ["garlic press", "gnome", "scissors"].map(foreign);
-    let all: Vec<ObjectCard> = cards().iter().filter(|card| card.category != "mug").take(20).chain(&presses).cloned().collect();
+    let all: Vec<ObjectCard> =
+        cards().iter().filter(|card| card.category != "mug").take(20).chain(&presses).cloned().collect();
     let settings = DesignSettings::default();
     let tasks = design_many(&[TaskKind::Spatial], 120, &all, Seed::new(5), &settings).unwrap();
     for press in &presses {
