@@ -41,7 +41,7 @@ const UNINFORMATIVE: [&str; 32] = [
     "robot",
 ];
 /// Extensions of files after which robots and models are named.
-const FILES: [&str; 6] = ["urdf", "xml", "obj", "glb", "gltf", "dae"];
+const FILES: [&str; 10] = ["urdf", "xml", "obj", "glb", "gltf", "dae", "usd", "usda", "usdc", "usdz"];
 /// Colour words by upper bound of the hue, degrees, for saturated colours.
 const HUES: [(f64, &str); 8] = [
     (15.0, "red"),
@@ -54,6 +54,9 @@ const HUES: [(f64, &str); 8] = [
     (340.0, "pink"),
 ];
 
+/// Name of an object whose files and folders say none.
+pub const NAMELESS: &str = "Thing";
+
 /// Object name from the file name, otherwise the name in the file, otherwise the nearest informative folder name.
 pub fn name(path: &str, said: &str) -> String {
     let mut parts: Vec<&str> = path.split('/').collect();
@@ -65,7 +68,7 @@ pub fn name(path: &str, said: &str) -> String {
     let is_informative =
         |part: &&str| !is_uninformative(part) && !is_hash(part) && part.chars().any(char::is_alphabetic);
     let candidates = [stem, said].into_iter().chain(parts.into_iter().rev());
-    title(candidates.into_iter().find(is_informative).unwrap_or("thing"))
+    title(candidates.into_iter().find(is_informative).unwrap_or(NAMELESS))
 }
 
 /// True for numbers and hashes.
@@ -102,7 +105,7 @@ pub fn title(text: &str) -> String {
         letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect::<String>())
     };
     let words: Vec<String> = words.iter().map(capital).collect();
-    if words.is_empty() { "Thing".into() } else { words.join(" ") }
+    if words.is_empty() { NAMELESS.into() } else { words.join(" ") }
 }
 
 /// Lower-case letters and digits joined by hyphens, for uids.

@@ -23,13 +23,15 @@ const NORMALISED_M: f64 = 0.35;
 /// Fractions that differ by less count as equal.
 const EQUAL_MARGIN: f64 = 0.15;
 
-/// The user's choices for a file's frame.
+/// The user's choices for a file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Given {
     /// Metres per unit.
     pub scale: Option<f64>,
     /// Up axis.
     pub up: Option<Up>,
+    /// Category of the object, in lower case, singular.
+    pub category: Option<String>,
     /// Found by simulation instead of given: the direction that points up once the object has toppled and come to
     /// rest, in the frame in which it stands without this.
     pub tipped_up: Option<DVec3>,

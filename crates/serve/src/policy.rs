@@ -87,7 +87,8 @@ impl PolicyServer {
                 // One reference is this loop's own.
                 if let (Ok(stream), 1..=MAX_CONNECTIONS) = (stream, Arc::strong_count(&shared)) {
                     let shared = Arc::clone(&shared);
-                    std::thread::spawn(move || shared.serve(stream));
+                    let thread = std::thread::Builder::new().name("serving".into());
+                    drop(thread.spawn(move || shared.serve(stream)));
                 }
             }
         });

@@ -30,7 +30,7 @@ use serde::Serialize;
 use findings::Findings;
 use genmanip_data::DataError;
 
-pub(crate) use metadata::{EpisodeEntry, Feature, Metadata, Version};
+pub(crate) use metadata::{EpisodeEntry, Feature, Metadata, Version, VideoSpan};
 
 pub use contact_sheet::{Strip, contact_sheet};
 pub use findings::Finding;
