@@ -226,7 +226,9 @@ class Maker:
                 for side, body in enumerate(ends[::-1] if joint["turned"] else ends):
                     prim = stage.GetPrimAtPath(joint["prim"].GetPath())
                     place = prim.GetAttribute(f"physics:localPos{side}").Get()
-                    turn = Gf.Rotation(prim.GetAttribute(f"physics:localRot{side}").Get())
+                    # In double precision; Gf.Rotation does not normalise, which matters for small angles.
+                    turn = Gf.Quatd(prim.GetAttribute(f"physics:localRot{side}").Get())
+                    turn = Gf.Rotation(turn.GetNormalized())
                     matrix = cache.GetLocalToWorldTransform(bodies[body])
                     turn = turn * matrix.RemoveScaleShear().ExtractRotation()
                     world = Gf.Matrix4d().SetRotate(turn)

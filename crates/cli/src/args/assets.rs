@@ -150,7 +150,7 @@ pub struct ImportArguments {
     /// Up axis of the files, instead of a guess
     #[arg(long, value_name = "AXIS", value_parser = ["y", "z"])]
     pub up: Option<String>,
-    /// What the objects are, singular and in lower case, e.g. `water bottle`, instead of a guess by their names
+    /// Category of the objects, singular and in lower case, e.g. `water bottle`, instead of a guess by their names
     #[arg(long, value_name = "NOUN", value_parser = super::parse_values::parse_category)]
     pub category: Option<String>,
     /// Licence of the files where they do not say it

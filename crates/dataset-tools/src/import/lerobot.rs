@@ -44,7 +44,7 @@ pub(super) struct Lerobot {
 
 impl Lerobot {
     pub(super) fn open(root: &Path, settings: &ImportSettings) -> Result<Self, DataError> {
-        let (mut metadata, findings) = check::read_metadata(root)?;
+        let (mut metadata, findings, listed) = check::read_partial_metadata(root)?;
         // Statistics are recomputed.
         if let Some(first) = findings.iter().find(|finding| finding.check != "statistics") {
             let what = format!("{} in {}", first.place, root.join(&first.file).display());
@@ -65,7 +65,8 @@ impl Lerobot {
         }
         let videos = VideoReader::new(settings.ffmpeg.clone());
         let mut notes = BTreeSet::new();
-        leave_out_partial_cameras(&mut metadata, &mut notes);
+        leave_out_partial_cameras(&mut metadata, &listed, &mut notes);
+        check::require_videos(&metadata, &listed)?;
         let record = root.join(RECORD);
         let record = match std::fs::symlink_metadata(&record) {
             Err(_) => None,
@@ -318,10 +319,12 @@ impl Lerobot {
 }
 
 /// Leaves out the videos of cameras that some episodes lack: every episode of a data set has the same columns.
-fn leave_out_partial_cameras(metadata: &mut Metadata, notes: &mut BTreeSet<String>) {
+fn leave_out_partial_cameras(metadata: &mut Metadata, listed: &BTreeSet<String>, notes: &mut BTreeSet<String>) {
     let mut lacking: BTreeMap<String, Vec<i64>> = BTreeMap::new();
+    // In v3.0 the table of episodes names the files, so that a missing one is damage.
+    let has_own_files = metadata.info.version != Version::V30;
     for episode in &metadata.episodes {
-        let is_missing = |span: &&VideoSpan| !span.from_s.is_finite() || !metadata.root.join(&span.file).is_file();
+        let is_missing = |span: &&VideoSpan| !span.from_s.is_finite() || has_own_files && !listed.contains(&span.file);
         for span in episode.videos.iter().filter(is_missing) {
             lacking.entry(span.key.clone()).or_default().push(episode.index);
         }

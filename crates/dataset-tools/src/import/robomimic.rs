@@ -4,14 +4,15 @@
 //! data                      attributes env_args (JSON), LIBERO also problem_info (JSON)
 //! data/demo_0/actions       a row per frame
 //!             rewards, dones
-//!             obs/KEY       numbers, a row per frame, or pictures: frames × height × width × 3, 8-bit
+//!             obs/KEY       numbers, a row per frame, or images: frames × height × width × 3, 8-bit
 //! ```
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use genmanip_core::limits::ENTRIES;
-use hdf5_reader::{Dataset, Datatype, Group, Hdf5File, OpenOptions, SliceInfo, SliceInfoElem};
+use hdf5_reader::group::Group;
+use hdf5_reader::{Dataset, Datatype, Hdf5File, OpenOptions, SliceInfo, SliceInfoElem};
 use serde_json::Value;
 
 use super::metadata::{self, ImportedMetadata};
@@ -30,8 +31,8 @@ const MAX_FRAMES: u64 = 1_000_000;
 const MAX_WIDTH: u64 = 4096;
 /// Maximum size of one reading, bytes.
 const MAX_BYTES: usize = 256 << 20;
-/// Pictures that are read at once.
-const PICTURES_AT_ONCE: u64 = 32;
+/// Images that are read at once.
+const IMAGES_AT_ONCE: u64 = 32;
 /// Columns beside the observations.
 const USED: [&str; 3] = ["actions", "rewards", "dones"];
 /// Observations that make up `observation.state`, the first list whose members are all there.
@@ -122,7 +123,7 @@ impl Robomimic {
             1 => robots.into_iter().next().unwrap_or_default(),
             _ => "unknown".to_owned(),
         };
-        notes.insert("pictures are encoded as H.264".into());
+        notes.insert("images are encoded as H.264".into());
         Ok(Self { demonstrations, fps, robot, notes })
     }
 
@@ -167,7 +168,7 @@ impl Robomimic {
         let mut parts: Vec<Feature> = Vec::new();
         for dataset in &observed {
             let key = dataset.name().to_owned();
-            if let Some(video) = columns.pictures(&key, dataset)? {
+            if let Some(video) = columns.images(&key, dataset)? {
                 videos.push(video);
             } else {
                 parts.extend(columns.numbers(&format!("observation.{key}"), dataset)?);
@@ -189,7 +190,7 @@ impl Robomimic {
             }
         }
         if videos.iter().any(|video| video.key.contains("agentview_rgb") || video.key.contains("eye_in_hand_rgb")) {
-            self.notes.insert("pictures stay as they are stored; LIBERO's are upside down".into());
+            self.notes.insert("images stay as they are stored; LIBERO's are upside down".into());
         }
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let metadata = ImportedMetadata {
@@ -300,32 +301,32 @@ impl Columns<'_> {
         Ok(Some(Feature { key: key.to_owned(), names, values }))
     }
 
-    /// A column of pictures as video; `None` for anything else.
-    fn pictures(&mut self, key: &str, dataset: &Dataset) -> Result<Option<VideoFeature>, DataError> {
+    /// A column of images as video; `None` for anything else.
+    fn images(&mut self, key: &str, dataset: &Dataset) -> Result<Option<VideoFeature>, DataError> {
         let &[frames, height, width, 3] = dataset.shape() else { return Ok(None) };
         if !matches!(dataset.dtype(), Datatype::FixedPoint { size: 1, signed: false, .. }) {
             return Ok(None);
         }
         let what = format!("{}/obs/{key}", self.place);
         if frames != self.frames {
-            return Err(DataError::mismatch(format!("pictures of {what}"), self.frames, frames));
+            return Err(DataError::mismatch(format!("images of {what}"), self.frames, frames));
         }
         let size = |value: u64| u32::try_from(value).unwrap_or(u32::MAX);
         let mut encoder = VideoEncoder::new(size(width), size(height), self.fps, &VideoSettings::default())
-            .map_err(|error| DataError::mismatch(&what, "pictures that can be encoded", error))?;
+            .map_err(|error| DataError::mismatch(&what, "images that can be encoded", error))?;
         let mut colors = ColorHistogram::default();
         let pixels = (width * height * 3) as usize;
-        for start in (0..frames).step_by(PICTURES_AT_ONCE as usize) {
+        for start in (0..frames).step_by(IMAGES_AT_ONCE as usize) {
             let whole = |end| SliceInfoElem::Slice { start: 0, end, step: 1 };
-            let end = (start + PICTURES_AT_ONCE).min(frames);
+            let end = (start + IMAGES_AT_ONCE).min(frames);
             let rows = SliceInfoElem::Slice { start, end, step: 1 };
             let selection = SliceInfo { selections: vec![rows, whole(height), whole(width), whole(3)] };
             let read = dataset.read_slice::<u8>(&selection);
-            let read = read.map_err(|error| DataError::mismatch(&what, "pictures", error))?;
+            let read = read.map_err(|error| DataError::mismatch(&what, "images", error))?;
             let (bytes, _) = read.into_raw_vec_and_offset();
-            for picture in bytes.chunks_exact(pixels) {
-                colors.add_image(picture, width as usize);
-                encoder.push(picture)?;
+            for image in bytes.chunks_exact(pixels) {
+                colors.add_image(image, width as usize);
+                encoder.push(image)?;
             }
         }
         Ok(Some(VideoFeature { key: format!("observation.images.{key}"), video: encoder.finish(), colors }))

@@ -53,7 +53,7 @@ fn values_that_are_not_finite_are_named_by_row() {
     assert!(!out.exists());
 }
 
-/// HDF5 as robomimic and LIBERO write it: order of demonstrations, sentences, states, pictures, rewards.
+/// HDF5 as robomimic and LIBERO write it: order of demonstrations, sentences, states, images, rewards.
 #[test]
 fn hdf5_of_robomimic_and_libero_is_imported() {
     let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/robomimic");

@@ -147,7 +147,7 @@ fn rank(path: &str) -> usize {
     EXTENSIONS.iter().position(|known| extension(path).eq_ignore_ascii_case(known)).unwrap_or(EXTENSIONS.len())
 }
 
-/// Where the mesh lies that a description refers to.
+/// Reference of a description to a mesh.
 struct Reference {
     /// Folder of the description.
     folder: String,

@@ -264,7 +264,11 @@ fn other_scenes_are_noted() {
     let (json, binary) = gltf(&corners, &triangles, "");
     let json = json.replace(r#""scenes":[{"nodes":[0]}]"#, r#""scenes":[{"nodes":[0]},{"nodes":[]}]"#);
     let object = import_from(&disk(&[("a.glb", &glb_of(json, binary))]), "a.glb", &Given::default()).unwrap();
-    assert!(object.report.repairs.iter().any(|note| note == "of its scenes 0 is read, not 1"), "{:?}", object.report.repairs);
+    assert!(
+        object.report.repairs.iter().any(|note| note == "of its scenes 0 is read, not 1"),
+        "{:?}",
+        object.report.repairs
+    );
 }
 
 /// The JSON part of a GLB with a patch applied.

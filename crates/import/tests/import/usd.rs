@@ -13,7 +13,7 @@ use crate::rigid::{Disk, disk, import_from, png};
 /// Folder with files made by `python/tests/interop_usd.py`, in place of the recorded one.
 const FOLDER: &str = "GENMANIP_USD_FILES";
 
-/// What Pixar's library says of its files.
+/// Facts that Pixar's library states of its files.
 #[derive(Deserialize)]
 struct Expected {
     files: Vec<ExpectedFile>,
@@ -187,6 +187,7 @@ fn what_is_missing_or_not_used_is_said() {
         + &paint("/home/somebody/skin.png")
         + r#"
     def Xform "handle" (prepend payload = @./handle.usd@) {}
+    def Xform "spout" (prepend references = </mug/nowhere>) {}
     def Camera "eye" {}
     def Xform "lamp" { def SphereLight "bulb" {} }
     def PointInstancer "crumbs" { def Cube "crumb" {} }
@@ -197,6 +198,7 @@ fn what_is_missing_or_not_used_is_said() {
     let said = notes(&object);
     for part in [
         "handle.usd",
+        "/mug/spout is empty",
         "there is no such file",
         "/home/somebody/skin.png",
         "Camera (1)",

@@ -193,7 +193,7 @@ impl Glossy {
 /// The extension by which textures refer to WebP images.
 const WEBP: &str = "EXT_texture_webp";
 
-/// What extensions say that the library does not read.
+/// Contents of extensions that the library does not read.
 #[derive(Default)]
 struct Old {
     /// Materials of specular and glossiness by index.

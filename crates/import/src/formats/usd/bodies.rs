@@ -83,7 +83,7 @@ pub struct JointPrim {
     pub ends: [(usize, Pose); 2],
 }
 
-/// What a stage contains.
+/// Contents of a stage.
 pub struct Contents {
     /// Bodies; the first is fixed to the world.
     pub bodies: Vec<Body>,
@@ -93,7 +93,7 @@ pub struct Contents {
     pub label: Option<String>,
 }
 
-/// What a prim takes from those above it.
+/// Values that a prim takes from those above it.
 #[derive(Clone)]
 struct Above {
     world: DMat4,

@@ -42,7 +42,7 @@ impl Bound {
         }
     }
 
-    /// Texture coordinates of ours, which start at the first row, from those of the file.
+    /// Texture coordinates from the first row of the image on, from those of the file.
     pub fn placed(&self, st: Vec2) -> [f32; 2] {
         let st = Vec2::from_angle(self.rotation_rad).rotate(st * self.scale) + self.translation;
         [st.x, 1.0 - st.y]

@@ -54,6 +54,7 @@ pub fn layers(path: &str, files: &mut Files<'_>) -> Vec<String> {
 /// Reports a panic of the library as an error about the file; among others it panics on indices beyond a table.
 fn guarded<T>(path: &str, read: impl FnOnce() -> Result<T, ImportError>) -> Result<T, ImportError> {
     panics::caught(read).unwrap_or_else(|reason| {
+        let reason = stage::plain(&reason);
         Err(ImportError::new(path, format!("damaged, or of a kind that the reader of USD does not know ({reason})")))
     })
 }

@@ -52,7 +52,7 @@ pub fn open(path: &str, files: &mut Files<'_>) -> Result<Opened, ImportError> {
             .resolver(Layers(Rc::clone(&known)))
             .open(path)
             .map_err(|error| ImportError::new(path, format!("not a readable USD file: {}", plain(&error))))?;
-        compose(path, &stage)?;
+        let empty = compose(path, &stage)?;
         let wanted = std::mem::take(&mut known.borrow_mut().wanted);
         let mut found = 0;
         for layer in wanted {
@@ -67,6 +67,15 @@ pub fn open(path: &str, files: &mut Files<'_>) -> Result<Opened, ImportError> {
         if found == 0 {
             let mut notes: Vec<String> =
                 stage.composition_errors().iter().map(|error| about(error, &refused)).collect();
+            // The library says nothing of references to prims that do not exist.
+            notes.extend(
+                empty
+                    .iter()
+                    .filter(|prim| !notes.iter().any(|note| note.contains(*prim)))
+                    .take(5)
+                    .map(|prim| format!("{} is empty; if it refers to a prim, there is no such prim", shortened(prim)))
+                    .collect::<Vec<_>>(),
+            );
             notes.dedup();
             return Ok(Opened { stage, notes });
         }
@@ -74,24 +83,29 @@ pub fn open(path: &str, files: &mut Files<'_>) -> Result<Opened, ImportError> {
     Err(ImportError::new(path, format!("refers to layers that refer to layers, more than {MAX_ROUNDS} deep")))
 }
 
-/// Composes every prim, and so asks for every layer.
-fn compose(path: &str, stage: &Stage) -> Result<(), ImportError> {
+/// Composes every prim, and so asks for every layer; gives the paths of those that could be placed but contain nothing.
+fn compose(path: &str, stage: &Stage) -> Result<Vec<String>, ImportError> {
     let wrong = |error: &dyn std::fmt::Display| ImportError::new(path, format!("cannot be composed: {}", plain(error)));
-    let (mut open, mut count) = (vec![stage.prim(Path::abs_root())], 0_usize);
+    let (mut open, mut count, mut empty) = (vec![stage.prim(Path::abs_root())], 0_usize, Vec::new());
     while let Some(prim) = open.pop() {
         let status = stage.prim_status(prim.path().clone()).map_err(|error| wrong(&error))?;
         // Those below a prim that is not read are not read either.
         if count > 0 && !PrimPredicate::DEFAULT_PROXIES.matches(status) {
             continue;
         }
-        open.extend(prim.children().map_err(|error| wrong(&error))?);
+        let children = prim.children().map_err(|error| wrong(&error))?;
+        let kind = prim.type_name().ok().flatten();
+        if count > 0 && children.is_empty() && kind.is_none_or(|kind| kind.as_str() == "Xform") {
+            empty.push(prim.path().to_string());
+        }
+        open.extend(children);
         count += 1;
         if count > MAX_PRIMS {
             return Err(ImportError::new(path, format!("more than {MAX_PRIMS} prims are not supported"))
                 .hint("it is a scene: export one object, or open the file of one object"));
         }
     }
-    Ok(())
+    Ok(empty)
 }
 
 /// Note on what a stage lacks.

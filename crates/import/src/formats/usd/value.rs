@@ -117,7 +117,7 @@ impl At {
         (!asset.is_empty()).then(|| (asset.asset_path().to_owned(), asset.resolved_path().map(str::to_owned)))
     }
 
-    /// How the values of a list belong to the parts of a mesh.
+    /// Parts of a mesh to which the values of a list belong: `constant`, `uniform`, `vertex`, `varying` or `faceVarying`.
     pub fn interpolation(&self, name: &str) -> String {
         let value = self.prim.attribute(name).get_metadata::<Value>("interpolation").ok().flatten();
         value.and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_else(|| "constant".into())

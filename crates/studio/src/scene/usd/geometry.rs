@@ -5,9 +5,8 @@ use genmanip_core::{Piece, Shape, VisualPart};
 use genmanip_import::collision::hull::convex_hull;
 use genmanip_render::encode::EncodeError;
 
-use super::Writer;
 use super::materials::friction_name;
-use super::text::{list, quat, triple};
+use super::text::{Writer, list, quat, triple};
 
 impl Writer<'_> {
     pub(super) fn visual(&mut self, part: &VisualPart) -> Result<(), EncodeError> {

@@ -6,7 +6,7 @@ use genmanip_core::Material;
 use genmanip_render::color::linear_from_srgb;
 use genmanip_render::encode::{EncodeError, png_rgb};
 
-use super::Writer;
+use super::text::Writer;
 
 impl Writer<'_> {
     /// Name of a material, which is written at the end.

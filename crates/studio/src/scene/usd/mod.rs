@@ -7,17 +7,15 @@ mod geometry;
 mod materials;
 mod text;
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use genmanip_core::glam::{DMat3, DQuat, DVec3};
 use genmanip_core::{
-    Camera, CameraMount, JointKind, MassProperties, Material, ObjectModel, Piece, Pose, RobotModel, Scenario, Shape,
-    Texture, VisualPart,
+    Camera, CameraMount, JointKind, MassProperties, ObjectModel, Piece, Pose, RobotModel, Scenario, VisualPart,
 };
 use genmanip_render::encode::EncodeError;
 use genmanip_render::internals::fixtures;
-use text::{quat, quoted, triple};
+use text::{Writer, quat, quoted, triple};
 
 /// Width of the sensor of a camera, tenths of a unit as USD has it; focal length and aperture only matter as a ratio.
 const APERTURE: f64 = 20.955;
@@ -106,20 +104,6 @@ struct Connection<'a> {
     motion: Option<(JointKind, DVec3, [f64; 2])>,
     /// Damping and stiffness per radian or metre, and the spring's rest position.
     drive: [f64; 3],
-}
-
-/// A file under construction.
-#[derive(Default)]
-struct Writer<'a> {
-    text: String,
-    /// Names that are taken in each prim that is open.
-    taken: Vec<BTreeSet<String>>,
-    folder: &'a str,
-    surfaces: Vec<Material>,
-    textures: Vec<Arc<Texture>>,
-    files: Vec<(String, Vec<u8>)>,
-    /// Friction coefficients of colliders, by their text.
-    frictions: BTreeSet<String>,
 }
 
 impl Writer<'_> {

@@ -2,11 +2,24 @@
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
+use std::sync::Arc;
 
-use genmanip_core::Pose;
 use genmanip_core::glam::{DQuat, DVec3};
+use genmanip_core::{Material, Pose, Texture};
 
-use super::Writer;
+/// A file under construction.
+#[derive(Default)]
+pub(super) struct Writer<'a> {
+    pub(super) text: String,
+    /// Names that are taken in each prim that is open.
+    pub(super) taken: Vec<BTreeSet<String>>,
+    pub(super) folder: &'a str,
+    pub(super) surfaces: Vec<Material>,
+    pub(super) textures: Vec<Arc<Texture>>,
+    pub(super) files: Vec<(String, Vec<u8>)>,
+    /// Friction coefficients of colliders, by their text.
+    pub(super) frictions: BTreeSet<String>,
+}
 
 impl Writer<'_> {
     pub(super) fn line(&mut self, text: &str) {
