@@ -3,6 +3,7 @@
 mod environment;
 mod lerobot;
 mod opencv;
+mod usd;
 
 use crate::problem::{OnPath, Problem, Result};
 use crate::process::{self, Workspace};
@@ -37,6 +38,7 @@ pub fn run(workspace: &Workspace) -> Result {
     openpi(workspace, &place, &scenario)?;
     vla_eval(workspace, &place, &scenario)?;
     opencv::run(workspace, &place)?;
+    usd::run(workspace, &place)?;
     lerobot::run(workspace, &place)?;
     println!("{}", docs::run(workspace, &[], docs::Blocks::Interop)?);
     Ok(())

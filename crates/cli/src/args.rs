@@ -174,7 +174,8 @@ pub enum Command {
     #[command(after_help = "Examples:\n  genmanip export out/run --to lerobot --action ee --rotation 6d --rate 15\n  \
                       genmanip evaluate out/run --policy playback:dataset=out/run/exports/lerobot-ee-6d-15hz\n  \
                       genmanip export --mjcf out/run/scenarios/017_pick_and_place-000.json > scene.xml\n  \
-                      genmanip export --glb out/run/scenarios/017_pick_and_place-000.json --out scene.glb\n\n\
+                      genmanip export --glb out/run/scenarios/017_pick_and_place-000.json --out scene.glb\n  \
+                      genmanip export --usd out/run/scenarios/017_pick_and_place-000.json --out scene.usda\n\n\
                       Pictures of another rate are drawn from the recorded states; docs/formats/lerobot-dataset.md\n\
                       says what the columns mean.")]
     Export(ExportArguments),

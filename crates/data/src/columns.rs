@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 
 use arrow_array::cast::AsArray;
-use arrow_array::types::{Float32Type, Float64Type, Int32Type, Int64Type};
+use arrow_array::types::{
+    Float16Type, Float32Type, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, UInt8Type, UInt16Type, UInt32Type,
+};
 use arrow_array::{Array, RecordBatch};
 use arrow_schema::DataType;
 
@@ -32,6 +34,24 @@ impl Column {
         match array.data_type() {
             DataType::Float32 => {
                 plain("float32", array.as_primitive::<Float32Type>().values().iter().map(|v| f64::from(*v)).collect())
+            }
+            DataType::Float16 => {
+                plain("float16", array.as_primitive::<Float16Type>().values().iter().map(|v| v.to_f64()).collect())
+            }
+            DataType::Int8 => {
+                plain("int8", array.as_primitive::<Int8Type>().values().iter().map(|v| f64::from(*v)).collect())
+            }
+            DataType::Int16 => {
+                plain("int16", array.as_primitive::<Int16Type>().values().iter().map(|v| f64::from(*v)).collect())
+            }
+            DataType::UInt8 => {
+                plain("uint8", array.as_primitive::<UInt8Type>().values().iter().map(|v| f64::from(*v)).collect())
+            }
+            DataType::UInt16 => {
+                plain("uint16", array.as_primitive::<UInt16Type>().values().iter().map(|v| f64::from(*v)).collect())
+            }
+            DataType::UInt32 => {
+                plain("uint32", array.as_primitive::<UInt32Type>().values().iter().map(|v| f64::from(*v)).collect())
             }
             DataType::Float64 => plain("float64", array.as_primitive::<Float64Type>().values().to_vec()),
             DataType::Int32 => {

@@ -16,7 +16,18 @@ static QUIET: Once = Once::new();
 /// Runs a decoder on a file; a panic is reported as a damaged file.
 ///
 /// Needed for parquet 60.1, which panics e.g. on pages that lack their dictionary (found by fuzzing).
+///
+/// # Errors
+/// If the decoder panics.
 pub fn catch_panics<T>(path: &Path, read: impl FnOnce() -> T) -> Result<T, DataError> {
+    caught(read).map_err(|message| DataError::table(path, format!("damaged, cannot be decoded ({message})")))
+}
+
+/// Runs a decoder; a panic is not printed.
+///
+/// # Errors
+/// The message of a panic.
+pub fn caught<T>(read: impl FnOnce() -> T) -> Result<T, String> {
     QUIET.call_once(|| {
         let previous = panic::take_hook();
         panic::set_hook(Box::new(move |panic| {
@@ -25,13 +36,12 @@ pub fn catch_panics<T>(path: &Path, read: impl FnOnce() -> T) -> Result<T, DataE
             }
         }));
     });
-    IS_GUARDED.set(true);
+    let is_outer = IS_GUARDED.replace(true);
     let outcome = panic::catch_unwind(AssertUnwindSafe(read));
-    IS_GUARDED.set(false);
+    IS_GUARDED.set(is_outer);
     outcome.map_err(|panic| {
         let texts = (panic.downcast_ref::<&str>().copied(), panic.downcast_ref::<String>());
-        let message = texts.0.or(texts.1.map(String::as_str)).unwrap_or("no reason");
-        DataError::table(path, format!("damaged, cannot be decoded ({message})"))
+        texts.0.or(texts.1.map(String::as_str)).unwrap_or("no reason").to_owned()
     })
 }
 

@@ -37,13 +37,20 @@ const MAX_STATES: usize = 6;
 /// If nothing remains after cleaning, or the object encloses no volume.
 pub fn build(file: &str, mut raw: RawObject, hash: &str, given: &Given) -> Result<(ObjectModel, Report), ImportError> {
     let mut guesses = Vec::new();
-    let name = names_and_colors::name(file, &raw.name);
+    let mut name = names_and_colors::name(file, &raw.name);
+    if let Some(category) = given.category.as_deref().filter(|_| name == names_and_colors::NAMELESS) {
+        name = names_and_colors::title(category);
+    }
     clean::clean(file, &mut raw)?;
     raw.drop_empty_root();
-    let prior = typical_sizes::of_name(&name).or_else(|| typical_sizes::of_name(&raw.name));
+    let prior = match &given.category {
+        Some(category) => typical_sizes::of_name(category).filter(|prior| prior.category == *category),
+        None => typical_sizes::of_name(&name).or_else(|| typical_sizes::of_name(&raw.name)),
+    };
     guesses.push(match prior {
+        _ if given.category.is_some() => Guess::new("category", category(&name, prior, given), "given"),
         Some(prior) => Guess::new("category", &prior.category, format!("the name `{name}`")),
-        None => Guess::new("category", category(&name, None), "no category of the catalogue is in its name"),
+        None => Guess::new("category", category(&name, None, given), "no category of the catalogue is in its name"),
     });
     units_and_frame::to_metres(&mut raw, given.scale, prior, &mut guesses);
     units_and_frame::upright(&mut raw, given.up, prior, &mut guesses);
@@ -90,7 +97,8 @@ pub fn build(file: &str, mut raw: RawObject, hash: &str, given: &Given) -> Resul
         .collect();
     let mut repairs = std::mem::take(&mut raw.notes);
     repairs.dedup();
-    let card = card(&name, &raw, &links, size, hash, prior, &states, &mut guesses);
+    let category = category(&name, prior, given);
+    let card = card(&name, category, &raw, &links, size, hash, prior, &states, &mut guesses);
     let model = ObjectModel {
         asset: card.asset.clone(),
         family: card.category.clone(),
@@ -217,7 +225,11 @@ fn joint_states(links: &[RawLink]) -> Vec<JointState> {
     states
 }
 
-fn category(name: &str, prior: Option<&Prior>) -> String {
+/// The category that is given, or that of a catalogue's object, or the last word of the name.
+fn category(name: &str, prior: Option<&Prior>, given: &Given) -> String {
+    if let Some(category) = &given.category {
+        return category.clone();
+    }
     let last = || {
         name.split_whitespace()
             .rfind(|word| word.chars().filter(|c| c.is_alphabetic()).count() > 2)
@@ -230,6 +242,7 @@ fn category(name: &str, prior: Option<&Prior>) -> String {
 #[expect(clippy::too_many_arguments, reason = "inputs of a card")]
 fn card(
     name: &str,
+    category: String,
     raw: &RawObject,
     links: &[ObjectLink],
     size: DVec3,
@@ -243,7 +256,6 @@ fn card(
     let cavity = links.iter().flat_map(|link| &link.cavity).next();
     let mass_kg = links.iter().map(|link| link.mass.mass_kg).sum::<f64>();
     let colors = names_and_colors::colors(raw);
-    let category = category(name, prior);
     let is_metal = raw.links.iter().flat_map(|link| &link.surfaces).any(|surface| surface.material.metallic > 0.5);
     let materials = match prior {
         Some(prior) => prior.materials.clone(),

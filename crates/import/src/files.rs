@@ -138,9 +138,20 @@ impl<'a> Files<'a> {
             return Ok(Arc::clone(bytes));
         }
         if self.known.len() == MAX_FILES {
-            return Err(ImportError::new(path, format!("an object refers to more than {MAX_FILES} files")));
+            return self.hold(path, Vec::new());
         }
         let bytes = (self.read)(path, limit).map_err(|message| ImportError::new(path, message))?;
+        self.hold(path, bytes)
+    }
+
+    /// Adds a file that was unpacked from another one; its place is that of the archive as a folder.
+    ///
+    /// # Errors
+    /// If the files become too many or too large.
+    pub fn hold(&mut self, path: &str, bytes: Vec<u8>) -> Result<Arc<Vec<u8>>, ImportError> {
+        if self.known.len() == MAX_FILES {
+            return Err(ImportError::new(path, format!("an object refers to more than {MAX_FILES} files")));
+        }
         self.bytes += bytes.len() as u64;
         if self.bytes > self.max_bytes {
             let message = format!("the files of the object exceed {} MiB in total", self.max_bytes >> 20);

@@ -1,4 +1,4 @@
-//! Texture loading: PNG and JPEG, validated before decoding and downscaled to the rendering resolution.
+//! Texture loading: PNG, JPEG and WebP, validated before decoding and downscaled to the rendering resolution.
 
 use genmanip_core::Texture;
 use png::{ColorType, Transformations};
@@ -21,7 +21,8 @@ pub fn texture(bytes: &[u8], pixels_left: &mut usize) -> Result<(Texture, Option
     let (width, height, rgb) = match bytes {
         [0x89, b'P', b'N', b'G', ..] => from_png(bytes, pixels_left)?,
         [0xff, 0xd8, ..] => from_jpeg(bytes, pixels_left)?,
-        _ => return Err("expected a PNG or JPEG image".into()),
+        [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => from_webp(bytes, pixels_left)?,
+        _ => return Err("expected a PNG, JPEG or WebP image".into()),
     };
     let factor = width.max(height).div_ceil(KEPT_PIXELS);
     if factor == 1 {
@@ -83,6 +84,24 @@ fn from_jpeg(bytes: &[u8], pixels_left: &mut usize) -> Result<(usize, usize, Vec
     Ok((width, height, rgb))
 }
 
+/// The first frame if it is animated.
+fn from_webp(bytes: &[u8], pixels_left: &mut usize) -> Result<(usize, usize, Vec<u8>), String> {
+    let broken = |error: image_webp::DecodingError| format!("the WebP image cannot be decoded: {error}");
+    let mut decoder = image_webp::WebPDecoder::new(std::io::Cursor::new(bytes)).map_err(broken)?;
+    let (width, height) = decoder.dimensions();
+    let (width, height) = (width as usize, height as usize);
+    check_size(width, height, pixels_left)?;
+    decoder.set_memory_limit(8 * MAX_SIDE * MAX_SIDE);
+    let mut pixels = vec![0; decoder.output_buffer_size().ok_or("the WebP image is too large")?];
+    decoder.read_image(&mut pixels).map_err(broken)?;
+    let rgb =
+        if decoder.has_alpha() { pixels.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect() } else { pixels };
+    if rgb.len() != width * height * 3 {
+        return Err("the WebP image has a different number of pixels than it declares".into());
+    }
+    Ok((width, height, rgb))
+}
+
 /// Box filter over blocks of `factor` x `factor` pixels.
 fn scaled_down(width: usize, height: usize, rgb: &[u8], factor: usize) -> ([usize; 2], Vec<u8>) {
     let small = [(width / factor).max(1), (height / factor).max(1)];
@@ -137,7 +156,7 @@ mod tests {
         // A decompression bomb: the header states huge width and height.
         huge[16..24].copy_from_slice(&[0, 1, 0, 0, 0, 1, 0, 0]);
         assert!(texture(&huge).is_err(), "65536 pixels per side");
-        assert!(texture(b"GIF89a").unwrap_err().contains("PNG or JPEG"));
+        assert!(texture(b"GIF89a").unwrap_err().contains("PNG, JPEG or WebP"));
         assert!(texture(&[0xff, 0xd8, 0xff, 0xd9]).is_err(), "an empty JPEG");
     }
 

@@ -79,8 +79,9 @@ pub fn import(
     let mut files = Files::new(read);
     let raw = formats::read(path, &mut files).map_err(formats::advised)?;
     // `tipped_up` follows from simulating the files, which are hashed already.
-    let Given { scale, up, .. } = given;
-    let hash = files.hash(&format!("Given {{ scale: {scale:?}, up: {up:?} }}"));
+    let Given { scale, up, category, .. } = given;
+    let named = category.as_ref().map_or_else(String::new, |category| format!(", category: {category:?}"));
+    let hash = files.hash(&format!("Given {{ scale: {scale:?}, up: {up:?}{named} }}"));
     let names: Vec<&str> = std::iter::once(path).chain(files.names().filter(|name| *name != path)).collect();
     let source = names.iter().take(20).copied().collect::<Vec<_>>().join(", ");
     let (said, creator) = (raw.licence.clone(), raw.creator.clone());

@@ -41,7 +41,7 @@ const UNINFORMATIVE: [&str; 32] = [
     "robot",
 ];
 /// Extensions that are removed from names: some files state their own file name as the name of the robot or model.
-const FILES: [&str; 6] = ["urdf", "xml", "obj", "glb", "gltf", "dae"];
+const FILES: [&str; 10] = ["urdf", "xml", "obj", "glb", "gltf", "dae", "usd", "usda", "usdc", "usdz"];
 /// Colour words of saturated colours, by upper bound of the hue in degrees.
 const HUES: [(f64, &str); 8] = [
     (15.0, "red"),
@@ -53,6 +53,9 @@ const HUES: [(f64, &str); 8] = [
     (295.0, "purple"),
     (340.0, "pink"),
 ];
+
+/// Name of an object whose files and folders say none.
+pub const NAMELESS: &str = "Thing";
 
 /// Name of an object: from the file name, otherwise the name stated in the file (`said`), otherwise the nearest
 /// informative folder name.
@@ -66,7 +69,7 @@ pub fn name(path: &str, said: &str) -> String {
     let is_informative =
         |part: &&str| !is_uninformative(part) && !is_hash(part) && part.chars().any(char::is_alphabetic);
     let candidates = [stem, said].into_iter().chain(parts.into_iter().rev());
-    title(candidates.into_iter().find(is_informative).unwrap_or("thing"))
+    title(candidates.into_iter().find(is_informative).unwrap_or(NAMELESS))
 }
 
 /// True for numbers and hashes.
@@ -103,7 +106,7 @@ pub fn title(text: &str) -> String {
         letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect::<String>())
     };
     let words: Vec<String> = words.iter().map(capital).collect();
-    if words.is_empty() { "Thing".into() } else { words.join(" ") }
+    if words.is_empty() { NAMELESS.into() } else { words.join(" ") }
 }
 
 /// Lower-case letters and digits joined by hyphens, for uids.

@@ -25,13 +25,15 @@ const NORMALISED_M: f64 = 0.35;
 /// Difference below which two footprint fractions count as equal. Chosen by hand.
 const EQUAL_MARGIN: f64 = 0.15;
 
-/// The user's choices for unit and up axis of a file.
+/// The user's choices for unit, up axis and category of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Given {
     /// Metres per unit of the file; `None` to guess.
     pub scale: Option<f64>,
     /// Up axis of the file; `None` to guess.
     pub up: Option<Up>,
+    /// Category of the object, in lower case, singular; `None` to guess.
+    pub category: Option<String>,
     /// Direction that points up when the object has toppled and come to rest, in the frame in which the object stands
     /// otherwise. Found by simulation, not given by the user; `None` if the object does not topple.
     pub tipped_up: Option<DVec3>,

@@ -88,7 +88,8 @@ impl PolicyServer {
                 // One reference is held by this loop itself.
                 if let (Ok(stream), 1..=MAX_CONNECTIONS) = (stream, Arc::strong_count(&shared)) {
                     let shared = Arc::clone(&shared);
-                    std::thread::spawn(move || shared.serve(stream));
+                    let thread = std::thread::Builder::new().name("serving".into());
+                    drop(thread.spawn(move || shared.serve(stream)));
                 }
             }
         });

@@ -3,6 +3,7 @@
 //!
 //! Used by the programs `genmanip` and `genmanip-lab`; no other crate prints.
 
+mod defect;
 mod error;
 #[cfg(all(target_os = "linux", target_arch = "x86_64", target_env = "gnu"))]
 mod memory;

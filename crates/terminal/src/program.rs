@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use clap::{Args, CommandFactory, FromArgMatches};
 
+use crate::defect;
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
@@ -54,7 +55,7 @@ impl GlobalArguments {
 pub fn run(global: &GlobalArguments, body: impl FnOnce(&Printer) -> Result<ExitStatus, Failed>) -> ExitCode {
     let printer = Printer::new(global.json, global.quiet);
     let opened = global.robots_folder().map_or(Ok(()), |folder| genmanip_workspace::robots::open(&folder).map(drop));
-    let outcome = opened.map_err(Failed::from).and_then(|()| body(&printer));
+    let outcome = opened.map_err(Failed::from).and_then(|()| defect::guarded(|| body(&printer)));
     match outcome.and_then(|status| printer.finish().map(|()| status)) {
         Ok(status) => status.into(),
         Err(failed) => {

@@ -78,6 +78,12 @@ pub fn original(_: &str, repository: &Path) -> Result<Opened, Failure> {
     opened(&source, |folder| imported(folder, &folder.with_file_name("imported")))
 }
 
+/// Demonstrations of robomimic and LIBERO in HDF5.
+pub fn hdf5(_: &str, repository: &Path) -> Result<Opened, Failure> {
+    let source = repository.join("crates/dataset-tools/testdata/robomimic");
+    opened(&source, |folder| imported(folder, &folder.with_file_name("imported")))
+}
+
 /// Name of the exported data set.
 const DATASET: &str = "dataset";
 

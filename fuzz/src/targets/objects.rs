@@ -44,7 +44,9 @@ pub fn images(_: &str, repository: &Path) -> Result<Opened, Failure> {
     let rgb: Vec<u8> = (0..3 * width * height).map(|index| (index * 7 % 251) as u8).collect();
     let depth_m: Vec<f32> = (0..width * height).map(|index| index as f32 * 0.01).collect();
     let card = repository.join("crates/import/testdata/sound/obj/card.png");
+    let webp = repository.join("crates/import/testdata/red.webp");
     let corpus = vec![
+        Input::file("red.webp", std::fs::read(webp)?),
         Input::file("card.png", std::fs::read(card)?),
         Input::file("depth.png", depth::encode_depth_png(&depth_m, width, height)?),
         Input::file("photo.jpg", genmanip_format::jpeg(&rgb, width, height)?),

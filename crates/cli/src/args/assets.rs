@@ -33,8 +33,9 @@ pub enum AssetsCommand {
     /// Look for implausible density, friction, size, texture, roughness and reflectivity
     #[command(after_help = "Example:\n  genmanip assets audit --catalog full --json\n\nExit 1 when anything is found.")]
     Audit(AuditArguments),
-    /// Import objects from files into a pack: GLB, glTF, OBJ, STL, MSH, URDF, MJCF
+    /// Import objects from files into a pack: USD, GLB, glTF, OBJ, STL, MSH, URDF, MJCF
     #[command(after_help = "Examples:\n  genmanip assets import mug.glb --pack kitchen\n  \
+                      genmanip assets import gadget.usdz --category \"garlic press\"\n  \
                       genmanip assets import scans/ --pack scans --scale 0.001 --up z --licence CC-BY-4.0\n  \
                       genmanip assets list --catalog imported\n\n\
                       Every guess and every repair is listed. Each object is put on a table, and tried in the hand. \
@@ -149,6 +150,9 @@ pub struct ImportArguments {
     /// Up axis of the files, instead of a guess
     #[arg(long, value_name = "AXIS", value_parser = ["y", "z"])]
     pub up: Option<String>,
+    /// Category of the objects, singular and in lower case, e.g. `water bottle`, instead of a guess by their names
+    #[arg(long, value_name = "NOUN", value_parser = super::parse_values::parse_category)]
+    pub category: Option<String>,
     /// Licence of the files where they do not say it
     #[arg(long, value_name = "TEXT")]
     pub licence: Option<String>,

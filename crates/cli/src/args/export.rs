@@ -12,9 +12,9 @@ use super::parse_values::parse_rate;
 
 /// Arguments of `export`.
 #[derive(Debug, Args)]
-#[command(group = clap::ArgGroup::new("format").required(true).args(["to", "mjcf", "glb"]))]
+#[command(group = clap::ArgGroup::new("format").required(true).args(["to", "mjcf", "glb", "usd"]))]
 pub struct ExportArguments {
-    /// Folder of a run made by `collect`; with --mjcf or --glb a scenario file
+    /// Folder of a run made by `collect`; with --mjcf, --glb or --usd a scenario file
     #[arg(value_name = "RUN|SCENARIO")]
     pub source: PathBuf,
     /// Format of the dataset
@@ -27,6 +27,10 @@ pub struct ExportArguments {
     /// the start, with materials and textures; needs --out
     #[arg(long, conflicts_with = "dataset", requires = "out")]
     pub glb: bool,
+    /// The scenario as OpenUSD text (usda) with UsdPhysics: surfaces, robot and objects as rigid bodies with colliders,
+    /// masses and joints, materials, cameras; textures lie in a folder beside it; needs --out
+    #[arg(long, conflicts_with = "dataset", requires = "out")]
+    pub usd: bool,
     /// Output path [default: RUN/exports/…; with --mjcf stdout]
     #[arg(long)]
     pub out: Option<PathBuf>,

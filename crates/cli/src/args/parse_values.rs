@@ -7,6 +7,12 @@ pub(super) fn parse_scale(text: &str) -> Result<f64, String> {
     }
 }
 
+pub(super) fn parse_category(text: &str) -> Result<String, String> {
+    let fits = |c: char| c.is_lowercase() || c == ' ' || c == '-';
+    let is_noun = text.len() <= 40 && text.chars().all(fits) && text.trim() == text && !text.is_empty();
+    if is_noun { Ok(text.to_owned()) } else { Err("expected a noun in lower case, such as `water bottle`".into()) }
+}
+
 pub(super) fn parse_sum(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if (0.0..=1e9).contains(&value) && !f64::is_sign_negative(value) => Ok(value),

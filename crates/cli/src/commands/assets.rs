@@ -220,7 +220,7 @@ fn import(arguments: &ImportArguments, folder: &Path, printer: &Printer) -> Resu
     let settings = ImportSettings {
         folder: folder.to_owned(),
         pack: arguments.pack.clone(),
-        given: Given { scale: arguments.scale, up, tipped_up: None },
+        given: Given { scale: arguments.scale, up, category: arguments.category.clone(), tipped_up: None },
         licence: arguments.licence.clone(),
         without_grasps: arguments.no_grasps,
         seed: Seed::new(arguments.seed),

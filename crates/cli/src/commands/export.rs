@@ -23,6 +23,9 @@ pub fn run(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus,
     if arguments.glb {
         return glb(arguments, printer);
     }
+    if arguments.usd {
+        return usd(arguments, printer);
+    }
     let dataset = &arguments.dataset;
     let options = ExportOptions {
         format: arguments.to.as_deref().and_then(Format::named).unwrap_or_default(),
@@ -93,5 +96,26 @@ fn glb(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus, Fai
     let path = arguments.out.as_deref().unwrap_or(Path::new("scenario.glb"));
     documents::write_file(path, &bytes)?;
     printer.say(format!("wrote {}, {} kB", path.display(), bytes.len().div_ceil(1000)));
+    Ok(ExitStatus::Done)
+}
+
+fn usd(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let scenario = scenarios::read_scenario(&arguments.source)?;
+    // The parser demands a path.
+    let path = arguments.out.as_deref().unwrap_or(Path::new("scenario.usda"));
+    if path.extension().is_none_or(|ending| ending != "usda") {
+        return Err(Failed::new(format!("--out {}: expected a name that ends in .usda", path.display()))
+            .hint("readers of USD choose between text and binary by it"));
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let textures = format!("{stem}_textures");
+    let stage = exported::scenario_stage(&scenario, Catalogue::all(), &textures)?;
+    let folder = path.with_file_name(&textures);
+    for (name, bytes) in &stage.textures {
+        documents::write_file(&folder.join(name), bytes)?;
+    }
+    documents::write_file(path, stage.text.as_bytes())?;
+    let kilobytes = stage.text.len().div_ceil(1000);
+    printer.say(format!("wrote {}, {kilobytes} kB, and {}", path.display(), plural(stage.textures.len(), "texture")));
     Ok(ExitStatus::Done)
 }

@@ -23,12 +23,21 @@ pub(super) fn check(
     findings: &mut Findings,
 ) {
     let columns = EpisodeColumns { episode, rows };
-    if let Some((row, key, expected, found)) = columns.state(robot).or_else(|| columns.tool()) {
+    let state = columns.state(robot).filter(|_| has_joints(metadata, robot));
+    if let Some((row, key, expected, found)) = state.or_else(|| columns.tool()) {
         findings.add("state", &episode.data, format!("{}, row {row}, {key}", episode.place()), expected, found);
     }
     if let Some((row, key, expected, found)) = columns.action(metadata, robot) {
         findings.add("action", &episode.data, format!("{}, row {row}, {key}", episode.place()), expected, found);
     }
+}
+
+/// False if the names of `observation.state` are others than those of the robot's joints.
+fn has_joints(metadata: &Metadata, robot: &RobotModel) -> bool {
+    let state = metadata.info.features.iter().find(|feature| feature.key == "observation.state");
+    let names = state.map_or(&[][..], |feature| &feature.names);
+    let is_joint = |name: &String| robot.arm_joints().any(|joint| joint.name == *name);
+    names.is_empty() || names.iter().any(is_joint) || names.iter().all(|name| name.starts_with("observation.state"))
 }
 
 /// Row, column, expected value and actual value of the first difference.

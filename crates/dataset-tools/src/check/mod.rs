@@ -30,7 +30,7 @@ use serde::Serialize;
 use findings::Findings;
 use genmanip_data::DataError;
 
-pub(crate) use metadata::{EpisodeEntry, Feature, Metadata, Version};
+pub(crate) use metadata::{EpisodeEntry, Feature, Metadata, Version, VideoSpan};
 
 pub use contact_sheet::{Strip, contact_sheet};
 pub use findings::Finding;
@@ -91,20 +91,44 @@ pub fn check(dataset: &Path, robots: &[Arc<RobotModel>]) -> Result<DatasetCheck,
 /// If the folder cannot be listed, is not a LeRobot data set of a known version, or lacks a file that its metadata
 /// names.
 pub(crate) fn read_metadata(dataset: &Path) -> Result<(Metadata, Vec<Finding>), DataError> {
+    let (metadata, findings, listed) = read_partial_metadata(dataset)?;
+    require_videos(&metadata, &listed)?;
+    Ok((metadata, findings))
+}
+
+/// Reads the metadata of a LeRobot data set that may lack videos, and lists the files that are there.
+///
+/// # Errors
+/// As [`read_metadata`], but for videos.
+pub(crate) fn read_partial_metadata(dataset: &Path) -> Result<(Metadata, Vec<Finding>, BTreeSet<String>), DataError> {
     let mut findings = Findings::default();
     let listed = paths::list(dataset)?;
     let metadata = read(dataset, &listed, &mut findings)?;
-    // File names come from templates in `info.json` and may point outside the data set.
-    let files = |episode: &EpisodeEntry| {
-        [episode.data.clone()]
-            .into_iter()
-            .chain(episode.videos.iter().map(|video| video.file.clone()))
-            .collect::<Vec<_>>()
-    };
-    if let Some(file) = metadata.episodes.iter().flat_map(files).find(|file| !listed.contains(file)) {
-        return Err(DataError::mismatch(format!("{file} in {}", dataset.display()), "a file of the data set", "none"));
+    require(dataset, &listed, metadata.episodes.iter().map(|episode| &episode.data))?;
+    Ok((metadata, findings.into_parts().0, listed))
+}
+
+/// Refuses metadata that name a video that is not among the files of the data set.
+///
+/// # Errors
+/// If a video is missing.
+pub(crate) fn require_videos(metadata: &Metadata, listed: &BTreeSet<String>) -> Result<(), DataError> {
+    let videos = metadata.episodes.iter().flat_map(|episode| episode.videos.iter().map(|video| &video.file));
+    require(&metadata.root, listed, videos)
+}
+
+/// File names come from templates in `info.json` and may point outside the data set.
+fn require<'a>(
+    dataset: &Path,
+    listed: &BTreeSet<String>,
+    mut files: impl Iterator<Item = &'a String>,
+) -> Result<(), DataError> {
+    match files.find(|file| !listed.contains(*file)) {
+        None => Ok(()),
+        Some(file) => {
+            Err(DataError::mismatch(format!("{file} in {}", dataset.display()), "a file of the data set", "none"))
+        }
     }
-    Ok((metadata, findings.into_parts().0))
 }
 
 fn read(dataset: &Path, listed: &BTreeSet<String>, findings: &mut Findings) -> Result<Metadata, DataError> {

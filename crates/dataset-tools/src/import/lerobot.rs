@@ -10,7 +10,7 @@ use super::image_file;
 use super::metadata::{self, ImportedMetadata};
 use super::videos::{FrameRequest, VideoReader};
 use super::{ImportSettings, Importer, OnEpisode, SourceInfo};
-use crate::check::{self, EpisodeEntry, Metadata, Version};
+use crate::check::{self, EpisodeEntry, Metadata, Version, VideoSpan};
 use genmanip_data::columns::{Column, Rows};
 use genmanip_data::export::EpisodeRows;
 use genmanip_data::export::features::{Feature, ImageFeature, Values, VideoFeature};
@@ -22,8 +22,9 @@ use genmanip_data::{ColorHistogram, DataError, EpisodeStore, depth};
 
 /// Index columns, which the writer regenerates.
 const INDEX_COLUMNS: [&str; 5] = ["timestamp", "frame_index", "episode_index", "index", "task_index"];
-/// Supported numeric types; `int32` is widened to `int64`.
-const NUMBERS: [&str; 5] = ["float32", "float64", "int32", "int64", "bool"];
+/// Supported numeric types; half precision is widened to `float32`, smaller integers to `int64`.
+const NUMBERS: [&str; 11] =
+    ["float16", "float32", "float64", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "bool"];
 /// Batch size for tables with images, rows. Chosen by hand: bounds memory.
 const ROWS_PER_BATCH: usize = 256;
 /// Tolerance of timestamps against `frame_index / fps`, s; ten times that of LeRobot's own readers.
@@ -43,7 +44,7 @@ pub(super) struct Lerobot {
 
 impl Lerobot {
     pub(super) fn open(root: &Path, settings: &ImportSettings) -> Result<Self, DataError> {
-        let (metadata, findings) = check::read_metadata(root)?;
+        let (mut metadata, findings, listed) = check::read_partial_metadata(root)?;
         // Invalid statistics do not matter: the import recomputes them.
         if let Some(first) = findings.iter().find(|finding| finding.check != "statistics") {
             let what = format!("{} in {}", first.place, root.join(&first.file).display());
@@ -64,6 +65,8 @@ impl Lerobot {
         }
         let videos = VideoReader::new(settings.ffmpeg.clone());
         let mut notes = BTreeSet::new();
+        leave_out_partial_cameras(&mut metadata, &listed, &mut notes);
+        check::require_videos(&metadata, &listed)?;
         let record = root.join(RECORD);
         let record = match std::fs::symlink_metadata(&record) {
             Err(_) => None,
@@ -203,9 +206,10 @@ impl Lerobot {
         let videos = videos.chain(encoded.into_iter().map(Ok)).collect::<Result<Vec<_>, _>>()?;
         let succeeded = rows.get("next.success").and_then(|column| column.values.last().copied());
         let index = usize::try_from(listed.index).unwrap_or(0);
+        let instruction = self.sentence(listed, rows)?;
         let metadata = ImportedMetadata {
             store_id: metadata::name(listed.store_id.as_deref(), index),
-            instruction: listed.sentence.clone(),
+            instruction,
             steps: texts,
             success: listed.success.or_else(|| succeeded.map(|value| value > 0.0)),
             failure: listed.failure.clone().unwrap_or_default(),
@@ -216,6 +220,26 @@ impl Lerobot {
         let mut rows = EpisodeRows { frames, features, images, videos, steps, metadata };
         rows.metadata.source_sha256 = metadata::hash(&rows);
         Ok(rows)
+    }
+
+    /// The sentence that the rows name by `task_index`, which is what policies are trained on; that of the table of
+    /// episodes if the rows name none.
+    fn sentence(&mut self, listed: &EpisodeEntry, rows: &Rows) -> Result<String, DataError> {
+        let column = rows.get("task_index").filter(|column| column.width == 1 && !self.metadata.tasks.is_empty());
+        let Some(&first) = column.and_then(|column| column.values.first()) else { return Ok(listed.sentence.clone()) };
+        let Some((_, sentence)) = self.metadata.tasks.iter().find(|(known, _)| *known as f64 == first) else {
+            let file = self.metadata.root.join(&listed.data);
+            let what = format!("task_index of {} in {}", listed.place(), file.display());
+            return Err(DataError::mismatch(what, format!("an index of {}", self.metadata.tasks_file), first));
+        };
+        if column.is_some_and(|column| column.values.iter().any(|index| *index != first)) {
+            self.notes
+                .insert("where task_index changes within an episode, the sentence of its first row is kept".into());
+        }
+        if *sentence != listed.sentence {
+            self.notes.insert("sentences are those of task_index; the table of episodes says others".into());
+        }
+        Ok(sentence.clone())
     }
 
     /// Step index of each row, within the steps of the episode.
@@ -294,6 +318,32 @@ impl Lerobot {
     }
 }
 
+/// Leaves out the videos of cameras that some episodes lack: every episode of a data set has the same columns.
+fn leave_out_partial_cameras(metadata: &mut Metadata, listed: &BTreeSet<String>, notes: &mut BTreeSet<String>) {
+    let mut lacking: BTreeMap<String, Vec<i64>> = BTreeMap::new();
+    // In v3.0 the table of episodes names the files, so that a missing one is damage.
+    let has_own_files = metadata.info.version != Version::V30;
+    for episode in &metadata.episodes {
+        let is_missing = |span: &&VideoSpan| !span.from_s.is_finite() || has_own_files && !listed.contains(&span.file);
+        for span in episode.videos.iter().filter(is_missing) {
+            lacking.entry(span.key.clone()).or_default().push(episode.index);
+        }
+    }
+    let all = metadata.episodes.len();
+    // Without any video of a camera, the folder is not whole.
+    lacking.retain(|_, episodes| episodes.len() < all);
+    for (key, episodes) in &lacking {
+        let first = episodes.first().copied().unwrap_or_default();
+        notes.insert(format!(
+            "camera {key} is left out: {} of {all} episodes have no video of it, first {first}",
+            episodes.len()
+        ));
+    }
+    for episode in &mut metadata.episodes {
+        episode.videos.retain(|span| !lacking.contains_key(&span.key));
+    }
+}
+
 /// Columns of a table, grouped by what they are imported as.
 #[derive(Default)]
 struct Wanted {
@@ -366,10 +416,10 @@ fn names(feature: &check::Feature, width: usize) -> Vec<String> {
 
 fn values(column: &Column) -> Values {
     match column.dtype {
-        "float32" => Values::F32(column.values.iter().map(|value| *value as f32).collect()),
+        "float16" | "float32" => Values::F32(column.values.iter().map(|value| *value as f32).collect()),
         "bool" => Values::Bool(column.values.iter().map(|value| *value > 0.0).collect()),
-        "int32" | "int64" => Values::I64(column.values.iter().map(|value| *value as i64).collect()),
-        _ => Values::F64(column.values.clone()),
+        "float64" => Values::F64(column.values.clone()),
+        _ => Values::I64(column.values.iter().map(|value| *value as i64).collect()),
     }
 }
 

@@ -1,4 +1,5 @@
-//! Import of data sets of other programs: LeRobot v3.0, v2.1 and v2.0, and the episode folders of the original GenManip.
+//! Import of data sets of other programs: LeRobot v3.0, v2.1 and v2.0, the episode folders of the original GenManip, and
+//! HDF5 demonstrations of robomimic and LIBERO.
 //!
 //! The result is a LeRobotDataset v3.0, with the sibling `<name>-depth` if the source has depth. Numbers, names and
 //! instructions are kept; H.264 video is copied without re-encoding. Nothing in the source is executed.
@@ -11,6 +12,7 @@ mod lmdb;
 mod metadata;
 mod original;
 mod pickle;
+mod robomimic;
 mod videos;
 
 use std::path::{Path, PathBuf};
@@ -78,11 +80,14 @@ fn open(source: &Path, settings: &ImportSettings) -> Result<Box<dyn Importer>, D
         dataset.check_foreign()?;
         return Ok(Box::new(dataset));
     }
-    if original::is_there(source)? {
+    if files::is_folder_no_follow(source) && original::is_there(source)? {
         return Ok(Box::new(original::Original::open(source)?));
     }
-    let expected =
-        "a folder with a LeRobot data set (meta/info.json) or with episodes of the original GenManip (meta_info.pkl)";
+    if robomimic::is_there(source)? {
+        return Ok(Box::new(robomimic::Robomimic::open(source)?));
+    }
+    let expected = "a folder with a LeRobot data set (meta/info.json) or with episodes of the original GenManip \
+                    (meta_info.pkl), or demonstrations of robomimic or LIBERO (.hdf5)";
     Err(DataError::mismatch(source.display().to_string(), expected, "none"))
 }
 

@@ -52,3 +52,88 @@ fn values_that_are_not_finite_are_named_by_row() {
     assert!(error.to_string().contains("of row 3, episode 0") && error.to_string().contains("finite"), "{error}");
     assert!(!out.exists());
 }
+
+/// HDF5 as robomimic and LIBERO write it: order of demonstrations, sentences, states, images, rewards.
+#[test]
+fn hdf5_of_robomimic_and_libero_is_imported() {
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/robomimic");
+    let folder = tempfile::tempdir().unwrap();
+    let imported = |name: &str| {
+        let out = folder.path().join(name);
+        let file = sources.join(format!("{name}.hdf5"));
+        let made = import::import(&file, &ImportSettings::default(), &out, &mut |_| {}).unwrap();
+        assert_eq!(listed(&checked(&out)), "", "{name}");
+        (made, out.join("data/chunk-000/file-000.parquet"))
+    };
+    let (made, rows) = imported("libero");
+    assert_eq!((made.written.episodes, made.written.frames, made.imported.fps), (3, 15, 20));
+    // demo_2 comes before demo_10.
+    let actions: Vec<f64> = column(&rows, "action").into_iter().step_by(7).collect();
+    let wanted = (0..5).chain(200..206).chain(1000..1004).map(f64::from);
+    assert_eq!(actions, wanted.collect::<Vec<_>>());
+    let state = column(&rows, "observation.state");
+    let row: Vec<f64> = (0..8).map(|entry| f64::from((f64::from(entry) + 0.201) as f32)).collect();
+    assert_eq!(state[6 * 8..7 * 8], row);
+    assert_eq!(column(&rows, "next.reward")[..5], [0.0, 0.0, 0.0, 0.0, 1.0]);
+    let tasks = Table::open(&folder.path().join("libero/meta/tasks.parquet")).unwrap().whole(|_| true).unwrap();
+    let sentences = format!("{tasks:?}");
+    assert!(sentences.contains("put the bowl on the plate"), "{sentences}");
+    let video = folder.path().join("libero/videos/observation.images.agentview_rgb/chunk-000/file-000.mp4");
+    assert!(video.is_file(), "{}", video.display());
+    for note in ["upside down", "`states` of the demonstrations is left out"] {
+        assert!(made.imported.notes.iter().any(|said| said.contains(note)), "{note}: {:?}", made.imported.notes);
+    }
+    let (made, rows) = imported("lift");
+    assert_eq!(column(&rows, "action"), (0..21).map(f64::from).collect::<Vec<_>>());
+    assert_eq!(column(&rows, "observation.state").len(), 3 * 9);
+    assert!(made.imported.notes.iter().any(|note| note.contains("there is no sentence")), "{:?}", made.imported);
+    // A file that is cut off is refused by name, and nothing is left.
+    let cut = folder.path().join("cut.hdf5");
+    std::fs::write(&cut, &std::fs::read(sources.join("lift.hdf5")).unwrap()[..6000]).unwrap();
+    let out = folder.path().join("cut");
+    let error = import::import(&cut, &ImportSettings::default(), &out, &mut |_| {}).unwrap_err().to_string();
+    assert!(error.contains("cut.hdf5") && !out.exists(), "{error}");
+}
+
+/// A camera without a video in one episode is left out and said; a sentence is that of `task_index`.
+#[test]
+fn cameras_that_some_episodes_lack_are_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let copy = folder.path().join("source");
+    copied(&source("data_v21_plain"), &copy);
+    let videos: Vec<PathBuf> =
+        files_below(&copy).into_iter().filter(|path| path.ends_with("episode_000001.mp4")).collect();
+    assert!(!videos.is_empty());
+    std::fs::remove_file(&videos[0]).unwrap();
+    let out = folder.path().join("out");
+    let made = import::import(&copy, &ImportSettings::default(), &out, &mut |_| {}).unwrap();
+    let note = "is left out: 1 of 2 episodes have no video of it, first 1";
+    assert!(made.imported.notes.iter().any(|said| said.contains(note)), "{:?}", made.imported.notes);
+    assert_eq!((made.written.episodes, listed(&checked(&out)).as_str()), (2, ""));
+    // The table of episodes says a sentence that the rows do not.
+    let episodes = copy.join("meta/episodes.jsonl");
+    let text = std::fs::read_to_string(&episodes).unwrap();
+    let first = text.lines().next().unwrap().to_owned();
+    let said: serde_json::Value = serde_json::from_str(&first).unwrap();
+    let sentence = said["tasks"][0].as_str().unwrap().to_owned();
+    std::fs::write(&episodes, text.replacen(&sentence, "something else", 1)).unwrap();
+    let out = folder.path().join("again");
+    let made = import::import(&copy, &ImportSettings::default(), &out, &mut |_| {}).unwrap();
+    assert!(made.imported.notes.iter().any(|note| note.contains("those of task_index")), "{:?}", made.imported.notes);
+    let tasks = Table::open(&out.join("meta/tasks.parquet")).unwrap().whole(|_| true).unwrap();
+    let sentences = format!("{tasks:?}");
+    assert!(sentences.contains(&sentence) && !sentences.contains("something else"), "{sentences}");
+}
+
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries.flat_map(|path| if path.is_dir() { files_below(&path) } else { vec![path] }).collect()
+}
+
+fn copied(from: &Path, to: &Path) {
+    for path in files_below(from) {
+        let target = to.join(path.strip_prefix(from).unwrap());
+        std::fs::create_dir_all(target.parent().unwrap()).unwrap();
+        std::fs::copy(&path, &target).unwrap();
+    }
+}

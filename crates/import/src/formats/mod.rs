@@ -7,6 +7,7 @@ pub mod obj;
 mod solid;
 pub mod stl;
 pub mod urdf;
+pub mod usd;
 pub(crate) mod xml;
 
 use genmanip_core::limits::IMPORTED_MESH;
@@ -37,6 +38,7 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
         "glb" | "gltf" => glb::read(path, files),
         "urdf" => urdf::read(path, files),
         "xml" => mjcf::read(path, files),
+        "usd" | "usda" | "usdc" | "usdz" => usd::read(path, files),
         "stl" | "msh" => {
             let surface =
                 Surface { name: "body".into(), mesh: mesh(path, files)?, material: Material::plain(PLAIN, 0.5) };
@@ -51,8 +53,10 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
                 notes: Vec::new(),
             })
         }
-        other => Err(ImportError::new(path, format!("unsupported file extension `{other}`"))
-            .hint("expected .glb, .gltf, .obj, .dae, .stl, .msh, .urdf or .xml (MJCF); unpack archives first")),
+        other => Err(ImportError::new(path, format!("unsupported file extension `{other}`")).hint(
+            "expected .glb, .gltf, .obj, .dae, .stl, .msh, .urdf, .xml (MJCF), .usd, .usda, .usdc or .usdz; \
+                 unpack archives first",
+        )),
     }
 }
 
@@ -71,6 +75,7 @@ pub fn advised(error: ImportError) -> ImportError {
         }
         "urdf" => "fix it at this position; `check_urdf` and other readers report the same position",
         "xml" => "fix it at this position; MuJoCo's own compiler documents what it accepts",
+        "usd" | "usda" | "usdc" | "usdz" => "copy or export it again; `usdchecker` of Pixar's library lists all errors",
         _ => "expected a file that contains an object",
     };
     error.hint(hint)

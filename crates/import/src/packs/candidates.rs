@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 
 use genmanip_core::limits;
 
+use crate::files::Files;
+use crate::formats::usd;
+
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
@@ -13,9 +16,10 @@ use genmanip_workspace::documents;
 /// folder named by mistake.
 const MAX_FILES: usize = 50_000;
 const MAX_DEPTH: usize = 16;
-/// Extensions of importable files, in order of preference: of several meshes with the same stem in one folder, only the
+/// Extensions of importable files, in order of preference: of several files with the same stem in one folder, only the
 /// most preferred one is imported.
-const EXTENSIONS: [&str; 8] = ["urdf", "xml", "glb", "gltf", "obj", "dae", "stl", "msh"];
+const EXTENSIONS: [&str; 12] =
+    ["urdf", "xml", "usdz", "usd", "usda", "usdc", "glb", "gltf", "obj", "dae", "stl", "msh"];
 /// Parts of names of collision meshes, which accompany visual meshes and are not imported.
 const COLLISION_WORDS: [&str; 5] = ["collision", "_col", "vhacd", "coacd", "convex"];
 /// YCB folders with alternative reconstructions of the same object.
@@ -59,8 +63,9 @@ pub fn candidates(paths: &[PathBuf], root: Option<&Path>) -> Result<Vec<Candidat
         } else if about.is_dir() {
             let inside = of_folder(path)?;
             if inside.is_empty() {
-                return Err(WorkspaceError::input(format!("nothing to import in {}", path.display()))
-                    .with_hint("expected files that end in .urdf, .xml (MJCF), .glb, .gltf, .obj, .stl or .msh"));
+                return Err(WorkspaceError::input(format!("nothing to import in {}", path.display())).with_hint(
+                    "expected files that end in .urdf, .xml (MJCF), .usd, .usdz, .glb, .gltf, .obj, .stl or .msh",
+                ));
             }
             found.extend(inside);
         } else {
@@ -76,13 +81,15 @@ fn of_folder(root: &Path) -> Result<Vec<Candidate>, WorkspaceError> {
     let mut paths = Vec::new();
     list(root, String::new(), 0, &mut paths)?;
     paths.sort();
-    let mut named: BTreeSet<String> = BTreeSet::new();
+    let mut named: BTreeMap<String, Vec<Reference>> = BTreeMap::new();
     let mut descriptions = Vec::new();
     for path in paths.iter().filter(|path| matches!(extension(path), "urdf" | "xml")) {
         // Unreadable text is reported by the import itself.
         let Ok(bytes) = documents::read_bytes(&root.join(path), limits::IMPORTED_DESCRIPTION) else { continue };
         let text = String::from_utf8_lossy(&bytes);
-        named.extend(referenced_files(&text));
+        for (name, reference) in referenced_files(path, &text) {
+            named.entry(name).or_default().push(reference);
+        }
         let is_object = match extension(path) {
             "xml" => text.contains("<mujoco ") || text.contains("<mujoco>"),
             _ => text.contains("<robot"),
@@ -100,7 +107,7 @@ fn of_folder(root: &Path) -> Result<Vec<Candidate>, WorkspaceError> {
             |other: &String| other != path && other.rsplit_once('/').map_or("", |(folder, _)| folder) == folder;
         let is_collision = COLLISION_WORDS.iter().any(|word| stem.to_lowercase().contains(word));
         let is_plain = stem == "nontextured" && paths.iter().any(|other| beside(other) && other.contains("/textured."));
-        if named.contains(name)
+        if named.get(name).is_some_and(|references| references.iter().any(|reference| reference.reaches(path)))
             || is_other_scan
             || is_plain
             || (is_collision
@@ -113,8 +120,26 @@ fn of_folder(root: &Path) -> Result<Vec<Candidate>, WorkspaceError> {
             kept.clone_from(path);
         }
     }
+    let parts = layers_of_others(root, meshes.values());
+    meshes.retain(|_, path| !parts.contains(path));
     let all = descriptions.into_iter().chain(meshes.into_values());
     Ok(all.map(|path| Candidate { root: root.to_owned(), path }).collect())
+}
+
+/// Files of USD that other files of USD are composed of.
+fn layers_of_others<'a>(root: &Path, paths: impl Iterator<Item = &'a String>) -> BTreeSet<String> {
+    let stages: Vec<&String> = paths.filter(|path| usd::is_layer(path)).collect();
+    let mut parts = BTreeSet::new();
+    if stages.len() < 2 {
+        return parts;
+    }
+    let mut read = |path: &str, limit: limits::Limit| {
+        documents::read_bytes(&root.join(path), limit).map_err(|error| error.to_string())
+    };
+    for path in stages {
+        parts.extend(usd::layers(path, &mut Files::new(&mut read)));
+    }
+    parts
 }
 
 fn extension(path: &str) -> &str {
@@ -125,10 +150,33 @@ fn rank(path: &str) -> usize {
     EXTENSIONS.iter().position(|known| extension(path).eq_ignore_ascii_case(known)).unwrap_or(EXTENSIONS.len())
 }
 
+/// Reference of a description to a mesh.
+struct Reference {
+    /// Folder of the description.
+    folder: String,
+    /// True if the reference leaves that folder, or names a package.
+    leaves: bool,
+}
+
+impl Reference {
+    fn reaches(&self, path: &str) -> bool {
+        self.leaves
+            || self.folder.is_empty()
+            || path.strip_prefix(&self.folder).is_some_and(|rest| rest.starts_with('/'))
+    }
+}
+
 /// Names, without folders, of files that a description mentions in quotation marks.
-fn referenced_files(text: &str) -> impl Iterator<Item = String> + '_ {
+fn referenced_files<'a>(path: &'a str, text: &'a str) -> impl Iterator<Item = (String, Reference)> + 'a {
+    let folder = path.rsplit_once('/').map_or("", |(folder, _)| folder);
+    // Folders of meshes are named apart from the meshes.
+    let all_leave = text.contains("dir=\"..") || text.contains("dir='..");
     let quoted = text.split(['"', '\'']).filter(|part| part.len() < 300 && part.contains('.') && !part.contains('<'));
-    quoted.map(|part| part.rsplit(['/', '\\']).next().unwrap_or(part).to_owned())
+    quoted.map(move |part| {
+        let name = part.rsplit(['/', '\\']).next().unwrap_or(part).to_owned();
+        let leaves = all_leave || part.contains("..") || part.contains("://") || part.starts_with('/');
+        (name, Reference { folder: folder.to_owned(), leaves })
+    })
 }
 
 fn list(root: &Path, under: String, depth: usize, found: &mut Vec<String>) -> Result<(), WorkspaceError> {
@@ -177,11 +225,23 @@ mod tests {
         write("002_can/poisson/textured.obj", "");
         write("door/mobility.urdf", "<robot name='door'><mesh filename=\"textured_objs/a.obj\"/></robot>");
         write("door/textured_objs/a.obj", "");
+        // Equal names of meshes are common; a description refers to its own.
+        write("tin/tin.xml", "<mujoco><asset><mesh file='mesh.obj'/></asset><worldbody/></mujoco>");
+        write("tin/mesh.obj", "");
+        write("jar/mesh.obj", "");
         let found: Vec<String> =
             candidates(&[root.path().to_owned()], None).unwrap().into_iter().map(|one| one.path).collect();
         assert_eq!(
             found,
-            ["002_can/google_16k/textured.obj", "can.xml", "door/mobility.urdf", "meshes/cup.obj", "mug/visual.glb"]
+            [
+                "002_can/google_16k/textured.obj",
+                "can.xml",
+                "door/mobility.urdf",
+                "jar/mesh.obj",
+                "meshes/cup.obj",
+                "mug/visual.glb",
+                "tin/tin.xml"
+            ]
         );
         let empty = tempfile::tempdir().unwrap();
         assert!(candidates(&[empty.path().to_owned()], None).is_err());

@@ -11,7 +11,7 @@ use crate::{Given, Imported, pack};
 use genmanip_assets::{Catalogue, GraspFile, GraspProvenance, ObjectGrasps, cache_grasps};
 use genmanip_core::glam::DQuat;
 use genmanip_core::{AssetRef, Document, Pose, Seed, VerifiedGrasp, World, limits};
-use genmanip_data::files;
+use genmanip_data::{files, panics};
 use genmanip_motion::PlannerSettings;
 use genmanip_rollout::collect::in_parallel;
 use genmanip_rollout::grasp_trial::{
@@ -121,7 +121,7 @@ pub fn import(
     });
     progress.begin("importing", candidates.len());
     let rows = in_parallel(candidates, workers, stop, &|candidate: &Candidate| {
-        let (row, object) = one(candidate, &trials, settings);
+        let (row, object) = guarded(candidate, &trials, settings);
         if let Some((object, tried)) = object {
             let uid = object.model.card.uid.clone();
             documents::write_file(&object_file(&folder, &uid), &pack::to_bytes(&object))?;
@@ -177,6 +177,23 @@ fn known_grasps(path: &Path, trials: &GraspTrials, seed: Seed) -> Result<GraspFi
     }
     let known = crate::grasps::read(path)?;
     Ok(if known.made_by.robot_hash == made_by.robot_hash { GraspFile { made_by, ..known } } else { nothing })
+}
+
+/// Imports and tests one object; a panic costs this object only.
+fn guarded(
+    candidate: &Candidate,
+    trials: &GraspTrials,
+    settings: &ImportSettings,
+) -> (ImportRow, Option<(Imported, Vec<VerifiedGrasp>)>) {
+    panics::caught(|| one(candidate, trials, settings)).unwrap_or_else(|reason| {
+        let row = ImportRow {
+            file: candidate.root.join(&candidate.path).display().to_string(),
+            error: Some(format!("{}: a defect of this program: {reason}", candidate.path)),
+            hint: Some("please report it with the file; the other objects are not affected".into()),
+            ..ImportRow::default()
+        };
+        (row, None)
+    })
 }
 
 /// Imports and tests one object.

@@ -60,12 +60,38 @@ fn a_valid_file_of_every_format_imports_without_repairs() {
         ("msh", "tin.msh"),
         ("urdf", "cabinet.urdf"),
         ("mjcf", "drawer.xml"),
+        ("usda", "box.usda"),
+        ("usdc", "box.usdc"),
+        ("usdz", "box.usdz"),
     ] {
         let mut read = |path: &str, _| std::fs::read(folder.join(format).join(path)).map_err(|error| error.to_string());
         let object = import(name, &mut read, &Given::default(), None).unwrap_or_else(|error| panic!("{name}: {error}"));
         assert_eq!(object.report.repairs, Vec::<String>::new(), "{name}");
         assert!(object.model.links.iter().all(|link| !link.pieces.is_empty()), "{name}");
     }
+}
+
+/// Files of a folder of `testdata/sound`.
+fn sound(format: &str) -> Disk {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/sound").join(format);
+    let names = ["box.usda", "box.usdc", "box.usdz", "card.png", "parts/lid.usda"];
+    let held = |name: &str| Some((name.to_owned(), std::fs::read(folder.join(name)).ok()?));
+    names.into_iter().filter_map(held).collect()
+}
+
+/// A number that is far too large, at every place of a binary layer: the library would ask for as much memory.
+#[test]
+fn huge_counts_in_usd_cost_no_memory() {
+    let whole = sound("usdc");
+    let length = whole["box.usdc"].len();
+    let mut refused = 0;
+    for (index, place) in (8..length - 8).step_by(4).enumerate() {
+        let mut files = whole.clone();
+        let huge = [u64::MAX, 1 << 40, 1 << 32, 1 << 33 | 1 << 62, 1 << 63 | 1 << 40][index % 5];
+        files.get_mut("box.usdc").unwrap()[place..place + 8].copy_from_slice(&u64::to_le_bytes(huge));
+        refused += usize::from(import_from(&files, "box.usdc", &Given::default()).is_err());
+    }
+    assert!(refused > length / 16, "{refused} of {} refused", length / 4);
 }
 
 /// Found by `genmanip-lab hostile`: an image without a source, which the glTF library takes for granted.
@@ -186,14 +212,17 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 256, ..ProptestConfig::default() })]
 
     #[test]
-    fn damaged_bytes_never_panic(changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..12), cut in any::<prop::sample::Index>(), is_cut in any::<bool>(), which in 0_usize..5) {
+    fn damaged_bytes_never_panic(changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..12), cut in any::<prop::sample::Index>(), is_cut in any::<bool>(), which in 0_usize..8) {
         let (corners, triangles) = upright_box([0.05, 0.2, 0.03]);
         let (path, mut files) = match which {
             0 => ("a.glb", disk(&[("a.glb", &glb(&corners, &triangles, ""))])),
             1 => ("boxes/blorp.obj", crate_obj()),
             2 => ("boxes/blorp.obj", crate_obj()),
             3 => ("45132/mobility.urdf", cabinet()),
-            _ => ("objects/drawer.xml", drawer()),
+            4 => ("objects/drawer.xml", drawer()),
+            5 => ("box.usda", sound("usda")),
+            6 => ("box.usdc", sound("usdc")),
+            _ => ("box.usdz", sound("usdz")),
         };
         let damaged = match which {
             2 => "boxes/crate.mtl",

@@ -7,3 +7,4 @@ mod hostile;
 mod mjcf;
 mod rigid;
 mod robots;
+mod usd;

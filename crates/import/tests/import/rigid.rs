@@ -264,5 +264,120 @@ fn other_scenes_are_noted() {
     let (json, binary) = gltf(&corners, &triangles, "");
     let json = json.replace(r#""scenes":[{"nodes":[0]}]"#, r#""scenes":[{"nodes":[0]},{"nodes":[]}]"#);
     let object = import_from(&disk(&[("a.glb", &glb_of(json, binary))]), "a.glb", &Given::default()).unwrap();
-    assert!(object.report.repairs.iter().any(|note| note.contains("1 scenes besides")), "{:?}", object.report.repairs);
+    assert!(
+        object.report.repairs.iter().any(|note| note == "of its scenes 0 is read, not 1"),
+        "{:?}",
+        object.report.repairs
+    );
+}
+
+/// The JSON part of a GLB with a patch applied.
+fn patched(
+    positions: &[[f32; 3]],
+    triangles: &[[u32; 3]],
+    patch: impl FnOnce(&mut serde_json::Value, &mut Vec<u8>),
+) -> Vec<u8> {
+    let (json, mut binary) = gltf(positions, triangles, "");
+    let mut json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    patch(&mut json, &mut binary);
+    json["buffers"][0]["byteLength"] = binary.len().into();
+    glb_of(json.to_string(), binary)
+}
+
+#[test]
+fn quantised_meshes_have_their_size() {
+    // Positions as 16-bit shares of 0.2 m, normalised, which a scale of the node restores.
+    let (corners, triangles) = upright_box([0.06, 0.2, 0.04]);
+    let bytes = patched(&corners, &triangles, |json, binary| {
+        let start = binary.len();
+        for corner in &corners {
+            for value in corner {
+                binary.extend(((value / 0.2 * 32767.0).round() as i16).to_le_bytes());
+            }
+            binary.extend([0, 0]);
+        }
+        let views = json["bufferViews"].as_array_mut().unwrap();
+        views.push(serde_json::json!({
+            "buffer": 0, "byteOffset": start, "byteLength": 8 * corners.len(), "byteStride": 8
+        }));
+        let view = views.len() - 1;
+        json["accessors"][0] = serde_json::json!({
+            "bufferView": view, "componentType": 5122, "normalized": true, "count": corners.len(), "type": "VEC3",
+            "min": [0, 0, 0], "max": [9831, 32767, 6554],
+        });
+        json["nodes"][0]["scale"] = serde_json::json!([0.2, 0.2, 0.2]);
+        json["extensionsUsed"] = serde_json::json!(["KHR_mesh_quantization"]);
+        json["extensionsRequired"] = serde_json::json!(["KHR_mesh_quantization"]);
+    });
+    let object = import_from(&disk(&[("carton.glb", &bytes)]), "carton.glb", &Given::default()).unwrap();
+    let size = object.model.card.size_m;
+    assert!(size.abs_diff_eq(glam::DVec3::new(0.06, 0.04, 0.2), 1e-5), "{size}");
+    // Without the extension such positions violate the standard.
+    let plain = patched(&corners, &triangles, |json, _| json["accessors"][0]["componentType"] = 5122.into());
+    assert!(import_from(&disk(&[("a.glb", &plain)]), "a.glb", &Given::default()).is_err());
+}
+
+#[test]
+fn webp_textures_are_seen_and_other_scenes_are_named() {
+    // 2 x 2 pixels of one colour, lossless, as libwebp writes them.
+    let webp = include_bytes!("../../testdata/red.webp");
+    let (corners, triangles) = upright_box([0.06, 0.1, 0.04]);
+    let glb = |has_webp: bool| {
+        patched(&corners, &triangles, |json, binary| {
+            let uvs = binary.len();
+            binary.extend(corners.iter().flat_map(|_| [0.5_f32, 0.5]).flat_map(f32::to_le_bytes));
+            let image = binary.len();
+            binary.extend(webp);
+            let views = json["bufferViews"].as_array_mut().unwrap();
+            let first = views.len();
+            views.push(serde_json::json!({ "buffer": 0, "byteOffset": uvs, "byteLength": 8 * corners.len() }));
+            views.push(serde_json::json!({ "buffer": 0, "byteOffset": image, "byteLength": webp.len() }));
+            json["accessors"].as_array_mut().unwrap().push(serde_json::json!({
+                "bufferView": first, "componentType": 5126, "count": corners.len(), "type": "VEC2"
+            }));
+            json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = 2.into();
+            json["images"] = serde_json::json!([{ "bufferView": first + 1, "mimeType": "image/webp" }]);
+            json["textures"] = match has_webp {
+                true => serde_json::json!([{ "extensions": { "EXT_texture_webp": { "source": 0 } } }]),
+                false => serde_json::json!([{}]),
+            };
+            json["materials"][0]["pbrMetallicRoughness"] = serde_json::json!({ "baseColorTexture": { "index": 0 } });
+            json["extensionsUsed"] = serde_json::json!(["EXT_texture_webp"]);
+            json["extensionsRequired"] = serde_json::json!(["EXT_texture_webp"]);
+            // The default scene is empty, as some exporters leave it.
+            json["scenes"] = serde_json::json!([{ "nodes": [] }, { "name": "shown", "nodes": [0] }]);
+        })
+    };
+    let object = import_from(&disk(&[("tin.glb", &glb(true))]), "tin.glb", &Given::default()).unwrap();
+    let texture = object.model.links[0].visual[0].material.texture.as_ref().unwrap();
+    assert_eq!((texture.width, texture.height, &texture.rgb[..3]), (2, 2, &[200, 20, 20][..]));
+    assert!(
+        object.report.repairs.iter().any(|note| note == "of its scenes shown is read, not 0"),
+        "{:?}",
+        object.report
+    );
+    let object = import_from(&disk(&[("tin.glb", &glb(false))]), "tin.glb", &Given::default()).unwrap();
+    assert!(object.report.repairs.iter().any(|note| note.contains("has no image")), "{:?}", object.report.repairs);
+}
+
+#[test]
+fn mirrored_nodes_keep_their_outside() {
+    let (corners, triangles) = upright_box([0.06, 0.1, 0.04]);
+    let bytes = patched(&corners, &triangles, |json, _| {
+        // One copy mirrored, one not: flipping all triangles would repair neither.
+        json["nodes"] = serde_json::json!([
+            { "mesh": 0, "scale": [-1, 1, 1], "name": "left" }, { "mesh": 0, "translation": [0.1, 0, 0], "name": "right" }
+        ]);
+        json["scenes"] = serde_json::json!([{ "nodes": [0, 1] }]);
+    });
+    let object = import_from(&disk(&[("pair.glb", &bytes)]), "pair.glb", &Given::default()).unwrap();
+    for part in &object.model.links[0].visual {
+        let corner = |index: u32| part.mesh.positions[index as usize].as_dvec3();
+        let middle =
+            part.mesh.positions.iter().map(|at| at.as_dvec3()).sum::<glam::DVec3>() / part.mesh.positions.len() as f64;
+        for triangle in &part.mesh.triangles {
+            let [a, b, c] = triangle.map(corner);
+            assert!((b - a).cross(c - a).dot(a - middle) > 0.0, "{} faces inwards", part.name);
+        }
+    }
 }

@@ -65,7 +65,8 @@ impl Ended {
     }
 
     pub(super) fn has_panicked(&self) -> bool {
-        self.code == Some(101) || self.code.is_none() || self.stderr.contains("panicked at")
+        let says = |text: &str| self.stderr.contains(text) || self.stdout.contains(text);
+        self.code == Some(101) || self.code.is_none() || says("panicked at") || says("a defect of this program")
     }
 
     /// First 2,000 characters of standard output, which hold the reasons where a subcommand exits with 1.

@@ -13,7 +13,7 @@ use crate::LabError;
 /// Location of the files in the project.
 const FOLDER: &str = "crates/import/testdata/sound";
 /// Kinds of input, each with the extension of the files that are passed to `import`.
-pub const FORMATS: [(&str, &str); 7] = [
+pub const FORMATS: [(&str, &str); 10] = [
     ("import-glb", ".glb"),
     ("import-gltf", ".gltf"),
     ("import-obj", ".obj"),
@@ -21,6 +21,9 @@ pub const FORMATS: [(&str, &str); 7] = [
     ("import-msh", ".msh"),
     ("import-urdf", ".urdf"),
     ("import-mjcf", ".xml"),
+    ("import-usda", ".usda"),
+    ("import-usdc", ".usdc"),
+    ("import-usdz", ".usdz"),
 ];
 
 /// File names and contents.

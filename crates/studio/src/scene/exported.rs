@@ -7,6 +7,7 @@ use genmanip_core::{ObjectModel, Scenario};
 use genmanip_workspace::{WorkspaceError, worlds};
 
 use super::glb::scenario_glb;
+use super::usd::{Stage, scenario_usd};
 
 /// Binary glTF of a scenario at its start; see [`scenario_glb`].
 ///
@@ -17,6 +18,17 @@ pub fn scenario_file(scenario: &Scenario, assets: &dyn AssetSource) -> Result<Ve
     let models = models(scenario, assets)?;
     scenario_glb(scenario, &models, &robot)
         .map_err(|error| WorkspaceError::broken(format!("cannot write the meshes of {}", scenario.id), error))
+}
+
+/// OpenUSD text of a scenario at its start, with its textures for a folder of this name; see [`scenario_usd`].
+///
+/// # Errors
+/// As [`scenario_file`].
+pub fn scenario_stage(scenario: &Scenario, assets: &dyn AssetSource, textures: &str) -> Result<Stage, WorkspaceError> {
+    let robot = worlds::robot(&scenario.world)?;
+    let models = models(scenario, assets)?;
+    scenario_usd(scenario, &models, &robot, textures)
+        .map_err(|error| WorkspaceError::broken(format!("cannot write the textures of {}", scenario.id), error))
 }
 
 /// Models of a scenario's objects, in their order.

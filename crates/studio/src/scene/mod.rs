@@ -1,4 +1,4 @@
-//! Scenes for the page and for modelling programs: meshes as GLB, and bodies with their poses.
+//! Scenes as the page and modelling programs draw them: meshes as GLB, scenarios as GLB and USD, and what stands where.
 
 pub mod exported;
 pub mod glb;
@@ -6,3 +6,4 @@ pub mod images;
 pub mod meshes;
 pub mod scene_message;
 pub mod settling;
+pub mod usd;

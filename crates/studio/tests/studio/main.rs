@@ -13,6 +13,7 @@ mod reviews;
 mod runs;
 mod server;
 mod two_authors;
+mod usd;
 mod verdict;
 
 use std::path::{Path, PathBuf};

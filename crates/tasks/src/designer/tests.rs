@@ -190,6 +190,37 @@ fn every_change_of_state_is_understood() {
     }
 }
 
+/// An imported object of a category that the table does not list is used by its category's name, and the independent
+/// reader understands every task with it.
+#[test]
+fn imported_objects_of_unknown_categories_are_used() {
+    let mug = cards().iter().find(|card| card.category == "mug").unwrap();
+    let foreign = |category: &str| ObjectCard {
+        uid: format!("{}-0a1b2c", category.replace(' ', "-")),
+        asset: genmanip_core::AssetRef::Imported { hash: "0a1b2c".into() },
+        name: capitalised(category),
+        category: category.into(),
+        general_category: "imported".into(),
+        ..mug.clone()
+    };
+    let presses = ["garlic press", "gnome", "scissors"].map(foreign);
+    let all: Vec<ObjectCard> =
+        cards().iter().filter(|card| card.category != "mug").take(20).chain(&presses).cloned().collect();
+    let settings = DesignSettings::default();
+    let tasks = design_many(&[TaskKind::Spatial], 120, &all, Seed::new(5), &settings).unwrap();
+    for press in &presses {
+        let involved = |task: &&Task| {
+            let atoms = task.goal.alternatives.iter().flatten();
+            atoms.map(genmanip_core::Atom::subject).any(|id| task.card(id).is_some_and(|card| card.uid == press.uid))
+        };
+        let named = tasks.tasks.iter().filter(involved).filter(|task| task.instruction.contains(&press.category));
+        assert!(named.count() > 0, "{}", press.category);
+    }
+    // The same card of the catalogue itself would be a mistake in the table.
+    assert!(things().kind(&ObjectCard { asset: mug.asset.clone(), ..presses[0].clone() }).is_none());
+    assert_eq!(things().words(&presses[2]).map(|words| words.plural.as_str()), Some("scissors"));
+}
+
 /// The independent reader resolves the designer's words for an object to that object, for nearly the whole catalogue.
 /// Designs with the rest are rejected and drawn again.
 #[test]

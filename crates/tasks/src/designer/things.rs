@@ -1,11 +1,12 @@
 //! Knowledge about categories of objects: their names, and what can be put in or on what.
 //!
-//! All of it is data in `data/designer/things.json`. A category without an entry there is never used.
+//! All of it is data in `data/designer/things.json`. A category without an entry there is used for imported objects
+//! alone, as a household object of that name.
 
 use std::collections::{BTreeMap, HashMap};
-use std::sync::LazyLock;
+use std::sync::{LazyLock, Mutex, PoisonError};
 
-use genmanip_core::{ObjectCard, Relation};
+use genmanip_core::{AssetRef, ObjectCard, Relation};
 use serde::Deserialize;
 
 /// Horizontal clearance between the wall of a dish and its content, metres.
@@ -29,6 +30,10 @@ const MAX_TOP_BELOW_RIM_M: f64 = 0.025;
 /// that this limit and [`MAX_TOP_BELOW_RIM_M`] allow, 96 % (71 of 74 attempts, `lab expert --tasks`, seeds 696021, 696031 and
 /// 696032).
 const MIN_CAVITY_FOR_GRIPPER_M: [f64; 2] = [0.18, 0.225];
+
+/// Longest noun of an imported object, bytes, and most kinds of such objects.
+const MAX_NOUN: usize = 40;
+const MAX_FOREIGN: usize = 10_000;
 
 static THINGS: LazyLock<Things> = LazyLock::new(|| super::data(include_str!("../../data/designer/things.json")));
 
@@ -93,8 +98,29 @@ pub(super) fn things() -> &'static Things {
 }
 
 impl Things {
+    /// The kind of an object; that of an imported one is made of its category if need be.
     pub fn kind(&self, card: &ObjectCard) -> Option<&Kind> {
-        self.kinds.get(&card.category)
+        let listed = self.kinds.get(&card.category);
+        listed
+            .or_else(|| matches!(card.asset, AssetRef::Imported { .. }).then(|| self.foreign(&card.category)).flatten())
+    }
+
+    /// A kind that the table does not list; it is kept for the life of the program.
+    fn foreign(&self, category: &str) -> Option<&'static Kind> {
+        static FOREIGN: Mutex<BTreeMap<String, &'static Kind>> = Mutex::new(BTreeMap::new());
+        let is_noun = category.chars().all(|c| c.is_lowercase() || c == ' ' || c == '-') && !category.trim().is_empty();
+        let mut known = FOREIGN.lock().unwrap_or_else(PoisonError::into_inner);
+        if !is_noun || category.len() > MAX_NOUN || known.len() == MAX_FOREIGN && !known.contains_key(category) {
+            return None;
+        }
+        Some(known.entry(category.to_owned()).or_insert_with(|| {
+            let last = category.rsplit(' ').next().unwrap_or(category);
+            let is_called = |other: &&String| other.rsplit(' ').next() == Some(last);
+            let mut alike: Vec<String> = self.kinds.keys().filter(is_called).cloned().collect();
+            alike.sort();
+            let words = Words { noun: category.to_owned(), plural: plural(category) };
+            Box::leak(Box::new(Kind { words, class: "household".into(), alike, sorts: BTreeMap::new() }))
+        }))
     }
 
     /// Noun for an object; `None` without an entry for its category.
@@ -199,6 +225,18 @@ impl Things {
             None => host.size_m.x * host.size_m.y,
         };
         there.is_empty() || there.iter().map(|card| area(card)).sum::<f64>() + area(item) < 0.6 * free
+    }
+}
+
+/// Regular plural of a noun; nouns in a single s, such as `scissors`, are plural already.
+fn plural(noun: &str) -> String {
+    let before = noun.chars().rev().nth(1).unwrap_or_default();
+    match noun.chars().next_back() {
+        Some('s') if before != 's' => noun.to_owned(),
+        Some('s' | 'x' | 'z') => format!("{noun}es"),
+        Some('h') if matches!(before, 'c' | 's') => format!("{noun}es"),
+        Some('y') if !"aeiou".contains(before) => format!("{}ies", noun.strip_suffix('y').unwrap_or(noun)),
+        _ => format!("{noun}s"),
     }
 }
 

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use genmanip_core::{JointKind, MassProperties, Pose, Shape};
 use glam::{DMat3, DQuat, DVec3};
 
-pub use object::{Surfaces, combined, read};
+pub use object::{Surfaces, combined, merge, read};
 
 use super::xml::{self, Element};
 use crate::ImportError;

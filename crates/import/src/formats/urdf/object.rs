@@ -240,7 +240,7 @@ impl<'a, 'b> Surfaces<'a, 'b> {
 }
 
 /// Merges a link with a fixed joint into its parent, at `pose` in the parent's frame.
-fn merge(into: &mut RawLink, mut link: RawLink, pose: &Pose) {
+pub fn merge(into: &mut RawLink, mut link: RawLink, pose: &Pose) {
     let transform = DMat4::from_rotation_translation(pose.rotation, pose.position);
     for mut surface in link.surfaces.drain(..) {
         surface.mesh = surface.mesh.transformed(&transform);
@@ -256,6 +256,7 @@ fn merge(into: &mut RawLink, mut link: RawLink, pose: &Pose) {
         RawCollision::Mesh(mesh) => RawCollision::Mesh(mesh.transformed(&transform)),
     }));
     into.friction = into.friction.or(link.friction);
+    into.density = into.density.or(link.density);
     if let Some(mass) = link.mass.map(|mass| transformed_mass(&mass, pose)) {
         into.mass = Some(match into.mass {
             None => mass,

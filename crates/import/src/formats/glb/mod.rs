@@ -1,6 +1,8 @@
 //! glTF 2.0, binary (GLB) or JSON: meshes of the default scene, materials, textures.
 
-use std::collections::BTreeMap;
+mod values;
+
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use base64::Engine;
@@ -18,6 +20,7 @@ use crate::files::{Files, beside, shortened};
 use crate::image;
 use crate::raw::{MAX_TRIANGLES, RawLink, RawMesh, RawObject, Surface, Unit, Up};
 use crate::vertex_colors;
+use values::{QUANTIZED, SMALL, floats};
 
 /// Maximum nesting depth of nodes, and (`MAX_NODES`) maximum number of nodes. Bounds time for hostile files.
 const MAX_DEPTH: usize = 64;
@@ -33,9 +36,18 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     let bytes = files.bytes(path, IMPORTED_MESH)?;
     check_header(path, &bytes)?;
     let gltf = parsed(path, &bytes)?;
-    let glossy = specular_glossiness(&gltf, &bytes);
-    let mut reader =
-        Reader { path, gltf: &gltf, glossy, buffers: Vec::new(), notes: Vec::new(), textures: BTreeMap::new() };
+    let Old { glossy, webp } = old_extensions(&gltf, &bytes);
+    let is_quantized = gltf.as_json().extensions_used.iter().any(|name| name == QUANTIZED);
+    let mut reader = Reader {
+        path,
+        gltf: &gltf,
+        glossy,
+        webp,
+        is_quantized,
+        buffers: Vec::new(),
+        notes: Vec::new(),
+        textures: BTreeMap::new(),
+    };
     for buffer in gltf.buffers() {
         let bytes = reader.buffer(&buffer, files)?;
         if bytes.len() < buffer.length() {
@@ -44,7 +56,9 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
         }
         reader.buffers.push(bytes);
     }
-    let scene = gltf.default_scene().or_else(|| gltf.scenes().next());
+    // Some exporters leave the default scene empty.
+    let scenes = || gltf.default_scene().into_iter().chain(gltf.scenes());
+    let scene = scenes().find(has_mesh).or_else(|| scenes().next());
     let Some(scene) = scene else { return Err(ImportError::new(path, "contains no scene")) };
     let (mut surfaces, mut nodes) = (Vec::new(), 0);
     let mut open: Vec<(gltf::Node<'_>, DMat4, usize)> = scene.nodes().map(|node| (node, DMat4::IDENTITY, 0)).collect();
@@ -81,9 +95,14 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     if surfaces.is_empty() {
         return Err(ImportError::new(path, "its scene contains no triangles"));
     }
-    let others = gltf.scenes().len().saturating_sub(1);
-    if others > 0 {
-        reader.notes.push(format!("{others} scenes besides the default one are not used"));
+    let others: Vec<String> = gltf
+        .scenes()
+        .filter(|other| other.index() != scene.index())
+        .map(|other| other.name().map_or_else(|| other.index().to_string(), shortened))
+        .collect();
+    if !others.is_empty() {
+        let own = scene.name().map_or_else(|| scene.index().to_string(), shortened);
+        reader.notes.push(format!("of its scenes {own} is read, not {}", others.join(", ")));
     }
     let name = scene.nodes().next().and_then(|node| node.name().map(str::to_owned)).unwrap_or_default();
     let copyright = gltf.as_json().asset.copyright.clone();
@@ -99,6 +118,20 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     })
 }
 
+/// True if a node of a scene, or one below it, has a mesh.
+fn has_mesh(scene: &gltf::Scene<'_>) -> bool {
+    let (mut open, mut seen): (Vec<gltf::Node<'_>>, _) = (scene.nodes().collect(), BTreeSet::new());
+    while let Some(node) = open.pop() {
+        if node.mesh().is_some() {
+            return true;
+        }
+        if seen.insert(node.index()) {
+            open.extend(node.children());
+        }
+    }
+    false
+}
+
 /// Parses and validates the file.
 fn parsed(path: &str, bytes: &[u8]) -> Result<gltf::Gltf, ImportError> {
     let unreadable = |error: gltf::Error| {
@@ -107,8 +140,8 @@ fn parsed(path: &str, bytes: &[u8]) -> Result<gltf::Gltf, ImportError> {
     };
     let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes).map_err(unreadable)?;
     let mut json = document.into_json();
-    // This extension is read by this program, not by the library.
-    json.extensions_required.retain(|name| name != GLOSSY);
+    // These extensions are read by this program, not by the library.
+    json.extensions_required.retain(|name| ![GLOSSY, WEBP, QUANTIZED].contains(&name.as_str()));
     // The library accesses positions before it validates their accessor.
     for (index, mesh) in json.meshes.iter().enumerate() {
         let mut accessors = mesh.primitives.iter().flat_map(|primitive| primitive.attributes.values());
@@ -158,10 +191,21 @@ impl Glossy {
     }
 }
 
-/// Materials of the specular-glossiness extension by index.
-fn specular_glossiness(gltf: &gltf::Gltf, bytes: &[u8]) -> BTreeMap<usize, Glossy> {
-    if !gltf.as_json().extensions_used.iter().any(|name| name == GLOSSY) {
-        return BTreeMap::new();
+/// The extension by which textures refer to WebP images.
+const WEBP: &str = "EXT_texture_webp";
+
+/// Contents of extensions that the library does not read.
+#[derive(Default)]
+struct Old {
+    /// Materials of specular and glossiness by index.
+    glossy: BTreeMap<usize, Glossy>,
+    /// WebP image of each texture by index.
+    webp: BTreeMap<usize, usize>,
+}
+
+fn old_extensions(gltf: &gltf::Gltf, bytes: &[u8]) -> Old {
+    if !gltf.as_json().extensions_used.iter().any(|name| name == GLOSSY || name == WEBP) {
+        return Old::default();
     }
     let json = match bytes.get(12..16).and_then(|length| length.try_into().ok()).map(u32::from_le_bytes) {
         Some(length) if bytes.starts_with(b"glTF") => {
@@ -170,11 +214,18 @@ fn specular_glossiness(gltf: &gltf::Gltf, bytes: &[u8]) -> BTreeMap<usize, Gloss
         _ => bytes,
     };
     let json: serde_json::Value = serde_json::from_slice(json).unwrap_or_default();
-    let materials = json["materials"].as_array().into_iter().flatten().enumerate();
+    let listed = |name: &str| json[name].as_array().into_iter().flatten().enumerate();
     let glossy = |(index, material): (usize, &serde_json::Value)| {
         Some((index, Glossy::deserialize(material.get("extensions")?.get(GLOSSY)?).ok()?))
     };
-    materials.filter_map(glossy).collect()
+    let webp = |(index, texture): (usize, &serde_json::Value)| {
+        let image = texture.get("extensions")?.get(WEBP)?.get("source")?.as_u64()?;
+        Some((index, usize::try_from(image).ok()?))
+    };
+    Old {
+        glossy: listed("materials").filter_map(glossy).collect(),
+        webp: listed("textures").filter_map(webp).collect(),
+    }
 }
 
 /// Checks the length in a GLB header.
@@ -195,6 +246,10 @@ struct Reader<'a> {
     gltf: &'a gltf::Gltf,
     /// Materials of the specular-glossiness extension by index.
     glossy: BTreeMap<usize, Glossy>,
+    /// WebP image of each texture by index.
+    webp: BTreeMap<usize, usize>,
+    /// True if positions and texture coordinates may be small integers.
+    is_quantized: bool,
     buffers: Vec<Vec<u8>>,
     notes: Vec<String>,
     /// Textures by image index; `None` for images that could not be read.
@@ -246,11 +301,15 @@ impl Reader<'_> {
                 texture.map_or(0, |info| info.tex_coord())
             }
         };
+        let small: &[DataType] = if self.is_quantized { &SMALL } else { &[] };
         for (semantic, accessor) in primitive.attributes() {
             match semantic {
-                Semantic::Positions => self.check_accessor(&accessor, Dimensions::Vec3, &[DataType::F32])?,
+                Semantic::Positions => {
+                    self.check_accessor(&accessor, Dimensions::Vec3, &[&[DataType::F32][..], small].concat())?;
+                }
                 Semantic::TexCoords(_) => {
-                    self.check_accessor(&accessor, Dimensions::Vec2, &[DataType::F32, DataType::U8, DataType::U16])?;
+                    let usual = [DataType::F32, DataType::U8, DataType::U16];
+                    self.check_accessor(&accessor, Dimensions::Vec2, &[&usual[..], small].concat())?;
                 }
                 Semantic::Colors(0) => {
                     let three = accessor.dimensions() == Dimensions::Vec3;
@@ -266,16 +325,17 @@ impl Reader<'_> {
         }
         let reader = primitive.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
         let wrong = |message: String| ImportError::new(self.path, message);
-        let positions: Vec<DVec3> = reader
-            .read_positions()
-            .ok_or_else(|| wrong("a primitive has no positions".into()))?
+        let buffer = |accessor: &gltf::Accessor<'_>| {
+            let view = accessor.view().map(|view| view.buffer().index());
+            view.and_then(|index| self.buffers.get(index)).map_or(&[][..], Vec::as_slice)
+        };
+        let held = primitive.get(&Semantic::Positions).ok_or_else(|| wrong("a primitive has no positions".into()))?;
+        let positions: Vec<DVec3> = floats::<3>(&held, buffer(&held))
+            .into_iter()
             .map(|[x, y, z]| DVec3::new(x.into(), y.into(), z.into()))
             .collect();
-        let uvs: Vec<[f32; 2]> = if material.texture.is_some() {
-            reader.read_tex_coords(set).map_or_else(Vec::new, |uvs| uvs.into_f32().collect())
-        } else {
-            Vec::new()
-        };
+        let coordinates = primitive.get(&Semantic::TexCoords(set)).filter(|_| material.texture.is_some());
+        let uvs = coordinates.map_or_else(Vec::new, |held| floats::<2>(&held, buffer(&held)));
         let uvs = if uvs.len() == positions.len() { self.transformed_uvs(uvs, primitive) } else { Vec::new() };
         let order: Vec<u32> = match reader.read_indices() {
             Some(indices) => indices.into_u32().collect(),
@@ -367,7 +427,7 @@ impl Reader<'_> {
         let pbr = material.pbr_metallic_roughness();
         let [r, g, b, alpha] = pbr.base_color_factor();
         let texture = match pbr.base_color_texture() {
-            Some(info) => self.image(&info.texture().source(), files)?,
+            Some(info) => self.texture(&info.texture(), files)?,
             None => None,
         };
         let opacity = if material.alpha_mode() == gltf::material::AlphaMode::Opaque { 1.0 } else { alpha };
@@ -395,7 +455,7 @@ impl Reader<'_> {
     ) -> Result<Material, ImportError> {
         let source = glossy.diffuse_texture.as_ref().and_then(|named| self.gltf.textures().nth(named.index));
         let texture = match source {
-            Some(texture) => self.image(&texture.source(), files)?,
+            Some(texture) => self.texture(&texture, files)?,
             None => None,
         };
         let [r, g, b, alpha] = glossy.diffuse_factor;
@@ -409,6 +469,20 @@ impl Reader<'_> {
             texture,
             ..Material::plain(color.map(srgb), 0.5)
         })
+    }
+
+    /// The image of a texture: that of an extension, or its own.
+    fn texture(
+        &mut self,
+        texture: &gltf::Texture<'_>,
+        files: &mut Files<'_>,
+    ) -> Result<Option<Arc<Texture>>, ImportError> {
+        let webp = self.webp.get(&texture.index()).and_then(|&image| self.gltf.images().nth(image));
+        let Some(image) = webp.or_else(|| texture.source()) else {
+            self.notes.push(format!("texture {} ignored: it has no image", texture.index()));
+            return Ok(None);
+        };
+        self.image(&image, files)
     }
 
     fn image(&mut self, image: &gltf::Image<'_>, files: &mut Files<'_>) -> Result<Option<Arc<Texture>>, ImportError> {

@@ -1,0 +1,51 @@
+"""Writes small demonstrations as robomimic and LIBERO lay them out: `make_robomimic.py FOLDER`; needs h5py."""
+
+import json
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+
+def environment(name: str) -> str:
+    arguments = {"robots": ["Panda"], "control_freq": 20}
+    return json.dumps({"env_name": name, "type": 1, "env_kwargs": arguments})
+
+
+def main() -> None:
+    folder = Path(sys.argv[1])
+    folder.mkdir(parents=True, exist_ok=True)
+    with h5py.File(folder / "libero.hdf5", "w") as file:
+        data = file.create_group("data")
+        data.attrs["env_args"] = environment("Libero_Floor_Manipulation")
+        data.attrs["problem_info"] = json.dumps({"language_instruction": ["put the bowl on the plate"]})
+        for number, frames in ((0, 5), (10, 4), (2, 6)):
+            demo = data.create_group(f"demo_{number}")
+            row = np.arange(frames)[:, None] + 100 * number
+            demo.create_dataset("actions", data=row + 0.125 * np.arange(7)[None])
+            demo.create_dataset("rewards", data=(np.arange(frames) == frames - 1).astype(np.uint8))
+            demo.create_dataset("dones", data=(np.arange(frames) == frames - 1).astype(np.uint8))
+            obs = demo.create_group("obs")
+            obs.create_dataset("ee_pos", data=row * 0.001 + np.arange(3))
+            obs.create_dataset("ee_ori", data=row * 0.001 + np.arange(3) + 3)
+            obs.create_dataset("gripper_states", data=row * 0.001 + np.arange(2) + 6)
+            picture = np.zeros((frames, 32, 48, 3), np.uint8)
+            picture[:, :16] = (200, 30, 30)
+            picture[:, 16:] = (30, 30, 200)
+            obs.create_dataset("agentview_rgb", data=picture, chunks=(1, 32, 48, 3), compression="gzip")
+            demo.create_dataset("states", data=np.zeros((frames, 4)))
+    with h5py.File(folder / "lift.hdf5", "w") as file:
+        data = file.create_group("data")
+        data.attrs["env_args"] = environment("PickPlaceCan")
+        demo = data.create_group("demo_1")
+        demo.attrs["num_samples"] = 3
+        demo.create_dataset("actions", data=np.arange(21, dtype=np.float32).reshape(3, 7))
+        obs = demo.create_group("obs")
+        obs.create_dataset("robot0_eef_pos", data=np.ones((3, 3)))
+        obs.create_dataset("robot0_eef_quat", data=np.ones((3, 4)))
+        obs.create_dataset("robot0_gripper_qpos", data=np.ones((3, 2)))
+        obs.create_dataset("object", data=np.arange(30).reshape(3, 10) / 10)
+
+
+main()

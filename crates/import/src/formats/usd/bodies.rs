@@ -1,0 +1,383 @@
+//! Bodies of a stage: each prim's geometry, collision shapes and mass with the rigid body that it is part of, and the
+//! joints, all in the world's frame, in metres and kilograms.
+
+use std::collections::BTreeMap;
+
+use genmanip_core::{MassProperties, Pose};
+use glam::{DMat3, DMat4, DVec3};
+use openusd::sdf::Path;
+use openusd::usd::{PrimPredicate, Stage, TimeCode};
+
+use super::geometry::{GEOMETRY, Geometry, rigid};
+use super::material::{Bound, Materials};
+use super::value::At;
+use crate::files::{Files, shortened};
+use crate::raw::{MAX_TRIANGLES, RawLink};
+use crate::units_and_frame::transformed_mass;
+
+/// Maximum nesting depth of prims.
+const MAX_DEPTH: usize = 256;
+/// Types of prims that are read elsewhere or carry nothing of an object.
+const SILENT: [&str; 12] = [
+    "",
+    "Xform",
+    "Scope",
+    "Material",
+    "Shader",
+    "NodeGraph",
+    "GeomSubset",
+    "PhysicsScene",
+    "PhysicsCollisionGroup",
+    "SkelRoot",
+    "Skeleton",
+    "SkelAnimation",
+];
+/// Applied schemas that are read, or that say nothing about an object.
+const KNOWN_SCHEMAS: [&str; 16] = [
+    "PhysicsRigidBodyAPI",
+    "PhysicsMassAPI",
+    "PhysicsCollisionAPI",
+    "PhysicsMeshCollisionAPI",
+    "PhysicsMaterialAPI",
+    "PhysicsArticulationRootAPI",
+    "MaterialBindingAPI",
+    "PhysicsDriveAPI:angular",
+    "PhysicsDriveAPI:linear",
+    "GeomModelAPI",
+    "SkelBindingAPI",
+    "SemanticsLabelsAPI",
+    "SemanticsAPI",
+    "NodeDefAPI",
+    "AssetPreviewsAPI",
+    "VisibilityAPI",
+];
+
+/// Lengths and masses of a stage.
+#[derive(Clone, Copy, Debug)]
+pub struct Units {
+    /// Metres per unit.
+    pub metres: f64,
+    /// Kilograms per unit.
+    pub kilograms: f64,
+}
+
+/// A rigid body, in the world's frame.
+pub struct Body {
+    /// Path of its prim; empty for what is fixed to the world.
+    pub path: String,
+    /// Geometry, collision shapes, mass, density and friction.
+    pub held: RawLink,
+    /// True if it cannot be moved by contacts.
+    pub is_kinematic: bool,
+    /// True if it is the root of an articulation.
+    pub is_root: bool,
+    /// True if its own prim states its mass.
+    is_weighed: bool,
+}
+
+/// A joint prim.
+pub struct JointPrim {
+    /// The prim.
+    pub at: At,
+    /// The two bodies, and the joint's frame on each.
+    pub ends: [(usize, Pose); 2],
+}
+
+/// Contents of a stage.
+pub struct Contents {
+    /// Bodies; the first is fixed to the world.
+    pub bodies: Vec<Body>,
+    /// Joints between them.
+    pub joints: Vec<JointPrim>,
+    /// A name that is given as a semantic label.
+    pub label: Option<String>,
+}
+
+/// Values that a prim takes from those above it.
+#[derive(Clone)]
+struct Above {
+    world: DMat4,
+    body: usize,
+    is_visible: bool,
+    purpose: String,
+    material: Option<Path>,
+    physics_material: Option<Path>,
+    is_collider: bool,
+    approximation: String,
+}
+
+/// Reads the prims of a stage under some root prims.
+///
+/// # Errors
+/// If a mesh is damaged or there are too many triangles.
+pub fn contents(
+    stage: &Stage,
+    roots: &[Path],
+    units: Units,
+    files: &mut Files<'_>,
+    notes: &mut Vec<String>,
+) -> Result<Contents, String> {
+    let fixed =
+        Body { path: String::new(), held: RawLink::default(), is_kinematic: true, is_root: false, is_weighed: false };
+    let mut reader = Reader {
+        time: TimeCode::new(stage.start_time_code()),
+        units,
+        files,
+        notes,
+        materials: Materials::default(),
+        contents: Contents { bodies: vec![fixed], joints: Vec::new(), label: None },
+        body_of: BTreeMap::new(),
+        joints: Vec::new(),
+        unused: BTreeMap::new(),
+        triangles: 0,
+    };
+    let top = Above {
+        world: DMat4::from_scale(DVec3::splat(units.metres)),
+        body: 0,
+        is_visible: true,
+        purpose: "default".into(),
+        material: None,
+        physics_material: None,
+        is_collider: false,
+        approximation: "none".into(),
+    };
+    let mut open: Vec<(Path, Above, usize)> = roots.iter().rev().map(|path| (path.clone(), top.clone(), 0)).collect();
+    while let Some((path, above, depth)) = open.pop() {
+        if depth > MAX_DEPTH {
+            return Err(format!("{path}: nested deeper than {MAX_DEPTH}"));
+        }
+        let status = stage.prim_status(path.clone()).map_err(|error| super::stage::plain(&error))?;
+        if !PrimPredicate::DEFAULT_PROXIES.matches(status) {
+            continue;
+        }
+        let at = At { prim: stage.prim(path), time: reader.time };
+        let Some(own) = reader.prim(&at, &above)? else { continue };
+        let children = at.prim.children().map_err(|error| super::stage::plain(&error))?;
+        open.extend(children.iter().rev().map(|child| (child.path().clone(), own.clone(), depth + 1)));
+    }
+    reader.finish(top.world)
+}
+
+struct Reader<'a, 'b> {
+    time: TimeCode,
+    units: Units,
+    files: &'a mut Files<'b>,
+    notes: &'a mut Vec<String>,
+    materials: Materials,
+    contents: Contents,
+    /// Body and `world_from_prim` of each prim, by path.
+    body_of: BTreeMap<String, (usize, DMat4)>,
+    joints: Vec<At>,
+    /// Number of prims by type, and of applications by schema, that are not used.
+    unused: BTreeMap<String, usize>,
+    triangles: usize,
+}
+
+impl Reader<'_, '_> {
+    /// Reads a prim; gives what its children take from it, `None` if they are not read.
+    fn prim(&mut self, at: &At, above: &Above) -> Result<Option<Above>, String> {
+        let kind = at.kind();
+        let (own, resets) = at.transform()?;
+        let start = DMat4::from_scale(DVec3::splat(self.units.metres));
+        let mut here = Above { world: if resets { start * own } else { above.world * own }, ..above.clone() };
+        here.is_visible &= at.text("visibility").as_deref() != Some("invisible");
+        if let Some(purpose) = at.text("purpose").filter(|purpose| purpose != "default") {
+            here.purpose = purpose;
+        }
+        here.material = at.targets("material:binding").into_iter().next().or(here.material);
+        let preview = at.targets("material:binding:preview").into_iter().next();
+        here.material = preview.or(here.material);
+        here.physics_material = at.targets("material:binding:physics").into_iter().next().or(here.physics_material);
+        let schemas = at.schemas();
+        let has = |name: &str| schemas.iter().any(|schema| schema == name);
+        if has("PhysicsRigidBodyAPI") && at.flag("physics:rigidBodyEnabled") != Some(false) {
+            here.body = self.contents.bodies.len();
+            let is_kinematic = at.flag("physics:kinematicEnabled") == Some(true);
+            let held = RawLink { name: at.name(), ..RawLink::default() };
+            let is_root = has("PhysicsArticulationRootAPI");
+            let path = at.prim.path().to_string();
+            self.contents.bodies.push(Body { path, held, is_kinematic, is_root, is_weighed: false });
+        }
+        if has("PhysicsCollisionAPI") {
+            here.is_collider = at.flag("physics:collisionEnabled") != Some(false);
+        }
+        if let Some(approximation) = at.text("physics:approximation") {
+            here.approximation = approximation;
+        }
+        self.body_of.insert(at.prim.path().to_string(), (here.body, here.world));
+        self.label(at, &schemas);
+        self.count_unused(&kind, &schemas);
+        match kind.as_str() {
+            "PointInstancer" => return Ok(None),
+            kind if kind.starts_with("Physics") && kind.ends_with("Joint") => self.joints.push(at.clone()),
+            kind if GEOMETRY.contains(&kind) => self.geometry(at, &here)?,
+            _ => {}
+        }
+        if has("PhysicsMassAPI") {
+            self.mass(at, &here, has("PhysicsRigidBodyAPI"));
+        }
+        Ok(Some(here))
+    }
+
+    fn label(&mut self, at: &At, schemas: &[String]) {
+        if self.contents.label.is_some() {
+            return;
+        }
+        let names = schemas.iter().filter_map(|schema| {
+            let (kind, name) = schema.split_once(':')?;
+            match kind {
+                "SemanticsLabelsAPI" => Some(format!("semantics:labels:{name}")),
+                "SemanticsAPI" => Some(format!("semantic:{name}:params:semanticData")),
+                _ => None,
+            }
+        });
+        self.contents.label = names.into_iter().find_map(|name| at.text(&name)).map(|label| shortened(&label));
+    }
+
+    fn count_unused(&mut self, kind: &str, schemas: &[String]) {
+        let is_read = SILENT.contains(&kind) || GEOMETRY.contains(&kind) || kind.starts_with("Physics");
+        let kinds = (!is_read).then(|| kind.to_owned());
+        let is_known = |schema: &&String| {
+            KNOWN_SCHEMAS.iter().any(|known| schema.as_str() == *known || schema.starts_with(&format!("{known}:")))
+        };
+        let schemas = schemas.iter().filter(|schema| !is_known(schema)).cloned();
+        for name in kinds.into_iter().chain(schemas) {
+            *self.unused.entry(shortened(&name)).or_default() += 1;
+        }
+    }
+
+    fn geometry(&mut self, at: &At, here: &Above) -> Result<(), String> {
+        let is_drawn = here.is_visible && matches!(here.purpose.as_str(), "default" | "render");
+        if !is_drawn && !here.is_collider {
+            self.notes.push(format!("{}: neither drawn nor a collider", shortened(&at.prim.path().to_string())));
+            return Ok(());
+        }
+        let geometry = Geometry::read(at, self.notes)?;
+        if ["points", "xformOp:transform", "xformOp:translate"]
+            .iter()
+            .any(|name| at.prim.attribute(*name).num_time_samples().unwrap_or(0) > 1)
+        {
+            self.notes.push(format!("{}: animated; its first pose is used", shortened(&at.prim.path().to_string())));
+        }
+        if is_drawn {
+            let mut subsets = Vec::new();
+            for child in at.prim.children().unwrap_or_default() {
+                let child = At { prim: child, time: at.time };
+                let is_part =
+                    child.kind() == "GeomSubset" && child.text("elementType").is_none_or(|kind| kind == "face");
+                if let (true, Some(material)) = (is_part, child.targets("material:binding").first()) {
+                    let bound = self.materials.read(&at.other(material), self.files, self.notes);
+                    subsets.push((child.indices("indices"), bound));
+                }
+            }
+            let whole = match &here.material {
+                Some(material) => self.materials.read(&at.other(material), self.files, self.notes),
+                None => Bound::painted(),
+            };
+            let surfaces = geometry.surfaces(at, &here.world, &subsets, &whole);
+            self.triangles += surfaces.iter().map(|surface| surface.mesh.triangles.len()).sum::<usize>();
+            self.contents.bodies[here.body].held.surfaces.extend(surfaces);
+        }
+        if here.is_collider {
+            let collision = geometry.collision(&here.world, &here.approximation);
+            if let crate::raw::RawCollision::Mesh(mesh) = &collision {
+                self.triangles += mesh.triangles.len();
+            }
+            self.contents.bodies[here.body].held.collision.push(collision);
+            self.surface_physics(at, here);
+        }
+        if self.triangles > MAX_TRIANGLES {
+            return Err(format!("more than {MAX_TRIANGLES} triangles"));
+        }
+        Ok(())
+    }
+
+    /// Friction and density of the material of a collider.
+    fn surface_physics(&mut self, at: &At, here: &Above) {
+        let Some(path) = here.physics_material.as_ref().or(here.material.as_ref()) else { return };
+        let material = at.other(path);
+        let dynamic = material.positive("physics:dynamicFriction");
+        let friction = dynamic.or_else(|| material.positive("physics:staticFriction"));
+        let density = material.positive("physics:density").map(|density| self.density(density));
+        let held = &mut self.contents.bodies[here.body].held;
+        held.friction = friction.or(held.friction);
+        held.density = held.density.or(density);
+    }
+
+    fn density(&self, stated: f64) -> f64 {
+        stated * self.units.kilograms / self.units.metres.powi(3)
+    }
+
+    /// Mass, centre of mass, inertia and density; those of a body win over those of its colliders.
+    fn mass(&mut self, at: &At, here: &Above, is_body: bool) {
+        let Units { metres, kilograms } = self.units;
+        let density = at.positive("physics:density").map(|density| self.density(density));
+        let mass_kg = at.positive("physics:mass").map(|mass| mass * kilograms);
+        let center = at.vector("physics:centerOfMass").map(|center| here.world.transform_point3(center));
+        let inertia = at.vector("physics:diagonalInertia").filter(|moments| moments.min_element() > 0.0);
+        if mass_kg.is_some() && center.is_some() && inertia.is_none() {
+            self.notes.push(format!("{}: its centre of mass is not used, since it has no inertia", at.prim.path()));
+        }
+        let body = &mut self.contents.bodies[here.body];
+        body.held.density = density.or(body.held.density);
+        let Some(mass_kg) = mass_kg else { return };
+        let world_from_prim = rigid(&here.world);
+        let own = match inertia {
+            Some(moments) => {
+                let axes = DMat3::from_quat(at.rotation("physics:principalAxes").unwrap_or_default());
+                let moments = DMat3::from_diagonal(moments * kilograms * metres * metres);
+                let about = MassProperties { mass_kg, center: DVec3::ZERO, inertia: axes * moments * axes.transpose() };
+                let turned = transformed_mass(&about, &Pose { position: DVec3::ZERO, ..world_from_prim });
+                MassProperties { center: center.unwrap_or(world_from_prim.position), ..turned }
+            }
+            None => {
+                MassProperties { mass_kg, center: center.unwrap_or(world_from_prim.position), inertia: DMat3::ZERO }
+            }
+        };
+        body.is_weighed |= is_body;
+        body.held.mass = match body.held.mass {
+            // The body comes before its colliders, whose masses then do not count.
+            Some(known) if body.is_weighed => Some(known),
+            Some(known) => Some(MassProperties { mass_kg: known.mass_kg + mass_kg, inertia: DMat3::ZERO, ..known }),
+            None => Some(own),
+        };
+    }
+
+    fn finish(mut self, world: DMat4) -> Result<Contents, String> {
+        for at in std::mem::take(&mut self.joints) {
+            let path = at.prim.path().to_string();
+            if at.flag("physics:jointEnabled") == Some(false) {
+                self.notes.push(format!("joint {}: it is switched off", shortened(&path)));
+                continue;
+            }
+            let mut ends = Vec::new();
+            for side in [0, 1] {
+                let target = at.targets(&format!("physics:body{side}")).into_iter().next();
+                let place = match &target {
+                    None => Some((0, world)),
+                    Some(target) => self.body_of.get(target.as_str()).copied(),
+                };
+                let Some((body, world_from_prim)) = place else {
+                    let target = target.map_or_else(String::new, |target| shortened(target.as_str()));
+                    self.notes.push(format!(
+                        "joint {}: left out, since {target} is not part of the object",
+                        shortened(&path)
+                    ));
+                    break;
+                };
+                let at_prim = at.vector(&format!("physics:localPos{side}")).unwrap_or_default();
+                let turn = at.rotation(&format!("physics:localRot{side}")).unwrap_or_default();
+                let rotation = rigid(&world_from_prim).rotation * turn;
+                ends.push((body, Pose { position: world_from_prim.transform_point3(at_prim), rotation }));
+            }
+            if let Ok(ends) = <[(usize, Pose); 2]>::try_from(ends) {
+                self.contents.joints.push(JointPrim { at, ends });
+            }
+        }
+        if !self.unused.is_empty() {
+            let names: Vec<String> = self.unused.iter().map(|(name, count)| format!("{name} ({count})")).collect();
+            self.notes.push(format!("not used: {}", names.join(", ")));
+        }
+        Ok(self.contents)
+    }
+}

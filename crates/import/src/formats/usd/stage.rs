@@ -1,0 +1,242 @@
+//! Opening a stage: the layers that it is composed of come from the import's files, archives are unpacked in memory.
+//!
+//! The library asks for layers while it composes. It is given those that are known; what it asked for in vain is read,
+//! and the stage is opened again until nothing new is found.
+
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{self, Cursor, Read};
+use std::rc::Rc;
+use std::sync::Arc;
+
+use genmanip_core::limits::IMPORTED_MESH;
+use openusd::ar::{Asset, ResolvedPath, Resolver};
+use openusd::sdf::Path;
+use openusd::usd::{PrimPredicate, Stage};
+
+use super::{binary, text};
+use crate::ImportError;
+use crate::files::{Files, beside, shortened};
+use crate::formats::extension;
+
+/// Maximum number of times that a stage is opened: references of references.
+const MAX_ROUNDS: usize = 32;
+/// Maximum number of prims of a stage.
+const MAX_PRIMS: usize = 50_000;
+/// Extensions of layers.
+const LAYERS: [&str; 4] = ["usd", "usda", "usdc", "usdz"];
+
+/// A composed stage, and the layers that it needs but that are missing or damaged, as notes.
+pub struct Opened {
+    /// The stage.
+    pub stage: Stage,
+    /// One note per missing or damaged layer.
+    pub notes: Vec<String>,
+}
+
+/// True for a file that the library reads.
+pub fn is_layer(path: &str) -> bool {
+    LAYERS.contains(&extension(path).as_str())
+}
+
+/// Opens a stage with everything that it refers to.
+///
+/// # Errors
+/// If the file itself cannot be read, an archive is damaged, or there are too many prims.
+pub fn open(path: &str, files: &mut Files<'_>) -> Result<Opened, ImportError> {
+    let known = Rc::new(RefCell::new(Known::default()));
+    known.borrow_mut().add(path, files)?;
+    let mut refused: BTreeMap<String, String> = BTreeMap::new();
+    for _ in 0..MAX_ROUNDS {
+        let stage = Stage::builder()
+            .resolver(Layers(Rc::clone(&known)))
+            .open(path)
+            .map_err(|error| ImportError::new(path, format!("not a readable USD file: {}", plain(&error))))?;
+        let empty = compose(path, &stage)?;
+        let wanted = std::mem::take(&mut known.borrow_mut().wanted);
+        let mut found = 0;
+        for layer in wanted {
+            if refused.contains_key(&layer) {
+                continue;
+            }
+            match known.borrow_mut().add(&layer, files) {
+                Ok(()) => found += 1,
+                Err(error) => _ = refused.insert(layer, error.message),
+            }
+        }
+        if found == 0 {
+            let mut notes: Vec<String> =
+                stage.composition_errors().iter().map(|error| about(error, &refused)).collect();
+            // The library says nothing of references to prims that do not exist.
+            notes.extend(
+                empty
+                    .iter()
+                    .filter(|prim| !notes.iter().any(|note| note.contains(*prim)))
+                    .take(5)
+                    .map(|prim| format!("{} is empty; if it refers to a prim, there is no such prim", shortened(prim)))
+                    .collect::<Vec<_>>(),
+            );
+            notes.dedup();
+            return Ok(Opened { stage, notes });
+        }
+    }
+    Err(ImportError::new(path, format!("refers to layers that refer to layers, more than {MAX_ROUNDS} deep")))
+}
+
+/// Composes every prim, and so asks for every layer; gives the paths of those that could be placed but contain nothing.
+fn compose(path: &str, stage: &Stage) -> Result<Vec<String>, ImportError> {
+    let wrong = |error: &dyn std::fmt::Display| ImportError::new(path, format!("cannot be composed: {}", plain(error)));
+    let (mut open, mut count, mut empty) = (vec![stage.prim(Path::abs_root())], 0_usize, Vec::new());
+    while let Some(prim) = open.pop() {
+        let status = stage.prim_status(prim.path().clone()).map_err(|error| wrong(&error))?;
+        // Those below a prim that is not read are not read either.
+        if count > 0 && !PrimPredicate::DEFAULT_PROXIES.matches(status) {
+            continue;
+        }
+        let children = prim.children().map_err(|error| wrong(&error))?;
+        let kind = prim.type_name().ok().flatten();
+        if count > 0 && children.is_empty() && kind.is_none_or(|kind| kind.as_str() == "Xform") {
+            empty.push(prim.path().to_string());
+        }
+        open.extend(children);
+        count += 1;
+        if count > MAX_PRIMS {
+            return Err(ImportError::new(path, format!("more than {MAX_PRIMS} prims are not supported"))
+                .hint("it is a scene: export one object, or open the file of one object"));
+        }
+    }
+    Ok(empty)
+}
+
+/// Note on what a stage lacks.
+fn about(error: &openusd::pcp::Error, refused: &BTreeMap<String, String>) -> String {
+    use openusd::pcp::Error;
+    let (layer, place) = match error {
+        Error::UnresolvedLayer { asset_path, arc, site_path, .. } => {
+            (asset_path, format!("{} of {site_path}", format!("{arc:?}").to_lowercase()))
+        }
+        Error::UnresolvedSublayer { asset_path, introduced_by, .. } => {
+            (asset_path, format!("sublayer of {introduced_by}"))
+        }
+        other => return format!("left out: {}", shortened_note(&other.to_string())),
+    };
+    let why = refused.get(layer).map_or("no path within the imported folder", String::as_str);
+    format!("left out: {}, a {place}: {}", shortened(layer), shortened_note(why))
+}
+
+/// The causes of an error of the library, in one line.
+pub fn plain(error: &dyn std::fmt::Display) -> String {
+    shortened_note(&format!("{error:#}"))
+}
+
+fn shortened_note(text: &str) -> String {
+    let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    words.chars().filter(|c| !c.is_control()).take(200).collect()
+}
+
+/// Layers by their path relative to the root; those of an archive lie in it as in a folder.
+#[derive(Default)]
+struct Known {
+    bytes: BTreeMap<String, Arc<Vec<u8>>>,
+    /// First layer of each archive.
+    first: BTreeMap<String, String>,
+    wanted: BTreeSet<String>,
+}
+
+impl Known {
+    fn add(&mut self, path: &str, files: &mut Files<'_>) -> Result<(), ImportError> {
+        let bytes = files.bytes(path, IMPORTED_MESH)?;
+        if extension(path) == "usdz" {
+            return self.unpack(path, &bytes, files);
+        }
+        check(path, &bytes)?;
+        self.bytes.insert(path.to_owned(), bytes);
+        Ok(())
+    }
+
+    /// Adds the files of an archive, whose first layer is the one that is opened.
+    fn unpack(&mut self, path: &str, bytes: &[u8], files: &mut Files<'_>) -> Result<(), ImportError> {
+        let damaged = |error: &dyn std::fmt::Display| {
+            ImportError::new(path, format!("not a readable USDZ archive: {error}")).hint("copy or export it again")
+        };
+        let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|error| damaged(&error))?;
+        for index in 0..archive.len() {
+            let mut entry = archive.by_index(index).map_err(|error| damaged(&error))?;
+            let Ok(name) = beside(&format!("{path}/entry"), entry.name()) else { continue };
+            if entry.is_dir() || !name.starts_with(path) {
+                continue;
+            }
+            let mut held = Vec::new();
+            entry.by_ref().take(IMPORTED_MESH.bytes + 1).read_to_end(&mut held).map_err(|error| damaged(&error))?;
+            if held.len() as u64 > IMPORTED_MESH.bytes {
+                return Err(damaged(&format!("{name} exceeds {} MiB", IMPORTED_MESH.bytes >> 20)));
+            }
+            let held = files.hold(&name, held)?;
+            if is_layer(&name) && extension(&name) != "usdz" {
+                check(&name, &held)?;
+                self.first.entry(path.to_owned()).or_insert_with(|| name.clone());
+                self.bytes.insert(name, held);
+            }
+        }
+        if self.first.contains_key(path) { Ok(()) } else { Err(damaged(&"it contains no layer")) }
+    }
+}
+
+/// Refuses layers whose reading would exhaust the stack or the memory.
+fn check(path: &str, bytes: &[u8]) -> Result<(), ImportError> {
+    let wrong = |message: String| ImportError::new(path, message);
+    if bytes.starts_with(binary::MAGIC) {
+        return binary::check(bytes).map_err(wrong);
+    }
+    if !bytes.starts_with(b"#usda") && !bytes.starts_with(b"#sdf") {
+        return Err(wrong("neither USD text, which starts with `#usda`, nor USD binary".into()));
+    }
+    text::check(bytes).map_err(wrong)
+}
+
+/// The library's access to the layers.
+struct Layers(Rc<RefCell<Known>>);
+
+impl Resolver for Layers {
+    fn create_identifier(&self, asset_path: &str, anchor: Option<&ResolvedPath>) -> String {
+        // Files in an archive: `a.usdz[b.usd]`.
+        let inside = asset_path.strip_suffix(']').map(|path| path.replacen('[', "/", 1));
+        let named = inside.as_deref().unwrap_or(asset_path);
+        let Some(anchor) = anchor else { return named.to_owned() };
+        beside(&anchor.to_string_lossy(), named).unwrap_or_else(|_| named.to_owned())
+    }
+
+    fn resolve(&self, asset_path: &str) -> Option<ResolvedPath> {
+        let mut known = self.0.borrow_mut();
+        if known.bytes.contains_key(asset_path) {
+            return Some(ResolvedPath::new(asset_path));
+        }
+        if let Some(first) = known.first.get(asset_path) {
+            return Some(ResolvedPath::new(first));
+        }
+        // Absolute paths were not made relative.
+        let is_inside = beside("", asset_path).is_ok_and(|inside| inside == asset_path);
+        if !is_layer(asset_path) {
+            return is_inside.then(|| ResolvedPath::new(asset_path));
+        }
+        if is_inside {
+            known.wanted.insert(asset_path.to_owned());
+        }
+        None
+    }
+
+    fn resolve_for_new_asset(&self, _: &str) -> Option<ResolvedPath> {
+        None
+    }
+
+    fn open_asset(&self, resolved: &ResolvedPath) -> io::Result<Box<dyn Asset>> {
+        let known = self.0.borrow();
+        let bytes = known.bytes.get(&*resolved.to_string_lossy());
+        let bytes = bytes.ok_or_else(|| io::Error::new(io::ErrorKind::NotFound, "not among the import's files"))?;
+        Ok(Box::new(Cursor::new(bytes.as_ref().clone())))
+    }
+
+    fn get_modification_timestamp(&self, _: &str, _: &ResolvedPath) -> Option<std::time::SystemTime> {
+        None
+    }
+}
