@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::mapping::{Axes, Twist};
 
+/// Least share of a step that is tried; below it the target stays.
+const LEAST_SHARE: f64 = 0.05;
+
 /// Limits of the commanded pose, always in force.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -50,7 +53,7 @@ pub enum Limit {
     Joint,
     /// The arm is near a singularity.
     Singularity,
-    /// No configuration of the arm reaches the pose.
+    /// The arm cannot follow in its posture, at its largest joint speeds.
     Reach,
 }
 
@@ -79,7 +82,15 @@ impl Target {
     }
 
     /// Moves the target along a twist for `period_s`; the limits that were in force.
-    pub fn advance(&mut self, twist: &Twist, period_s: f64, measured: &Pose) -> Vec<Limit> {
+    ///
+    /// Where the arm `can_follow` a part of the step only, the target moves by that part, in the same direction.
+    pub fn advance(
+        &mut self,
+        twist: &Twist,
+        period_s: f64,
+        measured: &Pose,
+        can_follow: impl Fn(&Pose) -> bool,
+    ) -> Vec<Limit> {
         let mut limits = Vec::new();
         if !twist.is_zero() {
             let linear = twist.linear_m_s.clamp_length_max(self.settings.linear_m_s);
@@ -87,12 +98,24 @@ impl Target {
             if linear != twist.linear_m_s || angular != twist.angular_rad_s {
                 limits.push(Limit::Speed);
             }
-            let next = moved(&self.pose, &Twist { linear_m_s: linear, angular_rad_s: angular, ..*twist }, period_s);
-            let (next, is_outside) = self.inside(next);
-            limits.extend(is_outside.then_some(Limit::Workspace));
-            let (next, is_ahead) = self.near(next, measured);
-            limits.extend(is_ahead.then_some(Limit::Lead));
-            self.pose = next;
+            let twist = Twist { linear_m_s: linear, angular_rad_s: angular, ..*twist };
+            let mut share = 1.0;
+            loop {
+                let next = moved(&self.pose, &twist, share * period_s);
+                let (next, is_outside) = self.inside(next);
+                let (next, is_ahead) = self.near(next, measured);
+                if next == self.pose || can_follow(&next) {
+                    limits.extend(is_outside.then_some(Limit::Workspace));
+                    limits.extend(is_ahead.then_some(Limit::Lead));
+                    self.pose = next;
+                    break;
+                }
+                share /= 2.0;
+                if share < LEAST_SHARE {
+                    break;
+                }
+            }
+            limits.extend((share < 1.0).then_some(Limit::Reach));
         }
         if self.pull(measured) && !limits.contains(&Limit::Lead) {
             limits.push(Limit::Lead);

@@ -7,7 +7,7 @@ use genmanip_core::{
     ActionChunk, ActionSpace, ActionSpec, CameraMount, EpisodeStart, GripperEncoding, Observation, Policy, PolicyError,
     PolicySpec, Pose, RobotModel, World,
 };
-use genmanip_motion::Chain;
+use genmanip_motion::{Chain, IkSettings, InverseKinematics};
 
 use crate::device::{Decoder, DeviceEvent};
 use crate::mapping::{Axes, Mapping, MappingSettings, OperatorFrame, Twist};
@@ -17,7 +17,7 @@ use crate::target::{Limit, Target, TargetSettings};
 
 /// Largest deviation of the requested pose from the commanded one by rounding to single precision, m and rad.
 const ROUNDING: f64 = 1e-5;
-/// Distance of a joint from its limit at which the limit is the reason of a tool that stays behind, rad.
+/// Distance of a joint from its limit at which the limit is the reason of a tool that does not follow, rad.
 const JOINT_MARGIN_RAD: f64 = 0.03;
 /// Manipulability below which a singularity is the reason; the arm's home has several times as much.
 const SINGULAR: f64 = 0.02;
@@ -56,7 +56,10 @@ pub struct Teleoperation {
     settings: TeleopSettings,
     source: Box<dyn Source>,
     robot: Arc<RobotModel>,
-    chain: Option<Chain>,
+    chain: Chain,
+    kinematics: InverseKinematics,
+    /// Largest motion of each joint in a control step, rad.
+    reach: Vec<f64>,
     rate_hz: f64,
     camera: Option<Axes>,
     episode: EpisodeState,
@@ -130,7 +133,8 @@ impl Teleoperation {
     /// Teleoperation of a robot in a world by the events of a source.
     ///
     /// # Errors
-    /// If the world has no camera of the name in the settings; the message lists those it has.
+    /// If the robot has no kinematics, or the world has no camera of the name in the settings; the message lists those it
+    /// has.
     pub fn new(
         settings: TeleopSettings,
         source: Box<dyn Source>,
@@ -138,13 +142,17 @@ impl Teleoperation {
         world: &World,
     ) -> Result<Self, String> {
         let camera = settings.camera.as_ref().map(|name| camera_axes(name, robot, world)).transpose()?;
+        let chain = Chain::new(robot).map_err(|error| error.to_string())?;
+        let rate_hz = f64::from(world.physics.control_rate_hz);
         Ok(Self {
             episode: EpisodeState::new(Mapping::new(settings.mapping.clone(), camera)),
             settings,
             source,
             robot: Arc::clone(robot),
-            chain: Chain::new(robot).ok(),
-            rate_hz: f64::from(world.physics.control_rate_hz),
+            kinematics: InverseKinematics::new(chain.clone(), IkSettings::default()),
+            chain,
+            reach: robot.arm_joints().map(|joint| joint.max_velocity / rate_hz).collect(),
+            rate_hz,
             camera,
         })
     }
@@ -182,14 +190,11 @@ impl Teleoperation {
         }
     }
 
-    /// Reasons why the arm stays behind the commanded pose.
+    /// Reasons why the arm cannot follow from a configuration.
     fn reasons(&self, arm: &[f64]) -> impl Iterator<Item = Limit> + use<> {
-        let near = self.chain.as_ref().map(|chain| {
-            let is_at_limit = chain.limit_margin(arm) < JOINT_MARGIN_RAD;
-            let is_singular = chain.manipulability(arm) < SINGULAR;
-            [is_at_limit.then_some(Limit::Joint), is_singular.then_some(Limit::Singularity)]
-        });
-        near.into_iter().flatten().flatten()
+        let is_at_limit = self.chain.limit_margin(arm) < JOINT_MARGIN_RAD;
+        let is_singular = self.chain.manipulability(arm) < SINGULAR;
+        [is_at_limit.then_some(Limit::Joint), is_singular.then_some(Limit::Singularity)].into_iter().flatten()
     }
 }
 
@@ -210,9 +215,9 @@ impl Policy for Teleoperation {
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
         let measured = pose(observation, Observation::TOOL)?;
         let requested = pose(observation, Observation::TOOL_TARGET)?;
-        let state = entry(observation, Observation::STATE)?;
-        let (arm, opening_m) = state.split_at(self.robot.arm_dof().min(state.len()));
-        let opening_m = opening_m.first().copied().unwrap_or_default();
+        let opening_m = entry(observation, Observation::STATE)?.last().copied().unwrap_or_default();
+        let in_force = entry(observation, Observation::COMMAND)?;
+        let arm = &in_force[..self.robot.arm_dof().min(in_force.len())];
         let period_s = 1.0 / self.rate_hz;
         let events = self.source.receive(self.episode.step, observation);
 
@@ -241,7 +246,9 @@ impl Policy for Teleoperation {
             target.place(requested);
             limits.insert(Limit::Reach);
         }
-        limits.extend(target.advance(&twist, period_s, &measured));
+        // The same step as the adapter's, so that no part of a path is left over and the posture never changes.
+        let can_follow = |pose: &Pose| self.kinematics.follow(pose, arm, &self.reach).is_some();
+        limits.extend(target.advance(&twist, period_s, &measured, can_follow));
         let pose = target.pose();
 
         let widest_m = self.robot.gripper.max_width;
@@ -252,7 +259,7 @@ impl Policy for Teleoperation {
             (before_m + (goal_m - before_m).clamp(-most_m, most_m)).max(opening_m - input.squeeze_m).min(widest_m);
         episode.width_m = Some(width_m);
 
-        if limits.contains(&Limit::Lead) {
+        if limits.contains(&Limit::Lead) || limits.contains(&Limit::Reach) {
             limits.extend(self.reasons(arm));
         }
         let episode = &mut self.episode;

@@ -8,15 +8,16 @@ use genmanip_assets::panda;
 use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{CameraMount, EpisodeStart, Observation, Policy, Pose, Seed};
+use genmanip_motion::{Chain, IkSettings, InverseKinematics};
 use rand::RngExt;
 
 use genmanip_teleop::device::{
     AXES, Control, Decoder, Device, DeviceEvent, ReportLayout, SIX_AXIS_CONTROLLER, SPACE_NAVIGATOR,
 };
-use genmanip_teleop::mapping::{MappingSettings, OperatorFrame, deflection, shape};
+use genmanip_teleop::mapping::{Axes, Mapping, MappingSettings, OperatorFrame, deflection, shape};
 use genmanip_teleop::record::{Hold, Playback, RecordedEvent, events_from_lines, events_to_lines};
 use genmanip_teleop::scripted::{VirtualDevice, VirtualKind};
-use genmanip_teleop::target::{Limit, TargetSettings};
+use genmanip_teleop::target::{Limit, Target, TargetSettings};
 use genmanip_teleop::{Operator, OperatorKind, TeleopSettings, Teleoperation};
 
 /// Steps of a second.
@@ -29,9 +30,15 @@ struct Run {
     widths: Vec<f64>,
 }
 
-/// Tool at the start: above the table, turned about all axes.
+/// Arm at the start: its hand is turned about all axes.
+fn start_arm() -> Vec<f64> {
+    let offsets = [0.2, 0.1, -0.15, 0.1, 0.2, 0.15, -0.3];
+    panda().home.iter().zip(offsets).map(|(home, offset)| home + offset).collect()
+}
+
+/// Tool at the start.
 fn start() -> Pose {
-    Pose::new(DVec3::new(0.5, 0.0, 0.4), DQuat::from_rotation_x(3.0) * DQuat::from_rotation_y(0.2))
+    panda().tcp_pose(&start_arm())
 }
 
 /// Runs `steps` control steps on events by step; `follows` gives the measured pose for a commanded one.
@@ -49,12 +56,13 @@ fn run_with(
     let seed = Seed::new(1);
     policy.reset(&EpisodeStart { instruction: String::new(), seed, cameras: Vec::new(), scenario: None }).unwrap();
     let (mut poses, mut widths) = (Vec::new(), Vec::new());
-    let (mut requested, mut measured, mut width) = (start(), start(), 0.08);
+    let kinematics = InverseKinematics::new(Chain::new(&panda()).unwrap(), IkSettings::default());
+    let (mut arm, mut requested, mut measured, mut width) = (start_arm(), start(), start(), 0.08);
     for _ in 0..steps {
-        let mut state = panda().home.clone();
-        state.push(width);
+        let state = [&arm[..], &[width]].concat();
         let named = [
-            (Observation::STATE, state),
+            (Observation::STATE, state.clone()),
+            (Observation::COMMAND, state),
             (Observation::TOOL, measured.to_row().to_vec()),
             (Observation::TOOL_TARGET, requested.to_row().to_vec()),
         ];
@@ -63,6 +71,7 @@ fn run_with(
         let numbers: Vec<f64> = action.iter().copied().map(f64::from).collect();
         let [x, y, z, qw, qx, qy, qz, w] = numbers[..] else { panic!("{numbers:?}") };
         requested = Pose::from_wxyz_array([x, y, z], [qw, qx, qy, qz]);
+        arm = kinematics.follow(&requested, &arm, &[f64::INFINITY; 7]).expect("the arm can follow every command");
         measured = follows(requested);
         width = w;
         poses.push(requested);
@@ -137,52 +146,63 @@ fn every_axis_of_every_device_moves_as_said_in_every_frame() {
     }
 }
 
+/// Commanded poses of readings, without limits of an arm: decoder, mapping and target alone.
+fn unlimited(axes: Axes, kind: VirtualKind, deflections: impl Iterator<Item = [f64; AXES]>) -> Vec<Pose> {
+    let (mut device, mut decoder) = (VirtualDevice::new(kind), Decoder::default());
+    let settings = MappingSettings { frame: OperatorFrame::Camera, ..MappingSettings::default() };
+    let mut mapping = Mapping::new(settings, Some(axes));
+    let limits = TargetSettings {
+        workspace_m: [[-9.0; 3], [9.0; 3]],
+        linear_m_s: 1.0,
+        angular_rad_s: 9.0,
+        ..TargetSettings::default()
+    };
+    let mut target = Target::new(limits, start());
+    decoder.apply(&device.connected()).unwrap();
+    let mut poses = Vec::new();
+    for deflection in std::iter::once([0.0; AXES]).chain(deflections) {
+        device.events(&deflection, &[]).iter().for_each(|event| decoder.apply(event).unwrap());
+        let command = mapping.command(&decoder.reading());
+        let measured = target.pose();
+        assert_eq!(target.advance(&command.twist, 1.0 / RATE as f64, &measured, |_| true), []);
+        poses.push(target.pose());
+    }
+    poses
+}
+
+/// Frames fixed in the world and on the hand, at random.
+fn frames() -> [Axes; 4] {
+    let turned = DQuat::from_rotation_x(1.0) * DQuat::from_rotation_z(2.0);
+    [Axes::WORLD, Axes::hand(), Axes::World(turned), Axes::Tool(turned)]
+}
+
 #[test]
 fn translation_does_not_turn_and_rotation_does_not_move() {
-    for frame in [OperatorFrame::World, OperatorFrame::Hand, OperatorFrame::Camera] {
-        // 0.3 m at 0.2 m/s, and 90 degrees at 0.8 rad/s; upwards, so that the workspace is no limit.
-        let up = if frame == OperatorFrame::World { unit(2, 1.0) } else { unit(0, -1.0) };
-        let end = run(in_frame(frame, Some("wrist")), pushed(VirtualKind::SpaceMouse, up, 91), 91).poses[90];
-        assert!((end.position.distance(start().position) - 0.3).abs() < 1e-6, "{frame:?}: {}", end.position);
-        assert!(end.angle_to(&start()).to_degrees() < 1e-4);
-        for axis in 3..AXES {
-            let steps = (std::f64::consts::FRAC_PI_2 / 0.8 * RATE as f64).round() as usize;
-            let end = run(
-                in_frame(frame, Some("wrist")),
-                pushed(VirtualKind::Gamepad, unit(axis, 1.0), steps + 1),
-                steps + 1,
-            );
-            let end = end.poses[steps];
-            assert!((end.angle_to(&start()).to_degrees() - 90.0).abs() < 0.5, "{frame:?}");
-            assert!(end.position.distance(start().position) < 1e-6);
+    for axes in frames() {
+        for (axis, sign) in (0..AXES).flat_map(|axis| [(axis, 1.0), (axis, -1.0)]) {
+            // 0.3 m at 0.2 m/s, 90 degrees at 0.8 rad/s.
+            let steps = if axis < 3 { 90 } else { 118 };
+            let poses = unlimited(axes, VirtualKind::Gamepad, std::iter::repeat_n(unit(axis, sign), steps));
+            let end = poses.last().unwrap();
+            let (way_m, turn_rad) = (end.position.distance(start().position), end.angle_to(&start()));
+            let wanted = if axis < 3 { (0.3, 0.0) } else { (0.0, 0.8 * 118.0 / 60.0) };
+            assert!((way_m - wanted.0).abs() < 1e-12 && (turn_rad - wanted.1).abs() < 1e-7, "{axes:?} {axis} {sign}");
         }
     }
 }
 
 #[test]
 fn ten_thousand_commands_there_and_back_return() {
-    for frame in [OperatorFrame::World, OperatorFrame::Hand, OperatorFrame::Camera] {
+    for axes in frames() {
         let mut rng = Seed::new(5).rng();
         let there: Vec<[f64; AXES]> =
-            (0..5000).map(|_| std::array::from_fn(|_| rng.random_range(-350..=350) as f64 / 350.0)).collect();
-        let back = there.iter().rev().map(|axes| axes.map(|axis| -axis));
-        let mut device = VirtualDevice::new(VirtualKind::SpaceMouse);
-        let mut events = vec![(0, device.connected())];
-        for (step, axes) in there.iter().copied().chain(back).enumerate() {
-            events.extend(device.events(&axes, &[]).into_iter().map(|event| (step + 1, event)));
-        }
-        let mut settings = in_frame(frame, Some("wrist"));
-        settings.target = TargetSettings {
-            workspace_m: [[-9.0; 3], [9.0; 3]],
-            linear_m_s: 1.0,
-            angular_rad_s: 9.0,
-            ..settings.target
-        };
-        let run = run(settings, events, 10_001);
-        let (farthest, end) = (run.poses[5000], run.poses[10_000]);
+            (0..5000).map(|_| std::array::from_fn(|_| f64::from(rng.random_range(-350..=350)) / 350.0)).collect();
+        let back: Vec<_> = there.iter().rev().map(|axes| axes.map(|axis| -axis)).collect();
+        let poses = unlimited(axes, VirtualKind::SpaceMouse, there.into_iter().chain(back));
+        let (farthest, end) = (poses[5000], poses[10_000]);
         assert!(farthest.position.distance(start().position) > 0.01);
-        let (off_mm, off_deg) = (end.position.distance(start().position) * 1e3, end.angle_to(&start()).to_degrees());
-        assert!(off_mm < 0.1 && off_deg < 0.1, "{frame:?}: {off_mm} mm, {off_deg} degrees");
+        let (off_m, off_deg) = (end.position.distance(start().position), end.angle_to(&start()).to_degrees());
+        assert!(off_m < 1e-10 && off_deg < 1e-5, "{axes:?}: {off_m} m, {off_deg} degrees");
         assert!((end.rotation.length() - 1.0).abs() < 1e-9);
     }
 }
@@ -287,8 +307,9 @@ fn controls_act_on_every_device() {
         push(91, unit(0, 0.0), &[Control::Gripper]);
         push(92, up, &[Control::Frame]);
         let run = run(TeleopSettings::default(), events, 150);
-        let way =
-            |step: usize| run.poses[step].position.z - if step == 0 { 0.4 } else { run.poses[step - 1].position.z };
+        let way = |step: usize| {
+            run.poses[step].position.z - if step == 0 { start().position.z } else { run.poses[step - 1].position.z }
+        };
         let case = kind.name();
         assert!((way(1) - 0.2 / 60.0).abs() < 1e-6, "{case}: {}", way(1));
         assert!((way(2) - 0.05 / 60.0).abs() < 1e-6, "{case}: {}", way(2));
@@ -314,6 +335,11 @@ fn the_target_keeps_its_limits_and_says_so() {
     let low = run(TeleopSettings::default(), pushed(VirtualKind::SpaceMouse, unit(2, -1.0), 200), 200);
     assert!((low.poses[199].position.z - settings.workspace_m[0][2]).abs() < 1e-6);
     assert_eq!(low.policy.status().limits, [Limit::Workspace]);
+    // Out of reach: the target waits in the posture of the arm, and never asks for what the arm cannot follow.
+    let mut wide = TeleopSettings::default();
+    wide.target.workspace_m = [[-9.0; 3], [9.0; 3]];
+    let far = run(wide, pushed(VirtualKind::SpaceMouse, unit(0, 1.0), 400), 400);
+    assert!((400 - last_motion(&far)) > 60 && far.policy.status().limits.contains(&Limit::Reach));
     // Translations along two axes at once are faster than one.
     let both = [1.0, 0.0, 1.0, 0.0, 0.0, 0.0];
     let fast = run(TeleopSettings::default(), pushed(VirtualKind::SpaceMouse, both, 10), 10);
