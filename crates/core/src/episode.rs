@@ -126,6 +126,9 @@ pub struct EpisodeResult {
     /// Style of the expert that acted in a collected episode; absent for the default one.
     #[serde(default, skip_serializing_if = "ExpertStyle::is_default")]
     pub expert: ExpertStyle,
+    /// Source of the commands of a teleoperated episode; absent if a policy or the expert gave them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<EpisodeSource>,
     /// Physics engine and version, e.g. `mujoco 3.17.0`.
     pub engine: String,
     /// Version of the program that ran the episode.
@@ -143,6 +146,18 @@ named_enum! {
         /// The grasp nearest to the gripper's orientation, and the goal pose nearest to the middle of the goal region:
         /// demonstrations that a policy can predict from its observations.
         Consistent = "consistent",
+    }
+}
+
+named_enum! {
+    /// Source of the commands of an episode, where it is neither a policy nor the expert.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum EpisodeSource {
+        /// A person at a device.
+        Teleop = "teleop",
+        /// A scripted operator, which acted through the events of a virtual device.
+        ScriptedTeleop = "scripted_teleop",
     }
 }
 

@@ -67,8 +67,8 @@ pub use distortion::Distortion;
 pub use document::{Document, LongDocument, Upgrade, long_from_json, long_from_reader, long_to_json, write_tagged};
 pub use document_error::DocumentError;
 pub use episode::{
-    AttemptOutcome, CloudVerdict, Correction, Ending, Episode, EpisodeResult, ExpertStyle, Frame, GripperPhase, NotRun,
-    ObjectState, StrayContact,
+    AttemptOutcome, CloudVerdict, Correction, Ending, Episode, EpisodeResult, EpisodeSource, ExpertStyle, Frame,
+    GripperPhase, NotRun, ObjectState, StrayContact,
 };
 pub use failure::{AgentFailure, AgentStage, FailedStage, Failure, FailureCause, FailureClass, StageCause};
 pub use geometry::{Aabb, OrientedBox, Piece, Shape};

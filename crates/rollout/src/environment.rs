@@ -550,6 +550,7 @@ impl Session {
             correction: None,
             expert: ExpertStyle::Default,
             agent_failure: None,
+            source: None,
             engine: genmanip_sim::engine_version(),
             genmanip_version: env!("CARGO_PKG_VERSION").into(),
         };

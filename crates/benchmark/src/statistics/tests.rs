@@ -38,6 +38,7 @@ pub(crate) fn result(policy: &str, scenario: u64, success: bool) -> EpisodeResul
         correction: None,
         expert: genmanip_core::ExpertStyle::Default,
         agent_failure: None,
+        source: None,
         engine: "mujoco 3.17.0".into(),
         genmanip_version: "0.1.0".into(),
     }

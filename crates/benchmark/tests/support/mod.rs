@@ -175,6 +175,7 @@ pub fn result(task: &Task, policy: &str, number: u64, success: bool, failure: Op
         correction: None,
         expert: genmanip_core::ExpertStyle::Default,
         agent_failure: None,
+        source: None,
         engine: "mujoco 3.17.0".into(),
         genmanip_version: "0.1.0".into(),
     }

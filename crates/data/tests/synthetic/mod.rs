@@ -146,6 +146,7 @@ pub fn result(number: usize, frames: usize, success: bool) -> EpisodeResult {
         ending: Some(Ending::Finished),
         failures: Vec::new(),
         agent_failure: None,
+        source: None,
         duration_s: frames as f64 / 60.0,
         horizon_s: 60.0,
         control_rate_hz: 60.0,

@@ -193,6 +193,7 @@ fn episode(robot: &RobotModel, scenario: &Scenario, number: usize, seed: Seed) -
         correction: None,
         expert: genmanip_core::ExpertStyle::Default,
         agent_failure: None,
+        source: None,
         engine: "none".into(),
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
     };

@@ -1,0 +1,148 @@
+//! Decoder: the state of a device after its events.
+
+use std::collections::BTreeSet;
+
+use super::{AXES, Control, Device, DeviceError, DeviceEvent, ReportLayout, gamepad, keyboard, space_mouse};
+
+/// State of the axes and controls of a person.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Reading {
+    /// Forward, left, up, then rotations about these, -1 to 1.
+    pub axes: [f64; AXES],
+    /// Precision mode is held.
+    pub precision: bool,
+    /// The clutch is held: the device is disengaged.
+    pub clutch: bool,
+    /// Controls that were pressed since the previous reading, in order.
+    pub pressed: Vec<Control>,
+}
+
+/// Decoder of one connection at a time.
+#[derive(Clone, Debug, Default)]
+pub struct Decoder {
+    connected: Option<Connected>,
+    axes: [f64; AXES],
+    held: BTreeSet<Control>,
+    pressed: Vec<Control>,
+}
+
+#[derive(Clone, Debug)]
+enum Connected {
+    /// Layout, and the device's own axes and buttons.
+    SpaceMouse(ReportLayout, [f64; AXES], u32),
+    Gamepad,
+    Keyboard(BTreeSet<String>),
+}
+
+/// Most presses kept between two readings; more come from no hand.
+const MAX_PRESSED: usize = 16;
+
+impl Decoder {
+    /// Applies an event.
+    ///
+    /// # Errors
+    /// If the event does not fit the connected device; nothing changes then.
+    pub fn apply(&mut self, event: &DeviceEvent) -> Result<(), DeviceError> {
+        match event {
+            DeviceEvent::Connected { device } => {
+                let connected = match device {
+                    Device::SpaceMouse { descriptor, .. } => {
+                        Connected::SpaceMouse(ReportLayout::parse(descriptor)?, [0.0; AXES], 0)
+                    }
+                    Device::Gamepad { .. } => Connected::Gamepad,
+                    Device::Keyboard => Connected::Keyboard(BTreeSet::new()),
+                };
+                *self = Self { connected: Some(connected), ..Self::default() };
+            }
+            DeviceEvent::Report { bytes } => {
+                let Some(Connected::SpaceMouse(layout, axes, buttons)) = &mut self.connected else {
+                    return Err(self.other("space_mouse"));
+                };
+                layout.apply(bytes, axes, buttons)?;
+                let (axes, buttons) = (space_mouse::axes(*axes), *buttons);
+                self.axes = axes;
+                self.hold(held(buttons, space_mouse::BUTTONS));
+            }
+            DeviceEvent::Gamepad { axes, buttons } => {
+                if !matches!(self.connected, Some(Connected::Gamepad)) {
+                    return Err(self.other("gamepad"));
+                }
+                let (axes, buttons) = gamepad::read(axes, buttons)?;
+                self.axes = axes;
+                self.hold(held(buttons, gamepad::BUTTONS));
+            }
+            DeviceEvent::Key { code, down } => {
+                let Some(Connected::Keyboard(keys)) = &mut self.connected else {
+                    return Err(self.other("keyboard"));
+                };
+                match down {
+                    true if keyboard::is_known(code) && keys.len() < keyboard::MAX_HELD => {
+                        keys.insert(code.clone());
+                    }
+                    true => {}
+                    false => {
+                        keys.remove(code);
+                    }
+                }
+                let keys = keys.clone();
+                self.axes = [0.0; AXES];
+                for (key, axis, direction) in keyboard::AXIS_KEYS {
+                    self.axes[*axis] += if keys.contains(*key) { *direction } else { 0.0 };
+                }
+                let functions = keyboard::CONTROL_KEYS.iter().filter(|(key, _)| keys.contains(*key));
+                self.hold(functions.map(|(_, control)| *control).collect());
+            }
+            DeviceEvent::Alive => {}
+            DeviceEvent::Blurred => {
+                if let Some(Connected::Keyboard(keys)) = &mut self.connected {
+                    keys.clear();
+                    self.release();
+                }
+            }
+            DeviceEvent::Disconnected => *self = Self::default(),
+        }
+        Ok(())
+    }
+
+    /// Takes the presses since the last reading, and the state of the rest.
+    pub fn reading(&mut self) -> Reading {
+        Reading {
+            axes: self.axes,
+            precision: self.held.contains(&Control::Precision),
+            clutch: self.held.contains(&Control::Clutch),
+            pressed: std::mem::take(&mut self.pressed),
+        }
+    }
+
+    /// True if an event shows that the device is there: a bare sign of life counts for keyboards alone, since the others
+    /// report for as long as they are deflected.
+    pub fn is_alive_after(&self, event: &DeviceEvent) -> bool {
+        *event != DeviceEvent::Alive || matches!(self.connected, Some(Connected::Keyboard(_)))
+    }
+
+    /// Replaces the held controls; those that were not held count as pressed.
+    fn hold(&mut self, held: BTreeSet<Control>) {
+        let room = MAX_PRESSED.saturating_sub(self.pressed.len());
+        self.pressed.extend(held.difference(&self.held).take(room));
+        self.held = held;
+    }
+
+    fn release(&mut self) {
+        self.axes = [0.0; AXES];
+        self.held.clear();
+    }
+
+    fn other(&self, got: &'static str) -> DeviceError {
+        let expected = match &self.connected {
+            None => "none",
+            Some(Connected::SpaceMouse(..)) => "space_mouse",
+            Some(Connected::Gamepad) => "gamepad",
+            Some(Connected::Keyboard(_)) => "keyboard",
+        };
+        DeviceError::OtherDevice { expected, got }
+    }
+}
+
+fn held(buttons: u32, functions: &[(u32, Control)]) -> BTreeSet<Control> {
+    functions.iter().filter(|(bit, _)| buttons >> bit & 1 == 1).map(|(_, control)| *control).collect()
+}

@@ -1,0 +1,37 @@
+//! Keyboard: keys by their place, so that every layout of letters works alike.
+
+use super::Control;
+
+/// Most keys that count as held at once.
+pub(super) const MAX_HELD: usize = 32;
+
+/// Axis and direction of a key.
+pub(super) const AXIS_KEYS: &[(&str, usize, f64)] = &[
+    ("KeyW", 0, 1.0),
+    ("KeyS", 0, -1.0),
+    ("KeyA", 1, 1.0),
+    ("KeyD", 1, -1.0),
+    ("KeyR", 2, 1.0),
+    ("KeyF", 2, -1.0),
+    ("ArrowRight", 3, 1.0),
+    ("ArrowLeft", 3, -1.0),
+    ("ArrowUp", 4, 1.0),
+    ("ArrowDown", 4, -1.0),
+    ("KeyQ", 5, 1.0),
+    ("KeyE", 5, -1.0),
+];
+
+/// Functions of further keys.
+pub(super) const CONTROL_KEYS: &[(&str, Control)] = &[
+    ("Space", Control::Gripper),
+    ("ShiftLeft", Control::Precision),
+    ("ShiftRight", Control::Precision),
+    ("KeyC", Control::Clutch),
+    ("KeyV", Control::Frame),
+    ("Enter", Control::Finish),
+];
+
+/// True if the key has a function.
+pub(super) fn is_known(code: &str) -> bool {
+    AXIS_KEYS.iter().any(|(key, ..)| *key == code) || CONTROL_KEYS.iter().any(|(key, _)| *key == code)
+}

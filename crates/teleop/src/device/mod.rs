@@ -1,0 +1,165 @@
+//! Devices: their events decoded into six axes and the controls that are held or were pressed.
+//!
+//! Axes are those of a person behind the robot: forward, left, up, and right-handed rotations about these (roll to the
+//! right, pitch forward, yaw to the left), each from -1 to 1.
+
+mod decoder;
+mod descriptor;
+mod gamepad;
+mod keyboard;
+mod space_mouse;
+
+pub use decoder::{Decoder, Reading};
+pub use descriptor::ReportLayout;
+pub use space_mouse::{SIX_AXIS_CONTROLLER, SPACE_NAVIGATOR};
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// Number of axes: three of translation, then three of rotation.
+pub const AXES: usize = 6;
+
+/// Event as the device or the browser reports it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+pub enum DeviceEvent {
+    /// A device was connected, for the first time or again: nothing before it counts.
+    Connected {
+        /// The device.
+        device: Device,
+    },
+    /// HID input report with its id, if the device uses ids.
+    Report {
+        /// Bytes of the report.
+        #[serde(with = "hex")]
+        bytes: Vec<u8>,
+    },
+    /// State of a gamepad with the W3C Gamepad API's standard mapping.
+    Gamepad {
+        /// Left stick right and down, right stick right and down, -1 to 1.
+        axes: Vec<f64>,
+        /// Buttons, 0 to 1.
+        buttons: Vec<f64>,
+    },
+    /// Key that was pressed or released.
+    Key {
+        /// Place of the key, `KeyboardEvent.code` of the browser.
+        code: String,
+        /// True if pressed.
+        down: bool,
+    },
+    /// Sign of life of a source whose device reports changes only, such as a keyboard.
+    Alive,
+    /// Loss of the keyboard's focus: all keys count as released.
+    Blurred,
+    /// The device or its connection is gone.
+    Disconnected,
+}
+
+/// A device.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Device {
+    /// HID multi-axis controller, such as a SpaceMouse.
+    SpaceMouse {
+        /// Name of the product.
+        name: String,
+        /// Its HID report descriptor.
+        #[serde(with = "hex")]
+        descriptor: Vec<u8>,
+    },
+    /// Gamepad with the standard mapping.
+    Gamepad {
+        /// Name of the product.
+        name: String,
+    },
+    /// Keyboard.
+    Keyboard,
+}
+
+impl Device {
+    /// Name of the kind.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::SpaceMouse { .. } => "space_mouse",
+            Self::Gamepad { .. } => "gamepad",
+            Self::Keyboard => "keyboard",
+        }
+    }
+}
+
+/// Function of a button or key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Control {
+    /// Closes the open gripper, or opens the closed one.
+    Gripper,
+    /// Slows all motion while held.
+    Precision,
+    /// Clutch: disengages the device from the arm while held.
+    Clutch,
+    /// Changes to the next frame.
+    Frame,
+    /// Ends the episode.
+    Finish,
+}
+
+/// Reason why an event is refused; the state does not change.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum DeviceError {
+    /// An invalid report descriptor.
+    #[error("HID report descriptor, byte {at}: expected {expected}")]
+    Descriptor {
+        /// Place of the item.
+        at: usize,
+        /// Expected content.
+        expected: &'static str,
+    },
+    /// An input report without any byte.
+    #[error("an empty HID input report")]
+    EmptyReport,
+    /// An input report that the descriptor does not list with axes or buttons.
+    #[error("HID input report {id} has neither axes nor buttons")]
+    UnknownReport {
+        /// Its id.
+        id: u8,
+    },
+    /// An event of another kind of device than the connected one.
+    #[error("a {got} event, but the connected device is {expected}")]
+    OtherDevice {
+        /// The connected kind, or `none`.
+        expected: &'static str,
+        /// Kind of the event.
+        got: &'static str,
+    },
+    /// A gamepad without the standard mapping, or with values out of range.
+    #[error(
+        "gamepad: expected 4 axes and 16 or 17 buttons of the standard mapping, all finite; got {axes} and {buttons}"
+    )]
+    Gamepad {
+        /// Number of axes.
+        axes: usize,
+        /// Number of buttons.
+        buttons: usize,
+    },
+}
+
+/// Bytes as hexadecimal text.
+mod hex {
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(bytes: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&genmanip_core::hexadecimal(bytes))
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u8>, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        let wrong = || D::Error::custom("expected an even number of hexadecimal digits");
+        let digits = text.chars().map(|digit| digit.to_digit(16)).collect::<Option<Vec<_>>>().ok_or_else(wrong)?;
+        if !digits.len().is_multiple_of(2) {
+            return Err(wrong());
+        }
+        Ok(digits.chunks(2).map(|pair| (pair[0] * 16 + pair[1]) as u8).collect())
+    }
+}

@@ -1,0 +1,25 @@
+//! Teleoperation: a person moves the arm with a SpaceMouse, a gamepad or a keyboard.
+//!
+//! ```text
+//! Source ─events─▶ Decoder ─axes, controls─▶ Mapping ─twist, gripper─▶ Target ─pose─▶ rollout::adapter
+//! ```
+//!
+//! - [`device`]: events decoded into six axes and controls.
+//! - [`mapping`]: dead zone, response curve, gains, precision mode, clutch and frame.
+//! - [`target`]: the commanded pose within its limits.
+//! - [`Teleoperation`]: all of it as a [`Policy`](genmanip_core::Policy) of the ordinary episode loop.
+//! - [`record`]: raw events and what became of them, stored beside the episode.
+//! - [`scripted`]: an operator that is a program, for tests and measurements.
+//!
+//! Nothing here reads a clock or opens a device: time is the number of control steps.
+
+pub mod device;
+pub mod mapping;
+pub mod record;
+pub mod scripted;
+mod source;
+pub mod target;
+mod teleoperation;
+
+pub use source::{Operator, OperatorKind, Source};
+pub use teleoperation::{Status, TeleopSettings, Teleoperation};

@@ -1,0 +1,224 @@
+//! Record of a teleoperated episode: raw events, settings, and what happened to the commands; stored beside the episode.
+
+use std::collections::BTreeMap;
+
+use genmanip_core::Document;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::device::{Device, DeviceEvent};
+use crate::mapping::{MappingSettings, OperatorFrame};
+use crate::source::{Operator, Source};
+use crate::target::{Limit, TargetSettings};
+
+/// Name of the file with an [`OperatorRecord`] beside an episode.
+pub const RECORD_FILE: &str = "operator.json";
+/// Name of the file with one [`RecordedEvent`] per line.
+pub const EVENTS_FILE: &str = "operator_events.jsonl";
+
+/// Record of the operator of an episode.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OperatorRecord {
+    /// The operator.
+    pub operator: Operator,
+    /// Devices in the order of their connection.
+    pub devices: Vec<Device>,
+    /// Settings of the mapping.
+    pub mapping: MappingSettings,
+    /// Camera of the frame `camera`, by name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<String>,
+    /// Limits of the commanded pose.
+    pub target: TargetSettings,
+    /// Settings of the input.
+    pub input: InputSettings,
+    /// Number of received events.
+    pub events: u64,
+    /// Number of events that no device of that kind sends, or that came after too many others; they had no effect.
+    pub refused: u64,
+    /// Frame in use, from the given control step on.
+    pub frames: Vec<(usize, OperatorFrame)>,
+    /// Control steps in which the operator asked for nothing: neither motion nor gripper.
+    pub idle: Vec<Interval<()>>,
+    /// Control steps in which a deflected device did not move the arm, with the reason.
+    pub held: Vec<Interval<Hold>>,
+    /// Control steps in which a limit slowed the tool, with the limit.
+    pub limited: Vec<Interval<Limit>>,
+}
+
+impl Document for OperatorRecord {
+    const SCHEMA: &'static str = "genmanip.operator/1";
+}
+
+/// Settings of the input.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct InputSettings {
+    /// Time without an event after which the arm holds, s.
+    pub hold_after_s: f64,
+    /// Time without an event after which the device has to be released before it moves the arm again, s.
+    pub lost_after_s: f64,
+    /// Most events of a control step; more count as a broken connection.
+    pub most_events: usize,
+    /// Rate of change of the opening, m/s.
+    pub gripper_m_s: f64,
+    /// Largest difference between the measured opening and a smaller command, m: bounds the grip force.
+    pub squeeze_m: f64,
+}
+
+impl Default for InputSettings {
+    fn default() -> Self {
+        Self {
+            // With the control step in which the last event arrived and the one that holds, at most 100 ms at 60 Hz.
+            hold_after_s: 0.06,
+            lost_after_s: 0.5,
+            // A mouse at 8 kHz sends 133.
+            most_events: 10_000,
+            gripper_m_s: 0.1,
+            // As the expert squeezes.
+            squeeze_m: 0.015,
+        }
+    }
+}
+
+/// Reason why a deflected device does not move the arm.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Hold {
+    /// No event came for too long.
+    Silence,
+    /// The clutch is held.
+    Clutch,
+    /// The device has to be released first: after a connection, the clutch or a long silence.
+    ReleaseFirst,
+}
+
+/// Control steps from `from` to before `to`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Interval<R> {
+    /// First control step.
+    pub from: usize,
+    /// Control step after the last one.
+    pub to: usize,
+    /// Reason.
+    pub reason: R,
+}
+
+/// Event with the control step before which it was received, and its number.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RecordedEvent {
+    /// Number of the event in the episode, from 0.
+    pub sequence: u64,
+    /// Control step whose command is the first that it can change.
+    pub step: usize,
+    /// The event.
+    pub event: DeviceEvent,
+}
+
+/// Mistake in a file of events.
+#[derive(Debug, Error)]
+#[error("{EVENTS_FILE}, line {line}: expected {{\"sequence\", \"step\", \"event\"}} in ascending order: {why}")]
+pub struct EventsError {
+    /// Number of the line, from 1.
+    pub line: usize,
+    /// The mistake.
+    pub why: String,
+}
+
+/// Lines of a file of events.
+pub fn events_to_lines(events: &[RecordedEvent]) -> Vec<u8> {
+    let mut lines = Vec::new();
+    for event in events {
+        // Plain data: serialisation cannot fail.
+        lines.extend(serde_json::to_vec(event).unwrap_or_default());
+        lines.push(b'\n');
+    }
+    lines
+}
+
+/// Events of a file.
+///
+/// # Errors
+/// The first line that is not an event, or does not follow the one before.
+pub fn events_from_lines(text: &str) -> Result<Vec<RecordedEvent>, EventsError> {
+    let mut events: Vec<RecordedEvent> = Vec::new();
+    for (index, line) in text.lines().enumerate() {
+        let fault = |why: String| EventsError { line: index + 1, why };
+        let event: RecordedEvent = serde_json::from_str(line).map_err(|error| fault(error.to_string()))?;
+        if event.sequence != index as u64 || events.last().is_some_and(|last| event.step < last.step) {
+            return Err(fault(format!("sequence {} at step {}", event.sequence, event.step)));
+        }
+        events.push(event);
+    }
+    Ok(events)
+}
+
+/// Recorded events, given again in the control steps in which they were received.
+#[derive(Clone, Debug)]
+pub struct Playback {
+    operator: Operator,
+    events: Vec<RecordedEvent>,
+    next: usize,
+}
+
+impl Playback {
+    /// Playback of the events of an operator.
+    pub fn new(operator: Operator, events: Vec<RecordedEvent>) -> Self {
+        Self { operator, events, next: 0 }
+    }
+}
+
+impl Source for Playback {
+    fn operator(&self) -> Operator {
+        self.operator.clone()
+    }
+
+    fn start(&mut self, _start: &genmanip_core::EpisodeStart) -> Result<(), genmanip_core::PolicyError> {
+        self.next = 0;
+        Ok(())
+    }
+
+    fn receive(&mut self, step: usize, _observation: &genmanip_core::Observation) -> Vec<DeviceEvent> {
+        let due = self.events[self.next..].iter().take_while(|event| event.step <= step);
+        let events: Vec<DeviceEvent> = due.map(|event| event.event.clone()).collect();
+        self.next += events.len();
+        events
+    }
+}
+
+/// Intervals by reason, while they are written.
+#[derive(Clone, Debug)]
+pub(crate) struct Intervals<R> {
+    open: BTreeMap<R, usize>,
+    closed: Vec<Interval<R>>,
+}
+
+impl<R: Copy + Ord> Intervals<R> {
+    pub(crate) fn new() -> Self {
+        Self { open: BTreeMap::new(), closed: Vec::new() }
+    }
+
+    /// Adds the reasons that hold in a control step.
+    pub(crate) fn add(&mut self, step: usize, reasons: &[R]) {
+        let ended: Vec<R> = self.open.keys().filter(|reason| !reasons.contains(reason)).copied().collect();
+        for reason in ended {
+            if let Some(from) = self.open.remove(&reason) {
+                self.closed.push(Interval { from, to: step, reason });
+            }
+        }
+        for reason in reasons {
+            self.open.entry(*reason).or_insert(step);
+        }
+    }
+
+    /// All intervals, if the episode ends at `step`; sorted by their start.
+    pub(crate) fn until(&self, step: usize) -> Vec<Interval<R>> {
+        let open = self.open.iter().map(|(&reason, &from)| Interval { from, to: step, reason });
+        let mut all: Vec<Interval<R>> = self.closed.iter().copied().chain(open).collect();
+        all.sort_by_key(|interval| (interval.from, interval.reason));
+        all
+    }
+}

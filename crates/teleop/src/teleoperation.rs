@@ -1,0 +1,305 @@
+//! Teleoperation as a policy: a person is one more policy of the ordinary episode loop.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use genmanip_core::{
+    ActionChunk, ActionSpace, ActionSpec, CameraMount, EpisodeStart, GripperEncoding, Observation, Policy, PolicyError,
+    PolicySpec, Pose, RobotModel, World,
+};
+use genmanip_motion::{Chain, IkSettings, InverseKinematics};
+
+use crate::device::{Decoder, DeviceEvent};
+use crate::mapping::{Axes, Mapping, MappingSettings, OperatorFrame, Twist};
+use crate::record::{Hold, InputSettings, Intervals, OperatorRecord, RecordedEvent};
+use crate::source::Source;
+use crate::target::{Limit, Target, TargetSettings};
+
+/// Largest deviation of the requested pose from the commanded one by rounding to single precision, m and rad.
+const ROUNDING: f64 = 1e-5;
+/// Distance of a joint from its limit at which the limit is the reason of a tool that does not follow, rad.
+const JOINT_MARGIN_RAD: f64 = 0.03;
+/// Manipulability below which a singularity is the reason; the arm's home has several times as much.
+const SINGULAR: f64 = 0.02;
+
+/// Settings of teleoperation.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TeleopSettings {
+    /// Mapping.
+    pub mapping: MappingSettings,
+    /// Limits of the commanded pose.
+    pub target: TargetSettings,
+    /// Input.
+    pub input: InputSettings,
+    /// Camera of [`OperatorFrame::Camera`], by name; without it that frame is passed over.
+    pub camera: Option<String>,
+}
+
+/// State of the teleoperation after a control step, for display.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Status {
+    /// Frame in use.
+    pub frame: OperatorFrame,
+    /// Reason why the deflected device does not move the arm.
+    pub held: Option<Hold>,
+    /// Limits that slow the tool.
+    pub limits: Vec<Limit>,
+    /// True if the gripper is to be closed.
+    pub closed: bool,
+}
+
+/// Policy of a person at a device.
+///
+/// Each control step takes all events since the last one and gives one commanded pose; the conversion to joint commands
+/// is that of every policy in the space `ee_pose`, with its null-space posture.
+pub struct Teleoperation {
+    settings: TeleopSettings,
+    source: Box<dyn Source>,
+    robot: Arc<RobotModel>,
+    chain: Chain,
+    kinematics: InverseKinematics,
+    /// Largest motion of each joint in a control step, rad.
+    reach: Vec<f64>,
+    rate_hz: f64,
+    camera: Option<Axes>,
+    episode: EpisodeState,
+}
+
+/// State of one episode.
+struct EpisodeState {
+    decoder: Decoder,
+    mapping: Mapping,
+    target: Option<Target>,
+    /// Commanded opening, m.
+    width_m: Option<f64>,
+    step: usize,
+    /// Control step in which the last event was received.
+    last_event: usize,
+    status: Status,
+    events: Vec<RecordedEvent>,
+    refused: u64,
+    frames: Vec<(usize, OperatorFrame)>,
+    idle: Intervals<()>,
+    held: Intervals<Hold>,
+    limited: Intervals<Limit>,
+}
+
+impl EpisodeState {
+    fn new(mapping: Mapping) -> Self {
+        Self {
+            decoder: Decoder::default(),
+            mapping,
+            target: None,
+            width_m: None,
+            step: 0,
+            last_event: 0,
+            status: Status::default(),
+            events: Vec::new(),
+            refused: 0,
+            frames: Vec::new(),
+            idle: Intervals::new(),
+            held: Intervals::new(),
+            limited: Intervals::new(),
+        }
+    }
+
+    /// Receives events. Too many of them count as a broken connection.
+    fn receive(&mut self, events: Vec<DeviceEvent>, most: usize) {
+        let surplus = events.len().saturating_sub(most);
+        for event in events.into_iter().take(most) {
+            self.apply(event);
+        }
+        if surplus > 0 {
+            self.refused += surplus as u64;
+            self.decoder.apply(&DeviceEvent::Blurred).unwrap_or_default();
+            self.mapping.require_release();
+        }
+    }
+
+    fn apply(&mut self, event: DeviceEvent) {
+        if matches!(event, DeviceEvent::Connected { .. } | DeviceEvent::Disconnected) {
+            self.mapping.require_release();
+        }
+        match self.decoder.apply(&event) {
+            Ok(()) if self.decoder.is_alive_after(&event) => self.last_event = self.step,
+            Ok(()) => {}
+            Err(_) => self.refused += 1,
+        }
+        self.events.push(RecordedEvent { sequence: self.events.len() as u64, step: self.step, event });
+    }
+}
+
+impl Teleoperation {
+    /// Teleoperation of a robot in a world by the events of a source.
+    ///
+    /// # Errors
+    /// If the robot has no kinematics, or the world has no camera of the name in the settings; the message lists those it
+    /// has.
+    pub fn new(
+        settings: TeleopSettings,
+        source: Box<dyn Source>,
+        robot: &Arc<RobotModel>,
+        world: &World,
+    ) -> Result<Self, String> {
+        let camera = settings.camera.as_ref().map(|name| camera_axes(name, robot, world)).transpose()?;
+        let chain = Chain::new(robot).map_err(|error| error.to_string())?;
+        let rate_hz = f64::from(world.physics.control_rate_hz);
+        Ok(Self {
+            episode: EpisodeState::new(Mapping::new(settings.mapping.clone(), camera)),
+            settings,
+            source,
+            robot: Arc::clone(robot),
+            kinematics: InverseKinematics::new(chain.clone(), IkSettings::default()),
+            chain,
+            reach: robot.arm_joints().map(|joint| joint.max_velocity / rate_hz).collect(),
+            rate_hz,
+            camera,
+        })
+    }
+
+    /// State after the last control step.
+    pub fn status(&self) -> &Status {
+        &self.episode.status
+    }
+
+    /// Events received in the episode so far.
+    pub fn events(&self) -> &[RecordedEvent] {
+        &self.episode.events
+    }
+
+    /// Record of the episode so far.
+    pub fn record(&self) -> OperatorRecord {
+        let EpisodeState { events, refused, frames, idle, held, limited, step, .. } = &self.episode;
+        let devices = events.iter().filter_map(|event| match &event.event {
+            DeviceEvent::Connected { device } => Some(device.clone()),
+            _ => None,
+        });
+        OperatorRecord {
+            operator: self.source.operator(),
+            devices: devices.collect(),
+            mapping: self.settings.mapping.clone(),
+            camera: self.settings.camera.clone(),
+            target: self.settings.target.clone(),
+            input: self.settings.input.clone(),
+            events: events.len() as u64,
+            refused: *refused,
+            frames: frames.clone(),
+            idle: idle.until(*step),
+            held: held.until(*step),
+            limited: limited.until(*step),
+        }
+    }
+
+    /// Reasons why the arm cannot follow from a configuration.
+    fn reasons(&self, arm: &[f64]) -> impl Iterator<Item = Limit> + use<> {
+        let is_at_limit = self.chain.limit_margin(arm) < JOINT_MARGIN_RAD;
+        let is_singular = self.chain.manipulability(arm) < SINGULAR;
+        [is_at_limit.then_some(Limit::Joint), is_singular.then_some(Limit::Singularity)].into_iter().flatten()
+    }
+}
+
+impl Policy for Teleoperation {
+    fn spec(&self) -> PolicySpec {
+        PolicySpec {
+            action: ActionSpec::new(ActionSpace::EePose, GripperEncoding::WidthM),
+            privileged: self.source.is_privileged(),
+            ..PolicySpec::native("teleop", self.rate_hz)
+        }
+    }
+
+    fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
+        self.episode = EpisodeState::new(Mapping::new(self.settings.mapping.clone(), self.camera));
+        self.source.start(start)
+    }
+
+    fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
+        let measured = pose(observation, Observation::TOOL)?;
+        let requested = pose(observation, Observation::TOOL_TARGET)?;
+        let opening_m = entry(observation, Observation::STATE)?.last().copied().unwrap_or_default();
+        let in_force = entry(observation, Observation::COMMAND)?;
+        let arm = &in_force[..self.robot.arm_dof().min(in_force.len())];
+        let period_s = 1.0 / self.rate_hz;
+        let events = self.source.receive(self.episode.step, observation);
+
+        let input = &self.settings.input;
+        let episode = &mut self.episode;
+        episode.receive(events, input.most_events);
+        let silence_s = (episode.step - episode.last_event) as f64 * period_s;
+        if silence_s >= input.lost_after_s {
+            episode.mapping.require_release();
+        }
+        let reading = episode.decoder.reading();
+        let command = episode.mapping.command(&reading);
+        let is_deflected = episode.mapping.is_deflected(&reading);
+        let held = match (is_deflected, reading.clutch) {
+            (false, _) => None,
+            (true, true) => Some(Hold::Clutch),
+            (true, false) if silence_s > input.hold_after_s => Some(Hold::Silence),
+            (true, false) => episode.mapping.needs_release().then_some(Hold::ReleaseFirst),
+        };
+        let twist = if held.is_some() { Twist::ZERO } else { command.twist };
+
+        let mut limits = BTreeSet::new();
+        let target = episode.target.get_or_insert_with(|| Target::new(self.settings.target.clone(), requested));
+        let refused = target.pose();
+        if refused.position.distance(requested.position) > ROUNDING || refused.angle_to(&requested) > ROUNDING {
+            target.place(requested);
+            limits.insert(Limit::Reach);
+        }
+        // The same step as the adapter's, so that no part of a path is left over and the posture never changes.
+        let can_follow = |pose: &Pose| self.kinematics.follow(pose, arm, &self.reach).is_some();
+        limits.extend(target.advance(&twist, period_s, &measured, can_follow));
+        let pose = target.pose();
+
+        let widest_m = self.robot.gripper.max_width;
+        let goal_m = if command.closed { 0.0 } else { widest_m };
+        let before_m = episode.width_m.unwrap_or(widest_m);
+        let most_m = input.gripper_m_s * period_s;
+        let width_m =
+            (before_m + (goal_m - before_m).clamp(-most_m, most_m)).max(opening_m - input.squeeze_m).min(widest_m);
+        episode.width_m = Some(width_m);
+
+        if limits.contains(&Limit::Lead) || limits.contains(&Limit::Reach) {
+            limits.extend(self.reasons(arm));
+        }
+        let episode = &mut self.episode;
+        let limits: Vec<Limit> = limits.into_iter().collect();
+        let frame = episode.mapping.frame();
+        if episode.frames.last().is_none_or(|(_, last)| *last != frame) {
+            episode.frames.push((episode.step, frame));
+        }
+        let is_idle = twist.is_zero() && command.closed == episode.status.closed;
+        episode.idle.add(episode.step, if is_idle { &[()] } else { &[] });
+        episode.held.add(episode.step, held.as_slice());
+        episode.limited.add(episode.step, &limits);
+        episode.status = Status { frame, held, limits, closed: command.closed };
+        episode.step += 1;
+
+        let action = pose.to_row().into_iter().chain([width_m]).map(|number| number as f32).collect();
+        Ok(ActionChunk { actions: vec![action], finished: command.finish })
+    }
+}
+
+/// Axes of the camera of a name.
+fn camera_axes(name: &str, robot: &RobotModel, world: &World) -> Result<Axes, String> {
+    let Some(camera) = world.cameras.iter().find(|camera| camera.name == name) else {
+        let known: Vec<&str> = world.cameras.iter().map(|camera| camera.name.as_str()).collect();
+        return Err(format!("expected a camera of the world, one of {}; got `{name}`", known.join(", ")));
+    };
+    Ok(match camera.mount {
+        CameraMount::World => Axes::world_camera(&camera.mount_from_camera),
+        CameraMount::Hand => Axes::hand_camera(&(robot.hand_from_tcp.inverse() * camera.mount_from_camera)),
+    })
+}
+
+fn entry<'a>(observation: &'a Observation, key: &str) -> Result<&'a [f64], PolicyError> {
+    let missing = || PolicyError::Unsuited(format!("`{key}` is missing"));
+    observation.state.get(key).map(Vec::as_slice).ok_or_else(missing)
+}
+
+fn pose(observation: &Observation, key: &str) -> Result<Pose, PolicyError> {
+    match *entry(observation, key)? {
+        [x, y, z, qw, qx, qy, qz] => Ok(Pose::from_wxyz_array([x, y, z], [qw, qx, qy, qz])),
+        _ => Err(PolicyError::Unsuited(format!("`{key}` is not a pose"))),
+    }
+}
