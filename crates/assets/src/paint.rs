@@ -12,7 +12,8 @@ use serde::Deserialize;
 
 use crate::color::Color;
 
-/// Layer of a texture. `at` is a centre (u, v); with `repeat`, the layer is repeated that many times along u.
+/// Layer of a texture. `at` is a centre (u, v). With `repeat`, the layer is repeated that many times along u, and u of
+/// `at` is a fraction of one repetition.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Paint {
@@ -25,7 +26,7 @@ pub enum Paint {
         #[serde(default)]
         upright: bool,
     },
-    /// Random dots between two heights `v`, on a surface that is a closed loop in u.
+    /// Randomly placed dots between two heights `v`, each of 0.4 to 1.2 times `radius`; they wrap around in u.
     Speckle {
         color: Color,
         count: u32,
@@ -47,7 +48,8 @@ pub enum Paint {
         #[serde(default = "one")]
         repeat: f32,
     },
-    /// Lower half of a disc, like a bowl seen from the side.
+    /// Lower half of an ellipse, like a bowl seen from the side: `at` is the middle of its rim, `radius` half the width
+    /// of its rim, and its depth is `radius` / 1.3.
     Cup { color: Color, at: [f32; 2], radius: f32 },
     /// Rectangle with `size` (width, height).
     Rect {
@@ -77,14 +79,16 @@ pub enum Paint {
         #[serde(default = "one")]
         repeat: f32,
     },
-    /// Straight stripes across u (or across v with `level`); `width` is the painted fraction of a period.
+    /// Straight stripes along v, `count` of them side by side along u (with `level`: along u, side by side along v);
+    /// `width` is the painted fraction of a period.
     Stripes {
         color: Color,
         count: f32,
         width: f32,
         #[serde(default)]
         level: bool,
-        /// Slant of the stripes, in periods over the height.
+        /// Slant of the stripes: periods by which they shift over the height of the texture (over its width with
+        /// `level`).
         #[serde(default)]
         lean: f32,
     },
@@ -92,8 +96,8 @@ pub enum Paint {
     Weave { color: Color, cells: [f32; 2] },
     /// Bars that look like `lines` lines of text in a rectangle.
     Text { color: Color, at: [f32; 2], size: [f32; 2], lines: u32 },
-    /// Words in capitals centred at a point, `height` high, shrunk to fit `width` (a fraction of the texture's width);
-    /// `weight` is the stroke width relative to the cap height.
+    /// Words in capitals centred at a point, `height` high, shrunk to fit `width` (a fraction of the width of the
+    /// texture, or of one repetition); `weight` is the stroke width relative to the cap height.
     Words {
         color: Color,
         text: String,
@@ -109,7 +113,8 @@ pub enum Paint {
     /// Randomly coloured squares on a grid of `cells`; `gap` is the unpainted margin on each side of a cell, as a
     /// fraction of the cell.
     Squares { colors: Vec<Color>, cells: [u32; 2], gap: f32 },
-    /// Seam of a tennis ball, for a texture on a sphere.
+    /// Seam of a tennis ball, for a texture on a sphere; `width` is about half the seam's width, in radii of the
+    /// sphere.
     Seam { color: Color, width: f32 },
 }
 

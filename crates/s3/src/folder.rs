@@ -81,7 +81,8 @@ impl Document for FileList {
     }
 }
 
-/// True if a listed path stays within the folder.
+/// True if a listed path is valid: within the folder, without empty parts, backslash or NUL, and not the reserved name
+/// [`LIST`].
 fn is_inside(path: &str) -> bool {
     let is_name = |part: &str| !matches!(part, "" | "." | "..") && !part.contains(['\\', '\0']);
     path.split('/').all(is_name) && path != LIST

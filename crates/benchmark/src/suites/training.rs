@@ -48,7 +48,7 @@ pub struct Training {
     pub per_kind: usize,
     /// Version of this program.
     pub genmanip_version: String,
-    /// Number of objects of the catalogue.
+    /// Number of objects of the training split, which the tasks are about.
     pub objects: usize,
     /// Number of tasks per kind, and of rejected ones by reason.
     pub funnel: BuildStep,
@@ -122,7 +122,8 @@ pub fn training(options: &TrainingOptions, progress: &dyn Progress) -> Result<Tr
     Ok(training)
 }
 
-/// Overlaps of tasks with a suite that training forbids, one text per task with an overlap.
+/// Reasons why tasks must not be used for training beside a suite (an object kept for testing, or a sentence or scene
+/// graph of the suite): one text per such task.
 ///
 /// # Errors
 /// If the suite does not exist, or a task cannot be read.

@@ -28,37 +28,38 @@ pub enum AgentCommand {
 /// Arguments of `agent act`.
 #[derive(Debug, Args)]
 pub struct ActArguments {
-    /// Colour: PNG with 8 bits
+    /// Colour image: PNG with 8 bits per channel
     #[arg(long, value_name = "FILE")]
     pub rgb: PathBuf,
-    /// Depth: grey PNG with 16 bits, millimetres along the optical axis, 0 for none
+    /// Depth image: grey PNG with 16 bits, millimetres along the optical axis, 0 where nothing was measured
     #[arg(long, value_name = "FILE")]
     pub depth: PathBuf,
-    /// Intrinsics and place of the camera: JSON
+    /// Intrinsics of the camera and its pose in the frame of the robot's base: JSON
     #[arg(long, value_name = "FILE")]
     pub camera: PathBuf,
-    /// Arm joint positions, rad
+    /// Current joint positions of the arm, rad
     #[arg(long, value_delimiter = ',', value_name = "Q1,Q2,…", allow_hyphen_values = true, required = true)]
     pub joints: Vec<f64>,
-    /// Opening of the gripper, m
+    /// Current opening of the gripper, m
     #[arg(long, value_name = "M", default_value_t = 0.08)]
     pub gripper: f64,
     /// Task instruction
     #[arg(long, value_name = "TEXT")]
     pub instruction: String,
-    /// Settings file of the model that answers
+    /// Settings file of the model that answers: see docs/guides/agent.md
     #[arg(long, value_name = "FILE")]
     pub vlm: String,
-    /// Segmentation source
+    /// Segmentation source: `rgbd` (built in, from colour and depth) or a server
     #[arg(long, default_value = "rgbd", value_name = "rgbd|http:URL")]
     pub masks: String,
-    /// Grasp source
+    /// Grasp source: `rgbd` (built in, from the object's points) or a server
     #[arg(long, default_value = "rgbd", value_name = "rgbd|http:URL")]
     pub grasps: String,
-    /// Standard deviation of a depth of 1 m, m: 0.0036 for a RealSense D435, 0 for perfect depth
+    /// Standard deviation of measured depth at a distance of 1 m, m: 0.0036 for a RealSense D435, 0 for perfect depth
     #[arg(long, value_name = "M", default_value_t = 0.0)]
     pub depth_error: f64,
-    /// One cell for the placement, or a path over the grid
+    /// Form of the model's answer for a placement: one grid cell (`p2p`), or a path over the grid with heights and
+    /// rotations (`grid`)
     #[arg(long, default_value = "p2p", value_parser = ["p2p", "grid"])]
     pub path: String,
     /// Seed of the searches
@@ -75,7 +76,7 @@ pub struct AblateArguments {
     /// Folder of a run made by `collect`
     #[arg(value_name = "RUN")]
     pub run: PathBuf,
-    /// The agent as it is: arguments of the policy `agent`, see `genmanip evaluate --help`
+    /// Unchanged agent, to compare with: arguments of the policy `agent`, see `genmanip evaluate --help`
     #[arg(long, value_name = "KEY=VALUE,…", default_value = "vlm=oracle,masks=rgbd")]
     pub agent: String,
     /// Settings to change, one at a time [default: all]

@@ -41,7 +41,7 @@ pub enum AssetsCommand {
                       Every guess and every repair is listed. Each object is put on a table, and tried in the hand. \
                       Exit 1 when a file is refused; the others are imported.")]
     Import(ImportArguments),
-    /// Choose the list of generated objects anew: for whoever changes the families
+    /// Select the generated objects of the catalogue again, after a change of the families
     #[command(hide = true)]
     Freeze(FreezeArguments),
 }
@@ -58,10 +58,10 @@ pub struct CatalogArguments {
 /// Arguments of `assets list` and `assets search`.
 #[derive(Debug, Args)]
 pub struct SearchArguments {
-    /// Words and filters
+    /// Words and filters, such as `color:red`
     #[arg(value_name = "QUERY")]
     pub query: Vec<String>,
-    /// Most objects to name
+    /// Maximum number of objects to list
     #[arg(long, value_name = "N")]
     pub limit: Option<usize>,
     /// Catalogue
@@ -88,16 +88,18 @@ pub struct SheetArguments {
     /// Image to write, PNG or JPEG
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
-    /// Draw new objects of this family instead; `all` for each in turn, `random` for families drawn by the seed
+    /// Draw new objects of this family instead; `all` for new objects of every family, `random` for families chosen at
+    /// random from --seed
     #[arg(long, value_name = "NAME")]
     pub family: Option<String>,
-    /// Take the families from the data files of this folder
+    /// Folder with the data files of families that replace the built-in ones
     #[arg(long, value_name = "DIR", requires = "family")]
     pub families: Option<PathBuf>,
-    /// First seed of new objects
+    /// Seed of the first new object of a family, from which the next ones count; with `random`, seed of the choice
     #[arg(long, default_value_t = 1, value_parser = parse::seed)]
     pub seed: u64,
-    /// Objects to draw, or new objects of each family
+    /// Maximum number of objects to draw [default: all]; with --family, number of new objects of each family [default:
+    /// 1]
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub count: Option<usize>,
     /// Images per row
@@ -124,7 +126,7 @@ pub struct ExportAssetArguments {
 /// Arguments of `assets audit`.
 #[derive(Debug, Args)]
 pub struct AuditArguments {
-    /// Contact sheet of what was found to write, PNG or JPEG: the objects in the order of the findings
+    /// Write a contact sheet of the objects with findings, in the order of the findings: PNG or JPEG
     #[arg(long, value_name = "FILE")]
     pub sheet: Option<PathBuf>,
     /// Catalogue
@@ -138,7 +140,8 @@ pub struct ImportArguments {
     /// Files, or folders of them
     #[arg(value_name = "PATH", required = true)]
     pub paths: Vec<PathBuf>,
-    /// Folder that the files may name others in; without: the folder that is named, or that of the file
+    /// Folder that must hold the files and all files they refer to, such as textures [default: the folder given as
+    /// PATH, or that of the file]
     #[arg(long, value_name = "DIR")]
     pub root: Option<PathBuf>,
     /// Pack to put the objects into
@@ -153,7 +156,7 @@ pub struct ImportArguments {
     /// Category of the objects, singular and in lower case, e.g. `water bottle`, instead of a guess by their names
     #[arg(long, value_name = "NOUN", value_parser = super::parse_values::parse_category)]
     pub category: Option<String>,
-    /// Licence of the files where they do not say it
+    /// Licence of the files that do not name one
     #[arg(long, value_name = "TEXT")]
     pub licence: Option<String>,
     /// Skip the grasp trials
@@ -165,7 +168,7 @@ pub struct ImportArguments {
     /// Seed of the trials
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Threads
+    /// Worker threads [default: all cores]
     #[arg(long, value_name = "N")]
     pub workers: Option<usize>,
 }
@@ -176,7 +179,7 @@ pub struct FreezeArguments {
     /// File to write
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
-    /// Take the families from the data files of this folder
+    /// Folder with the data files of families that replace the built-in ones
     #[arg(long, value_name = "DIR")]
     pub families: Option<PathBuf>,
     /// Rigid objects, the built-in ones included

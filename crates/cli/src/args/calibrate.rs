@@ -13,8 +13,8 @@ pub struct CalibrateArguments {
     /// Subcommand
     #[command(subcommand)]
     pub command: Option<CalibrateCommand>,
-    /// Robot states with detected corners, or with images beside the file; of a folder, its views.json:
-    /// docs/guides/calibrate-a-camera.md describes the file
+    /// File of robot states with detected corners, or with the names of images beside it; or a folder with such a file,
+    /// views.json. Its format: docs/guides/calibrate-a-camera.md
     #[arg(value_name = "VIEWS", required = true)]
     pub views: Option<PathBuf>,
     /// World file that gets the camera, edited in place
@@ -25,7 +25,7 @@ pub struct CalibrateArguments {
     /// Accuracy of the arm's positions, standard deviation per axis, mm
     #[arg(long, value_name = "MM", default_value_t = 0.1, value_parser = parse::number)]
     pub hand_mm: f64,
-    /// Accuracy of its orientations, standard deviation about each axis, degrees
+    /// Accuracy of the arm's orientations, standard deviation about each axis, degrees
     #[arg(long, value_name = "DEGREES", default_value_t = 0.05, value_parser = parse::number)]
     pub hand_deg: f64,
 }
@@ -50,7 +50,8 @@ pub enum CalibrateCommand {
 /// Arguments of `calibrate board`.
 #[derive(Debug, Args)]
 pub struct CalibrateBoardArguments {
-    /// Image to write: SVG is a page, PNG the pattern with a border at 600 dpi; the description gets the ending .json
+    /// Image to write: a page (SVG), or the pattern with a border at 600 dpi (PNG); the description is written beside
+    /// it, as .json
     #[arg(long, value_name = "FILE.svg|FILE.png")]
     pub out: PathBuf,
     /// Pattern: chessboard with tags, or tags alone
@@ -71,7 +72,7 @@ pub struct CalibrateBoardArguments {
     /// Id of the first tag; different ids distinguish boards
     #[arg(long, value_name = "ID", default_value_t = 0)]
     pub first_id: u32,
-    /// Page of an SVG
+    /// Page size of an SVG
     #[arg(long, default_value = "a4", value_parser = ["a4", "a3", "letter"])]
     pub page: String,
 }
@@ -82,10 +83,11 @@ pub struct CalibratePlanArguments {
     /// World with the robot and an approximate pose of the camera: TOML or JSON [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
-    /// Camera of the world
+    /// Name of the camera in the world
     #[arg(long, value_name = "NAME")]
     pub camera: String,
-    /// Middle of the board, metres
+    /// Middle of the board, metres: in the frame of the robot's base for a camera on the hand, of the hand for a fixed
+    /// camera
     #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_hyphen_values = true, value_parser = parse::number,
           num_args = 1)]
     pub board_at: Vec<f64>,
@@ -98,7 +100,7 @@ pub struct CalibratePlanArguments {
     /// Distance of neighbouring corners, metres
     #[arg(long, value_name = "M", default_value_t = 0.025, value_parser = parse::number)]
     pub spacing: f64,
-    /// Poses
+    /// Number of poses to propose
     #[arg(long, default_value_t = 18, value_parser = clap::value_parser!(u8).range(3..=100).map(usize::from))]
     pub count: usize,
 }

@@ -35,10 +35,11 @@ fn parse_part(text: &str) -> Result<Part, String> {
 /// Arguments of `collect`.
 #[derive(Clone, Debug, Args)]
 pub struct CollectArguments {
-    /// Tasks: recorded answers, task documents, folders of them, or lists with a task document per line, *.jsonl
+    /// Tasks: task documents, recorded answers of language models, folders of them, or lists with a task document per
+    /// line (*.jsonl)
     #[arg(required_unless_present = "suite")]
     pub tasks: Vec<PathBuf>,
-    /// Suite of task distributions whose layouts are demonstrated, folder or name, instead of tasks
+    /// Suite of task distributions (folder or name) whose layouts are demonstrated, instead of tasks
     #[arg(long, value_name = "NAME|DIR", conflicts_with_all = ["tasks", "seed"], value_parser = genmanip_benchmark::suites::parse_folder)]
     pub suite: Option<PathBuf>,
     #[command(flatten)]
@@ -46,7 +47,7 @@ pub struct CollectArguments {
     /// Folder of the run
     #[arg(long)]
     pub out: PathBuf,
-    /// Attempts per task, each on its own layout [default: 2; of a suite 1, on the layout that is frozen]
+    /// Attempts per task, each on its own layout [default: 2; of a suite 1, on the frozen layout]
     #[arg(long, value_parser = parse::count)]
     pub episodes: Option<usize>,
     /// Instead of a number of attempts: make attempts of all tasks in turn until exactly N are verified. A larger N
@@ -59,7 +60,7 @@ pub struct CollectArguments {
     /// Robot instead of the world's
     #[arg(long, value_name = "NAME", help = genmanip_terminal::robot_help("Robot instead of the world's"))]
     pub robot: Option<String>,
-    /// Seed
+    /// Seed of layouts, motion planning and randomisation
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Worker threads; results do not depend on it [default: all cores]
@@ -80,7 +81,7 @@ pub struct CollectArguments {
     /// Record episodes only: no images, no dataset
     #[arg(long)]
     pub no_dataset: bool,
-    /// Make each episode different; the seed of the difference is a column of the dataset
+    /// Randomise each episode (--vary says what); its seed is the column `variation_seed` of the dataset
     #[arg(long, value_parser = ["per-episode"])]
     pub variation: Option<String>,
     #[arg(
@@ -103,18 +104,20 @@ pub struct CollectArguments {
     /// Put failed attempts into the dataset too, labelled as such
     #[arg(long)]
     pub keep_failed: bool,
-    /// Let this policy act first in each attempt, and the expert take over where it fails: `is_correction` tells the rows
-    /// apart. As `evaluate --policy`, for example openpi:url=…; without a name clumsy, which misses, drops or stops
+    /// Policy that acts first in each attempt, until it fails and the expert takes over; the column `is_correction`
+    /// tells their rows apart. As `evaluate --policy`, such as openpi:url=…; without a name `clumsy`, which misses,
+    /// drops or stops
     #[arg(long, value_name = "POLICY", num_args = 0..=1, require_equals = true, default_missing_value = "clumsy")]
     pub corrections: Option<String>,
-    /// Make every attempt of --corrections, also after three in a row that the policy did not run
+    /// Make every attempt of --corrections, even after three in a row that were not run because of an error of the
+    /// policy
     #[arg(long, requires = "corrections")]
     pub keep_going: bool,
-    /// Set damaged episodes aside, in damaged/ of the run, and make them anew
+    /// Move damaged episodes to damaged/ in the run, and collect them again
     #[arg(long)]
     pub repair: bool,
     /// Only the I-th of N parts, counted from 0, into a folder of its own in OUT; `auto` or `auto/N`: the number of the
-    /// task in a job array of Slurm or Kubernetes. `genmanip merge` brings the parts together
+    /// task in a job array of Slurm or Kubernetes. `genmanip merge` combines the parts
     #[arg(long, value_name = "I/N")]
     pub shard: Option<ShardChoice>,
     /// Print a row per task also where there are more than 30
@@ -131,7 +134,7 @@ pub struct MergeArguments {
     /// Folder of the whole run
     #[arg(long)]
     pub out: PathBuf,
-    /// Make here what no shard has
+    /// Collect here the attempts that no shard has
     #[arg(long)]
     pub finish: bool,
     /// Worker threads of --finish; results do not depend on it [default: all cores]

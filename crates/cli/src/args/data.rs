@@ -33,7 +33,7 @@ pub enum DataCommand {
                       genmanip data split DATASET --fractions train=0.8,val=0.1,test=0.1 --by episode --seed 7 --out out/parts\n\n\
                       By task, all episodes of a sentence go to one part: what is tested was not trained on.")]
     Split(DataSplitArguments),
-    /// Keep only the episodes of a dataset that are like this
+    /// Keep only the episodes of a dataset that meet all conditions
     #[command(after_help = "Examples:\n  genmanip data filter DATASET --where success=true --out out/good\n  \
                       genmanip data filter DATASET --where kind=spatial --where object=017 --out out/mugs\n\n\
                       object: a thing in the scene; kind, task, seed, policy, failure or any column of meta/episodes.")]
@@ -41,7 +41,7 @@ pub enum DataCommand {
     /// Remove some episodes from a dataset
     #[command(after_help = "Example:\n  genmanip data delete DATASET --episodes 3,7-9 --out out/rest")]
     Delete(DataDeleteArguments),
-    /// Make a dataset of another program one that these verbs read: LeRobot v3.0 and v2.1, the original GenManip
+    /// Convert a dataset of another program for these commands: LeRobot v3.0 and v2.1, the original GenManip
     #[command(after_help = "Examples:\n  genmanip data import ~/data/pusht --out out/pusht\n  \
                       genmanip data import ~/data/aloha --ffmpeg ffmpeg --out out/aloha\n  \
                       genmanip data import ~/GenManip/saved/demonstrations/put_mug --out out/mug\n\n\
@@ -50,7 +50,7 @@ pub enum DataCommand {
                       Of the original GenManip, folders with meta_info.pkl and lmdb/; pickles are read, never executed.\n\
                       check, show, filter, split, merge and delete then work on it.")]
     Import(DataImportArguments),
-    /// Make a dataset one of LeRobot v2.1, for readers of that version such as GR00T and openpi
+    /// Convert a dataset to LeRobot v2.1, for readers of that version such as GR00T and openpi
     #[command(after_help = "Example:\n  genmanip data convert out/run/dataset --to lerobot-v2.1 --out out/old\n\n\
                       Takes LeRobot v3.0 and v2.1 of any program. Columns, pictures, steps, outcomes and the action contract stay;\n\
                       depth has no place there. The way back is data import.")]
@@ -65,13 +65,13 @@ pub enum DataCommand {
     /// Write the card of a dataset anew: what is in it, seeds, licences; and croissant.json for catalogues
     #[command(after_help = "Example:\n  genmanip data card out/run/dataset")]
     Card(DataCardArguments),
-    /// Send a folder, such as a run or a dataset, to S3 storage; only what is missing or different there
+    /// Upload a folder, such as a run or a dataset, to S3 storage; only files that are missing or different there
     #[command(after_help = "Example:\n  genmanip data push out/run s3://my-bucket/runs/monday\n\n\
                       Keys, region and server: AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_SESSION_TOKEN, AWS_REGION,\n\
                       AWS_ENDPOINT_URL. What fails is tried again for about a minute; the same call goes on where it\n\
                       stopped, also while the run still grows. A list of all files is written last.")]
     Push(DataPushArguments),
-    /// Fetch a folder that was pushed to S3 storage; only what is missing or different here
+    /// Download a folder that was pushed to S3 storage; only files that are missing or different here
     #[command(after_help = "Example:\n  genmanip data pull s3://my-bucket/runs/monday out/run\n\n\
                       Every file is compared with the hash it had when it was pushed.")]
     Pull(DataPullArguments),
@@ -84,7 +84,7 @@ pub struct DataPushArguments {
     pub folder: PathBuf,
     /// Destination: s3://BUCKET/PREFIX
     pub address: String,
-    /// Files sent at once
+    /// Number of files sent at the same time
     #[arg(long, default_value_t = 4, value_name = "N")]
     pub at_once: usize,
 }
@@ -96,7 +96,7 @@ pub struct DataPullArguments {
     pub address: String,
     /// Folder to fetch into
     pub folder: PathBuf,
-    /// Files fetched at once
+    /// Number of files fetched at the same time
     #[arg(long, default_value_t = 4, value_name = "N")]
     pub at_once: usize,
 }
@@ -107,7 +107,7 @@ pub struct DataCheckArguments {
     /// Folders of datasets
     #[arg(required = true, value_name = "DATASET")]
     pub datasets: Vec<PathBuf>,
-    /// Simulate so many recorded episodes again, evenly chosen; their final states must be the recorded ones
+    /// Number of recorded episodes to simulate again, evenly chosen; their final states must be the recorded ones
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub replays: usize,
 }
@@ -121,7 +121,7 @@ pub struct DataRerenderArguments {
     /// Folder of the new dataset
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Number of the appearance of each episode; 0 is that of `collect --variation per-episode`
+    /// Index of the random appearance of each episode; 0 is the one that `collect --variation per-episode` renders
     #[arg(long, default_value_t = 1, value_name = "N")]
     pub look: u64,
     #[arg(
@@ -132,7 +132,7 @@ pub struct DataRerenderArguments {
         help = format!("What differs from the usual look: {} [default: all]", super::render::looks())
     )]
     pub vary: Vec<AppearanceFactor>,
-    /// Render the standard appearance
+    /// Render the default appearance, without randomisation
     #[arg(long, conflicts_with = "vary")]
     pub plain: bool,
     /// Cameras of the scenarios [default: those of the dataset]
@@ -149,11 +149,11 @@ pub struct DataShowArguments {
     /// Folder of a dataset; with --learnability also of a run
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
-    /// Write a page instead of printing
+    /// Write an HTML page to this file instead of printing
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
-    /// Show how well a policy could predict the demonstrations: spread of the first grasps, what the object's pose explains
-    /// of them, and how well similar states predict the next second. Needs the recorded episodes
+    /// Show how well a policy could predict the demonstrations: spread of the first grasps, what the object's pose
+    /// explains of them, and how well similar states predict the next second. Needs the recorded episodes
     #[arg(long, conflicts_with = "html")]
     pub learnability: bool,
 }
@@ -175,7 +175,7 @@ pub struct DataSplitArguments {
     /// Folder of a dataset
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
-    /// Folder that gets a dataset per part
+    /// Folder to write a dataset per part to
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// Names of the parts and their shares of the episodes
@@ -195,7 +195,7 @@ pub struct DataFilterArguments {
     /// Folder of a dataset
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
-    /// A column of the episodes and its value; given several times, all must hold
+    /// Column of the episodes and the value it must have, such as success=true; if given several times, all must hold
     #[arg(long = "where", required = true, value_name = "COLUMN=VALUE")]
     pub conditions: Vec<Condition>,
     /// Folder of the new dataset
@@ -206,13 +206,13 @@ pub struct DataFilterArguments {
 /// Arguments of `data import`.
 #[derive(Debug, Args)]
 pub struct DataImportArguments {
-    /// Folder of a dataset, or of the original's episodes
+    /// Folder of a LeRobot dataset, or of episodes of the original GenManip
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
     /// Folder of the new dataset
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// The ffmpeg that decodes what is not H.264
+    /// Program (ffmpeg) that decodes video other than H.264
     #[arg(long, value_name = "PROGRAM")]
     pub ffmpeg: Option<PathBuf>,
 }
@@ -223,13 +223,13 @@ pub struct DataConvertArguments {
     /// Folder of a LeRobot dataset
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
-    /// The format
+    /// Format of the new dataset
     #[arg(long, value_name = "FORMAT", value_parser = ["lerobot-v2.1"])]
     pub to: String,
     /// Folder of the new dataset
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// The ffmpeg that decodes what is not H.264
+    /// Program (ffmpeg) that decodes video other than H.264
     #[arg(long, value_name = "PROGRAM")]
     pub ffmpeg: Option<PathBuf>,
 }
@@ -248,7 +248,7 @@ pub struct DataDeleteArguments {
     /// Folder of a dataset
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
-    /// Indices of the episodes to leave out, and ranges of them
+    /// Indices of the episodes to remove, and ranges of them, such as 3,7-9
     #[arg(long, value_name = "N,N-N,…")]
     pub episodes: String,
     /// Folder of the new dataset

@@ -25,25 +25,25 @@ pub struct EditArguments {
     /// Operation as JSON, or @FILE; may be repeated
     #[arg(long, value_name = "JSON|@FILE")]
     pub op: Vec<String>,
-    /// Name of the author
+    /// Name of the author that is kept with the changes
     #[arg(long, value_name = "NAME", default_value = "cli")]
     pub author: String,
-    /// Take the author's last command back
+    /// Undo the author's last command
     #[arg(long, conflicts_with_all = ["op", "redo", "revert", "repair"])]
     pub undo: bool,
-    /// Apply the command again that the author took back last
+    /// Redo the command that the author undid last
     #[arg(long, conflicts_with_all = ["op", "revert", "repair"])]
     pub redo: bool,
-    /// Take the command of a revision back, or apply it again
+    /// Undo the command of a revision, or redo it if it is undone
     #[arg(long, value_name = "REVISION", conflicts_with_all = ["op", "repair"])]
     pub revert: Option<u64>,
     /// Repair all problems that can be repaired, after the operations
     #[arg(long)]
     pub repair: bool,
-    /// Name the revision, after the changes
+    /// Name for the revision after the changes
     #[arg(long, value_name = "NAME")]
     pub snapshot: Option<String>,
-    /// List the commands
+    /// List all commands with revision, author and time
     #[arg(long)]
     pub history: bool,
     /// List the problems of the scenario, after the changes; exit 1 if it cannot be used

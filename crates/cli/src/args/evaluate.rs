@@ -15,14 +15,15 @@ pub struct AskingArguments {
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
-    /// Episodes in progress at once, of which those that wait for a model need no core [default: 16 where a model is
-    /// asked, else the workers]
+    /// Number of episodes in progress at once; one that waits for a model needs no core [default: at least 16 if a
+    /// model is asked, else the number of workers]
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub at_once: Option<usize>,
-    /// Ask no more once the model's answers have cost so much, in the currency of its settings
+    /// Stop asking the model once its answers have cost this much, in the currency of its settings
     #[arg(long, value_name = "SUM", value_parser = parse_sum)]
     pub max_cost: Option<f64>,
-    /// Try every episode, also after three in a row that the policy did not run, by a mistake or without an answer
+    /// Try every episode, even after three in a row that were not run because the policy raised an error or did not
+    /// answer
     #[arg(long)]
     pub keep_going: bool,
 }
@@ -51,7 +52,7 @@ pub struct EvaluateArguments {
     /// Cameras to use instead of the scenarios': a JSON list; the results say so
     #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
-    /// Episodes of each scenario, with streams of their own: for policies that draw
+    /// Number of episodes of each scenario, each with its own random stream: for policies that sample
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = parse::count)]
     pub episodes_per_scenario: usize,
     /// Time limit of every episode, simulated seconds, instead of the scenarios'; the results and their label say so
@@ -63,10 +64,11 @@ pub struct EvaluateArguments {
           value_parser = parse_yes)]
     pub stop_on_success: Option<bool>,
     /// Only the I-th of N parts of the episodes, counted from 0; `auto` or `auto/N`: the number of the task in a job
-    /// array of Slurm or Kubernetes. The same call without --shard gathers what the parts left
+    /// array of Slurm or Kubernetes. The same call without --shard combines the results of the parts
     #[arg(long, value_name = "I/N")]
     pub shard: Option<ShardChoice>,
-    /// End an episode at the first action that the arm cannot reach, instead of holding the last command and counting it
+    /// End an episode at the first action that the arm cannot reach, instead of holding the last command and counting
+    /// it
     #[arg(long)]
     pub stop_on_unreachable: bool,
     #[command(flatten)]
@@ -90,7 +92,8 @@ pub struct CompareArguments {
 /// Arguments of `sim2real`.
 #[derive(Clone, Debug, Args)]
 pub struct SimToRealArguments {
-    /// Table with a head line, CSV
+    /// Table of results in simulation and reality: CSV with a header row; docs/guides/sim-against-real.md
+    /// names its columns
     #[arg(value_name = "TABLE.csv")]
     pub table: PathBuf,
     /// Also draw the policies as points, simulation to the right, reality upwards
@@ -107,7 +110,7 @@ pub struct LeaderboardArguments {
     /// Folder with evaluations, or with runs that hold some
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
-    /// Also write a page
+    /// Also write an HTML page to this file
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
 }

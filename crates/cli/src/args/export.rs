@@ -20,11 +20,11 @@ pub struct ExportArguments {
     /// Format of the dataset
     #[arg(long, value_name = "FORMAT", value_parser = PossibleValuesParser::new(Format::ALL.map(Format::name)))]
     pub to: Option<String>,
-    /// The scenario as MuJoCo XML
+    /// Export the scenario as MuJoCo XML
     #[arg(long, conflicts_with = "dataset")]
     pub mjcf: bool,
-    /// The scenario as binary glTF for Blender and other modelling programs: surfaces, robot, objects and cameras at
-    /// the start, with materials and textures; needs --out
+    /// Export the scenario as binary glTF for Blender and other modelling programs: surfaces, robot, objects and
+    /// cameras at the start, with materials and textures; needs --out
     #[arg(long, conflicts_with = "dataset", requires = "out")]
     pub glb: bool,
     /// The scenario as OpenUSD text (usda) with UsdPhysics: surfaces, robot and objects as rigid bodies with colliders,
@@ -45,7 +45,7 @@ pub struct DatasetArguments {
     /// Contents of the `action` column [default: joint]
     #[arg(long, value_name = "ACTION", value_parser = PossibleValuesParser::new(ACTIONS.map(|(name, _)| name)))]
     pub action: Option<String>,
-    /// Rotation of the actions ee and ee_delta [default: 6d]
+    /// Representation of rotations in the actions ee and ee_delta [default: 6d]
     #[arg(long, value_name = "ROTATION", value_parser = PossibleValuesParser::new(ROTATIONS.map(|(name, _)| name)))]
     pub rotation: Option<String>,
     /// Rows per second: 10, 15, 20, 30 or 60 [default: 15]
@@ -54,8 +54,9 @@ pub struct DatasetArguments {
     /// Cameras of the scenario [default: static,wrist]
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', conflicts_with = "no_images")]
     pub cameras: Vec<String>,
-    /// Further columns: sim, poses and speeds of the objects and which one is held, as `sim.object_…`; boxes, around the
-    /// objects in each image, as `sim.box.…`; masks, the object that each pixel shows, beside the depth images
+    /// Further columns: `sim` for poses and speeds of the objects and which one is held, as `sim.object_…`; `boxes` for
+    /// bounding boxes in each image, as `sim.box.…`; `masks` for the object that each pixel shows, beside the depth
+    /// images
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', value_parser = PossibleValuesParser::new(COLUMNS.map(|(name, _)| name)))]
     pub columns: Vec<String>,
     /// Omit images
@@ -64,7 +65,7 @@ pub struct DatasetArguments {
     /// Omit depth images
     #[arg(long)]
     pub no_depth: bool,
-    /// Export failed attempts that were recorded too, labelled as such
+    /// Also export recorded failed attempts, labelled as such
     #[arg(long)]
     pub keep_failed: bool,
     /// Worker threads; the bytes do not depend on it [default: all cores]

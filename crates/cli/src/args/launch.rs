@@ -9,22 +9,22 @@ use clap::Args;
 #[derive(Clone, Debug, Args)]
 #[command(group = clap::ArgGroup::new("cluster").required(true).args(["slurm", "kubernetes", "local"]))]
 pub struct LaunchArguments {
-    /// An array job of Slurm, submitted by sbatch
+    /// Submit an array job to Slurm with sbatch
     #[arg(long)]
     pub slurm: bool,
-    /// An indexed job of Kubernetes, submitted by kubectl; needs --image and --claim
+    /// Submit an indexed job to Kubernetes with kubectl; needs --image and --claim
     #[arg(long)]
     pub kubernetes: bool,
-    /// Shards on this machine
+    /// Run the shards on this machine
     #[arg(long)]
     pub local: bool,
-    /// Parts that the work is divided into
+    /// Number of shards (parts) that the work is divided into
     #[arg(long, value_parser = parse::count)]
     pub shards: usize,
     /// Cores of each shard
     #[arg(long, default_value_t = 2, value_parser = parse::count)]
     pub cpus: usize,
-    /// Shards at the same time [default: all; with --local one]
+    /// Maximum number of shards at the same time [default: all; with --local one]
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub at_once: Option<usize>,
     /// Image of the containers, with this program in it
@@ -36,7 +36,7 @@ pub struct LaunchArguments {
     /// Mount point of the claim; relative paths start there
     #[arg(long, value_name = "DIR", default_value = "/data", requires = "kubernetes")]
     pub mount: PathBuf,
-    /// Measure the sample and print the job, but write and submit nothing
+    /// Measure a sample of a few attempts and print the job, but write and submit nothing
     #[arg(long)]
     pub dry_run: bool,
     /// `collect` and its arguments, without --shard and --workers

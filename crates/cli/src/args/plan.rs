@@ -9,20 +9,21 @@ use genmanip_terminal::{UrdfArguments, parse};
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("goal").required(true))]
 pub struct PlanArguments {
-    /// Scenario file, as `layout` and `collect` write them; without one, the arm moves in the built-in world without objects
+    /// Scenario file, as `layout` and `collect` write them; without one, the arm moves in the built-in world without
+    /// objects
     #[arg(required_unless_present_any = ["robot", "world"])]
     pub scenario: Option<PathBuf>,
     /// World whose tables and walls the arm avoids: TOML or JSON [default without a scenario: the built-in one]
     #[arg(long, value_name = "FILE", conflicts_with = "scenario")]
     pub world: Option<PathBuf>,
-    /// To a grasp of this object: its uid or name
+    /// Goal: a grasp of this object, given by uid or name
     #[arg(long, value_name = "OBJECT", group = "goal")]
     pub pick: Option<String>,
-    /// To a point between the fingertips, hand pointing down, metres; of a URDF z of the tool frame points down
+    /// Goal: a point between the fingertips, metres, with the hand pointing down (for a URDF: z of the tool frame)
     #[arg(long, value_name = "X,Y,Z", group = "goal", value_delimiter = ',', allow_hyphen_values = true,
           value_parser = parse::number)]
     pub to: Option<Vec<f64>>,
-    /// To joint positions, rad
+    /// Goal: joint positions, rad
     #[arg(long, value_name = "Q1,…", group = "goal", value_delimiter = ',', allow_hyphen_values = true,
           value_parser = parse::number)]
     pub joints: Option<Vec<f64>>,
@@ -32,16 +33,17 @@ pub struct PlanArguments {
     /// Joint positions to start from, rad [default: the robot's home]
     #[arg(long, value_name = "Q1,…", value_delimiter = ',', allow_hyphen_values = true, value_parser = parse::number)]
     pub from: Option<Vec<f64>>,
-    /// Opening of the gripper, metres; a grasp brings its own [default: 0.08, or the widest]
+    /// Opening of the gripper, metres; --pick opens it as the grasp needs [default: 0.08, or the largest opening if
+    /// that is less]
     #[arg(long, value_name = "WIDTH", value_parser = parse::number)]
     pub gripper: Option<f64>,
     /// Seed of the search
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Longest edge of the search tree, rad
+    /// Longest edge of the RRT's search tree, rad
     #[arg(long, value_name = "RAD", value_parser = parse::edge)]
     pub rrt_range: Option<f64>,
-    /// Draw the motion: the arm at several moments and the way of the hand, PNG or JPEG
+    /// Draw the motion: the arm at several moments and the path of the hand, PNG or JPEG
     #[arg(long, alias = "image", value_name = "FILE")]
     pub picture: Option<PathBuf>,
     /// Record the motion as a video, MP4

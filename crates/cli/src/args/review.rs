@@ -52,7 +52,7 @@ pub struct ReviewArguments {
     /// Name of the person, model or script that reviews
     #[arg(long, value_name = "NAME")]
     pub reviewer: Option<String>,
-    /// human, model or script
+    /// Kind of reviewer: human, model or script
     #[arg(long, value_name = "KIND", default_value = "human", value_parser = parse::variant(ReviewerKind::ALL, ReviewerKind::name))]
     pub reviewer_kind: ReviewerKind,
     /// Version of a model or script
@@ -74,11 +74,11 @@ pub struct ReviewArguments {
     /// Agreement of the reviewers: raw share, Cohen's kappa, Gwet's AC1
     #[arg(long)]
     pub agreement: bool,
-    /// Ids of planted faulty scenarios, one a line: detection and false alarms of each reviewer
+    /// File with the ids of planted faulty scenarios, one per line: shows detections and false alarms of each reviewer
     #[arg(long, value_name = "FILE", requires = "agreement")]
     pub planted: Option<PathBuf>,
-    /// Distribution of the approved scenarios over the axes of balance, and the candidates that would bring it closest to the
-    /// targets
+    /// Distribution of the approved scenarios over the axes of balance, and the candidates that would bring it closest
+    /// to the targets
     #[arg(long)]
     pub balance: bool,
     /// Evaluation files of reference policies: their mean success is the axis `difficulty` of --balance and --build

@@ -19,7 +19,7 @@ pub enum RobotCommand {
 /// Arguments of `robot add`.
 #[derive(Debug, Args)]
 pub struct RobotAddArguments {
-    /// URDF of the arm, or the folder of one
+    /// URDF of the arm, or the folder that holds it
     pub urdf: PathBuf,
     /// Name of the robot [default: the URDF's, in lower case]
     #[arg(long, value_name = "NAME")]
@@ -27,7 +27,7 @@ pub struct RobotAddArguments {
     /// Gripper at the tool frame: panda_hand, robotiq_2f85, or one of --robots
     #[arg(long, value_name = "NAME", default_value = genmanip_import::robots::add::GRIPPER)]
     pub gripper: String,
-    /// Folder of the robot files
+    /// Folder to write the robot's files to
     #[arg(long, value_name = "DIR", default_value = "robots")]
     pub out: PathBuf,
     /// Folders of the meshes, and choices of the reader

@@ -43,7 +43,7 @@ pub enum ServeCommand {
 /// Arguments of a policy as a service.
 #[derive(Debug, Args)]
 pub struct ServePolicyArguments {
-    /// A policy that `train` made; it sees no simulator truth
+    /// Policy made by `train`, of a preset without simulator truth
     #[arg(value_name = "learned:DIR")]
     pub policy: String,
     #[command(flatten)]
@@ -56,10 +56,10 @@ pub struct ServeEnvArguments {
     /// A frozen suite, a run, or scenarios
     #[arg(value_name = "SUITE|RUN|SCENARIOS", required_unless_present = "tasks")]
     pub scenes: Option<PathBuf>,
-    /// Task files or folders instead, which are laid out anew for each seed
+    /// Task files, or folders of them, instead; a new layout is made for each seed
     #[arg(long, value_name = "PATH", num_args = 1.., conflicts_with = "scenes")]
     pub tasks: Vec<PathBuf>,
-    /// Most sessions at once; each needs some 35 MB, and more with cameras
+    /// Maximum number of sessions at once; each needs some 35 MB, and more with cameras
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = parse::count)]
     pub sessions: usize,
     #[command(flatten)]
@@ -72,16 +72,17 @@ pub struct ServeAgentArguments {
     /// Settings of the model that answers: see docs/guides/agent.md
     #[arg(long, value_name = "FILE")]
     pub vlm: String,
-    /// Segmentation source
+    /// Segmentation source: `rgbd` (built in, from colour and depth) or a server
     #[arg(long, value_name = "rgbd|http:URL", default_value = "rgbd")]
     pub masks: String,
-    /// Grasp source
+    /// Grasp source: `rgbd` (built in, from the object's points) or a server
     #[arg(long, value_name = "rgbd|http:URL", default_value = "rgbd")]
     pub grasps: String,
-    /// Standard deviation of a depth of 1 m, m: 0.0036 for a RealSense D435, 0 for perfect depth
+    /// Standard deviation of measured depth at a distance of 1 m, m: 0.0036 for a RealSense D435, 0 for perfect depth
     #[arg(long, value_name = "M", default_value_t = 0.0)]
     pub depth_error: f64,
-    /// One cell for the placement, or a path over the grid
+    /// Form of the model's answer for a placement: one grid cell (`p2p`), or a path over the grid with heights and
+    /// rotations (`grid`)
     #[arg(long, default_value = "p2p", value_parser = ["p2p", "grid"])]
     pub path: String,
     #[command(flatten)]
@@ -93,7 +94,7 @@ pub struct ServeAgentArguments {
 pub struct ServeArguments {
     #[command(flatten)]
     pub listen: ListenArguments,
-    /// Print the OpenAPI description instead
+    /// Print the OpenAPI description instead of serving
     #[arg(long)]
     pub openapi: bool,
 }
@@ -104,13 +105,13 @@ pub struct ListenArguments {
     /// Address and port to listen at; port 0 takes a free one
     #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:8091")]
     pub address: SocketAddr,
-    /// Listen at an address that other machines can reach; there is no authentication
+    /// Allow an address that other machines can reach; there is no authentication
     #[arg(long)]
     pub allow_others: bool,
     /// Largest request that is read, MiB
     #[arg(long, value_name = "MIB", default_value_t = 64, value_parser = parse::count)]
     pub max_mb: usize,
-    /// Requests that are computed at once [default: one per core]
+    /// Number of requests that are computed at once [default: one per core]
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub workers: Option<usize>,
 }

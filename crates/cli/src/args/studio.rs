@@ -26,8 +26,8 @@ pub struct StudioArguments {
     /// Listen to other machines too; each must open the printed address, which holds a secret token
     #[arg(long)]
     pub allow_others: bool,
-    /// A policy that the page may run beside the built-in ones, with its arguments; may be given several times. Who
-    /// reaches the page can then run it
+    /// A policy that the page may run beside the built-in ones, with its arguments; may be given several times.
+    /// Everyone who can open the page can then run it
     #[arg(long = "policy", value_name = "NAME[:KEY=VALUE,…]")]
     pub policies: Vec<String>,
     /// Folder of questions (`[folder]` in a model's settings) that are answered in the page, in place of a model

@@ -35,7 +35,7 @@ pub enum SuiteCommand {
                       Tasks of the suite's four kinds about the objects for training; --check names what given tasks\n\
                       share with the suite instead.")]
     Train(SuiteTrainArguments),
-    /// Keep what a person says of a scenario, in review.json beside the suite
+    /// Record a person's verdict on a scenario, in review.json beside the suite
     #[command(
         after_help = "Example:\n  genmanip suite review suites/mine spatial-7-00003-000 --reviewer ada --verdict ambiguous \\\n    \
                       --note \"two mugs are left of the plate\"\n\n\
@@ -43,23 +43,23 @@ pub enum SuiteCommand {
                       looked at."
     )]
     Review(SuiteReviewArguments),
-    /// Say whether a suite is what was frozen, and name everything that is not
+    /// Check that a suite is still as it was frozen, and name every difference
     #[command(
         after_help = "Examples:\n  genmanip suite check suites/mine\n  genmanip suite check genmanip-learn-10 --all\n\n\
                       Of a suite of task distributions, all frozen hashes are compared with each other, and a sample of\n\
                       the layouts is made anew."
     )]
     Check(SuiteCheckArguments),
-    /// Put the objects of a suite, and hashes of what its cameras see, beside its scenarios; of a suite of task
+    /// Store the objects of a suite, and hashes of what its cameras see, beside its scenarios; for a suite of task
     /// distributions the hashes of its layouts
     #[command(after_help = "Example:\n  genmanip suite freeze suites/mine\n\n\
                       From then on the suite is evaluated on with its own objects (collision pieces, inertia, cavities,\n\
                       states, recipes of what is drawn), and `suite check` names every byte, every place in which the\n\
                       catalogue differs, and every camera that sees something else.")]
     Freeze(SuiteFreezeArguments),
-    /// Say what is in a suite, how it was chosen, and how its traits are spread
+    /// Show what a suite contains, how it was chosen, and the distribution of its properties
     Show(SuiteArguments),
-    /// Say in what two suites differ, and whether results on them can be compared
+    /// Show the differences of two suites, and whether results on them can be compared
     Diff(SuiteDiffArguments),
 }
 
@@ -80,7 +80,8 @@ pub struct SuiteCheckArguments {
     /// Suite and threads
     #[command(flatten)]
     pub work: SuiteWorkArguments,
-    /// Make every layout of a suite of task distributions anew, not a sample; other suites are checked whole
+    /// Make every layout of a suite of task distributions anew, instead of a sample; other suites are always checked in
+    /// full
     #[arg(long)]
     pub all: bool,
 }
@@ -104,16 +105,16 @@ pub struct SuiteBuildArguments {
     /// Folder of the suite
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Its name [default: that of the folder]
+    /// Name of the new suite [default: that of the folder]
     #[arg(long)]
     pub name: Option<String>,
     /// Seed of tasks, layouts and trials
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Scenarios of each of the four kinds
+    /// Number of scenarios of each of the four kinds
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = parse::count)]
     pub per_kind: usize,
-    /// Candidates for each scenario, from which the most balanced are taken
+    /// Number of candidates for each scenario, from which the most balanced are taken
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = parse::count)]
     pub candidates: usize,
     /// Worker threads [default: all cores]
@@ -129,16 +130,16 @@ pub struct SuiteTrainArguments {
     /// Folder of the suite that is tested on
     #[arg(value_name = "SUITE", value_parser = suites::parse_folder)]
     pub folder: PathBuf,
-    /// Folder of the tasks
+    /// Folder to write the tasks to
     #[arg(long, value_name = "DIR", required_unless_present = "check")]
     pub out: Option<PathBuf>,
-    /// Tasks of each of the four kinds
+    /// Number of tasks of each of the four kinds
     #[arg(long, value_name = "N", default_value_t = 250, value_parser = parse::count)]
     pub per_kind: usize,
     /// Seed of the tasks
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Design nothing: say what these tasks, or folders of them, share with the suite
+    /// Design nothing: list what these task files, or folders of them, share with the suite
     #[arg(long, value_name = "TASKS", num_args = 1.., conflicts_with_all = ["out", "per_kind", "seed"])]
     pub check: Vec<PathBuf>,
 }
@@ -155,13 +156,13 @@ pub struct SuitePerturbArguments {
     /// Perturbation strength: above 0, up to 1 for the largest that is meant to be solvable
     #[arg(long, value_name = "D", default_value_t = 1.0)]
     pub dial: f64,
-    /// Seed of what is drawn
+    /// Seed of random changes
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Folder of the new suite
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Its name [default: that of the folder]
+    /// Name of the new suite [default: that of the folder]
     #[arg(long)]
     pub name: Option<String>,
     /// Worker threads [default: all cores]
@@ -181,10 +182,10 @@ pub struct SuiteReviewArguments {
     /// Name of the reviewer
     #[arg(long, value_name = "NAME")]
     pub reviewer: String,
-    /// sound, ambiguous or flawed
+    /// Verdict: sound, ambiguous or flawed
     #[arg(long, value_parser = parse_verdict)]
     pub verdict: ReviewVerdict,
-    /// Why
+    /// Reason for the verdict
     #[arg(long, default_value = "")]
     pub note: String,
 }
@@ -209,7 +210,7 @@ pub struct SuiteDiffArguments {
     /// Folder of the first suite
     #[arg(value_name = "SUITE", value_parser = suites::parse_folder)]
     pub first: PathBuf,
-    /// Folder of the second
+    /// Folder of the second suite
     #[arg(value_name = "OTHER", value_parser = suites::parse_folder)]
     pub second: PathBuf,
 }

@@ -1,4 +1,4 @@
-//! Arguments of `train`.
+//! Command-line arguments of `genmanip train`, which trains a policy on demonstrations.
 
 use std::path::PathBuf;
 
@@ -6,16 +6,16 @@ use clap::Args;
 use genmanip_pipeline::learn::Preset;
 use genmanip_terminal::parse;
 
-/// Arguments of `train`.
+/// Source, length and output of a training; one of `--steps`, `--budget` and `--check` is required.
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("length").required(true).args(["steps", "budget", "check"]))]
 pub struct TrainArguments {
-    /// Folder of a run made by `collect`, whose verified episodes are learned from; or a suite of task distributions,
-    /// folder or name, of whose split `train` --demos demonstrations are collected first
+    /// Run made by `collect` (folder), to train on its verified episodes; or suite of task distributions (folder or
+    /// name): first collects as many demonstrations as --demos says, from the suite's split `train`
     #[arg(value_name = "RUN|SUITE", value_parser = genmanip_benchmark::suites::parse_folder)]
     pub source: PathBuf,
-    /// Demonstrations of a suite; those that are missing are collected into DIR-demonstrations, with `--expert
-    /// consistent`
+    /// Number of verified demonstrations of the suite, over all its distributions; missing ones are collected into the
+    /// folder DIR-demonstrations (DIR: --out), as by `collect --expert consistent`
     #[arg(long, value_name = "N", value_parser = parse::count, conflicts_with = "check")]
     pub demos: Option<usize>,
     /// Only this distribution of a suite
@@ -25,17 +25,18 @@ pub struct TrainArguments {
     /// `tiny` sees two cameras and reads the instruction
     #[arg(long, value_name = "PRESET", value_parser = parse::variant(Preset::ALL, Preset::name))]
     pub preset: Preset,
-    /// Number of steps
+    /// Number of optimiser steps
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub steps: Option<usize>,
-    /// Time instead of a number of steps, such as 90s, 30m or 2h; it becomes a number of steps once, after the first 50
+    /// Wall-clock time instead of a number of steps, such as 90s, 30m or 2h; after 50 steps their speed converts it to
+    /// a fixed number of steps, which a resumed training keeps
     #[arg(long, value_name = "TIME", value_parser = parse::time)]
     pub budget: Option<u64>,
-    /// Train nothing: replay recorded rows on the way of a learned policy's output, which must solve 95 % of their
-    /// layouts
+    /// Train nothing: execute recorded actions as if a learned policy had predicted them (normalisation, chunks, action
+    /// contract), and fail unless that solves 95 % of their layouts
     #[arg(long, conflicts_with_all = ["seed", "out"])]
     pub check: bool,
-    /// Demonstrations that --check replays, at most
+    /// Maximum number of demonstrations that --check replays
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = parse::count, requires = "check")]
     pub count: usize,
     /// Seed of initial weights and samples
@@ -44,7 +45,7 @@ pub struct TrainArguments {
     /// Train without simulator labels: `tiny` otherwise also learns to predict where the goal's objects are
     #[arg(long, conflicts_with = "check")]
     pub no_labels: bool,
-    /// Folder of the policy
+    /// Folder to write the policy to
     #[arg(long, value_name = "DIR", required_unless_present = "check")]
     pub out: Option<PathBuf>,
     /// Worker threads; results do not depend on it [default: all cores]

@@ -35,7 +35,7 @@ pub struct WorldInitArguments {
 /// Arguments of `world check`.
 #[derive(Debug, Args)]
 pub struct WorldFileArguments {
-    /// World: TOML or JSON
+    /// World file: TOML or JSON
     pub file: PathBuf,
 }
 
@@ -60,10 +60,10 @@ pub enum CameraCommand {
         after_help = "Example:\n  genmanip camera add my_world.toml front --preset d435 --eye 1.5,0,0.8 --target 0.5,0,0"
     )]
     Add(CameraEditArguments),
-    /// Change a camera of a file; what is not said stays as it is
+    /// Change a camera of a file; properties that are not given stay as they are
     #[command(after_help = "Example:\n  genmanip camera set my_world.toml front --size 640x360 --fov-deg 45")]
     Set(CameraEditArguments),
-    /// Take a camera out of a file
+    /// Remove a camera from a file
     #[command(after_help = "Example:\n  genmanip camera remove my_world.toml front")]
     Remove(CameraRemoveArguments),
     /// Draw what cameras see: the robot at home, and the objects of a scenario
@@ -86,22 +86,22 @@ pub struct CameraEditArguments {
     pub file: PathBuf,
     /// Name of the camera
     pub name: String,
-    /// Projection of a camera that can be bought, see `genmanip camera list`
+    /// Image size and field of view of a commercial camera, see `genmanip camera list`
     #[arg(long, value_name = "PRESET")]
     pub preset: Option<String>,
-    /// Pixels per row and rows
+    /// Image width and height, pixels
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<[u32; 2]>,
     /// Vertical field of view, degrees
     #[arg(long, value_parser = parse_angle)]
     pub fov_deg: Option<f64>,
-    /// Camera position: x,y,z in metres, the robot's base frame; of a camera on the hand, the hand's frame
+    /// Camera position: x,y,z in metres, in the robot's base frame; for a camera on the hand, in the hand's frame
     #[arg(long, requires = "target", allow_hyphen_values = true, value_parser = parse_point, value_name = "X,Y,Z")]
     pub eye: Option<[f64; 3]>,
     /// Target point: x,y,z in metres, in the same frame
     #[arg(long, requires = "eye", allow_hyphen_values = true, value_parser = parse_point, value_name = "X,Y,Z")]
     pub target: Option<[f64; 3]>,
-    /// Mount it on the hand: where the robot has its wrist camera, or at --eye
+    /// Mount the camera on the hand: where the robot has its wrist camera, or at --eye
     #[arg(long)]
     pub hand: bool,
     /// Noise, missing pixels and depth quantisation of a device's sensors, or `none`
@@ -110,7 +110,7 @@ pub struct CameraEditArguments {
     /// Shutter time for motion blur, seconds; 0 for no blur
     #[arg(long, value_name = "SECONDS", value_parser = parse_shutter)]
     pub shutter: Option<f64>,
-    /// Lens of Brown and Conrady, coefficients as OpenCV has them; zeros for a pinhole
+    /// Brown-Conrady lens distortion, coefficients in OpenCV's order; zeros for none
     #[arg(long, value_name = "K1,K2,P1,P2[,K3]", allow_hyphen_values = true, value_parser = parse_distortion)]
     pub distortion: Option<Distortion>,
 }
@@ -134,7 +134,7 @@ pub struct CameraPreviewArguments {
     /// A picture (.png, .jpg) of all views, or a folder that gets NAME.png of each
     #[arg(long, value_name = "PNG|DIR")]
     pub out: PathBuf,
-    /// Pixels per row and rows of each view [default: the camera's]; another ratio crops the view at two sides
+    /// Width and height of each view, pixels [default: the camera's]; another ratio crops the view at two sides
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<[u32; 2]>,
 }

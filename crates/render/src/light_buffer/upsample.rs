@@ -20,7 +20,7 @@ pub(crate) struct UpsampleWindow {
 }
 
 impl LightBuffer {
-    /// Upsamples the AO of tiles.
+    /// Upsamples the filtered half-resolution AO of tiles into `ambient`; `window` is scratch memory.
     pub fn upsample(&mut self, tiles: &[usize], window: &mut UpsampleWindow) {
         for &tile in tiles {
             let [columns, rows] = self.pixels_of(tile);
@@ -59,7 +59,8 @@ impl LightBuffer {
     }
 }
 
-/// Mean of the known AO samples of the four around a pixel, mostly those on its surface at its depth; 1 without any.
+/// AO of each pixel of a tile: weighted mean of the four AO samples around it, 1 if none has a value. Samples without a
+/// value (negative) have weight 0, those on another surface or at another depth 1e-4.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn upsample_tile(window: &UpsampleWindow) -> [[f32; TILE]; TILE] {
     let mut out = [[1.0; TILE]; TILE];

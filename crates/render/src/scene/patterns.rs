@@ -18,14 +18,15 @@ pub(crate) struct Patterned {
     metallic: f32,
 }
 
-/// Procedural patterns; integer parameters are repetitions per texture, shares are shares of the area (0-1).
+/// Procedural patterns. Counts are repetitions per texture (`bands` too; bricks have `rows` / 3 of them along u). A
+/// larger `share` (0-1) gives the second colour more of the area, though not exactly that share.
 #[derive(Clone, Copy)]
 pub(crate) enum Pattern {
-    /// Long wood fibres along y, in wide soft bands.
+    /// Long wood fibres along v, in wide soft bands.
     Grain { bands: f32 },
     /// Boards of different grain side by side.
     Boards { count: u32 },
-    /// Thin dark veins in soft clouds.
+    /// Thin veins of the second colour in soft clouds.
     Veins { share: f32 },
     /// Small grains of the second colour.
     Flecks { across: u32, share: f32 },
@@ -33,13 +34,13 @@ pub(crate) enum Pattern {
     Weave { threads: u32 },
     /// Crossed stripes, as on a tablecloth.
     Checks { count: u32 },
-    /// Squares with dark joints.
+    /// Squares with joints of the second colour.
     Tiles { count: u32 },
-    /// Fine scratches along x.
+    /// Fine scratches along u.
     Brushed,
     /// Soft clouds and pores.
     Concrete,
-    /// Single colour, hardly mottled.
+    /// Mottled blend of both colours; plain if they are similar.
     Plain,
     /// Rows of bricks, every other one shifted.
     Bricks { rows: u32 },
@@ -55,7 +56,7 @@ use Pattern::{
     Boards, Bricks, Brushed, Checks, Concrete, Dots, Flecks, Folds, Grain, Plain, Stripes, Tiles, Veins, Weave,
 };
 
-/// Defines a type of materials that are identified by their names in files and on the command line.
+/// Defines a type of materials that are identified by their names in files.
 macro_rules! named_materials {
     ($(#[$attribute:meta])* $name:ident, $what:literal, $list:ident, $size:ident) => {
         $(#[$attribute])*
@@ -69,7 +70,7 @@ macro_rules! named_materials {
                 (0..$list.len() as u8).map(Self)
             }
 
-            /// Name in files and on the command line.
+            /// Name in files.
             pub fn name(self) -> &'static str {
                 $list[usize::from(self.0)].name
             }
@@ -139,7 +140,8 @@ impl Patterned {
 }
 
 impl Pattern {
-    /// Weight of the second colour at texture coordinates (0-1); rounding or noise may exceed 0-1 slightly.
+    /// Weight of the second colour at texture coordinates (0-1). It is not clamped: the terms of some patterns add up
+    /// to about 1.3.
     pub fn mix(self, u: f32, v: f32) -> f32 {
         match self {
             Grain { bands } => grain(u, v, bands),
@@ -216,7 +218,7 @@ impl Pattern {
     }
 }
 
-/// Wood grain of low contrast, so that objects stand out: long fibres along y, wide soft bands.
+/// Wood grain of low contrast, so that objects stand out: long fibres along v, wide soft bands.
 fn grain(u: f32, v: f32, bands: f32) -> f32 {
     let bend = tiling_noise(u, v, 4, 3) * 0.10 + tiling_noise(u, v, 10, 4) * 0.03;
     let band = ((u + bend) * TAU * bands).sin() * 0.5 + 0.5;

@@ -10,7 +10,7 @@ use crate::scene::table_tops::TableTop;
 
 /// Side of the square that one repetition of a texture covers (m).
 pub(crate) const WALL_SIZE_M: f32 = 2.4;
-/// Texels along a side of a texture, each 5 mm wide.
+/// Texels along a side of a texture, each about 4.7 mm wide on the wall.
 const SIZE: u32 = 512;
 
 named_materials!(

@@ -14,7 +14,8 @@ use crate::simd::{BatchColumn, CHUNK, Column, dot, nearest_integer, within};
 /// Largest displacement of a refracted ray in the image (px): at most the distance by which dirty tiles spread.
 const MOST_BENT: f32 = (TILE - 1) as f32;
 /// Cosine between the ray inside and the ray behind an object below which the environment is mixed in, and the smaller
-/// one below which the environment replaces the image. Chosen by hand.
+/// one below which the environment replaces the image. Both apply only where refraction at the far interface displaces
+/// the ray on the opaque surface by more than [`MOST_BENT`] px, and in full from twice that distance. Chosen by hand.
 const ASIDE: [f32; 2] = [0.97, 0.85];
 
 /// Batch of refracted view rays.
@@ -22,8 +23,8 @@ const ASIDE: [f32; 2] = [0.97, 0.85];
 pub(super) struct RefractedRays {
     /// Index of the pixel that shows what each ray hits.
     pub pixel: Column<u32>,
-    /// Environment radiance in the direction of each ray, and its weight (0-1): above 0 where the image cannot show
-    /// what the ray hits.
+    /// Linear display colour of the environment in the direction of each ray, written only if a weight is above 0, and
+    /// its weight (0-1): above 0 where the image cannot show what the ray hits.
     pub around: [BatchColumn; 3],
     pub share: BatchColumn,
     /// Distance along the optical axis from the far interface to the opaque surface (m).

@@ -19,7 +19,7 @@ pub struct Shape {
     pub owner: Option<usize>,
 }
 
-/// Edge to be routed.
+/// Labelled edge between two shapes, as input of [`route`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnroutedEdge {
     /// Index of the source shape.
@@ -33,7 +33,8 @@ pub struct UnroutedEdge {
 /// Edge with its curve and the place of its label.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RoutedEdge {
-    /// Points of the curve, px, from the border of the source to the border of the target.
+    /// Points of the curve, px, from the source to the target, clipped as asked of [`route`]; the two centres if
+    /// nothing is left between the shapes.
     pub points: Vec<Point>,
     /// Bounding box of the label, px.
     pub label: Area,
@@ -61,7 +62,8 @@ impl Shape {
         Self { area, outlines: Vec::new(), solid: true, owner: None }
     }
 
-    /// True if a point is inside the shape scaled about its centre, whose bounding box is then grown by `grown` px.
+    /// True if a point is inside the shape scaled about its centre. A shape without outlines is grown by `grown` px
+    /// before it is scaled.
     fn contains(&self, point: Point, scale: f64, grown: f64) -> bool {
         let center = self.area.center();
         let at = [center[0] + (point[0] - center[0]) / scale, center[1] + (point[1] - center[1]) / scale];
@@ -98,7 +100,8 @@ fn inside(outline: &[Point], point: Point) -> bool {
 ///
 /// `clip` scales the source and the target shape about their centres; the line starts and ends at the borders of the
 /// scaled shapes: 1 for the border itself, less for a point inside.
-/// Also returns the number of labels or lines that could not avoid a solid shape.
+/// Also returns the number of clashes: solid shapes and labels that a line or label covers, and edges of the same pair
+/// of shapes that are too close to each other.
 pub fn route(shapes: &[Shape], wires: &[UnroutedEdge], clip: [f64; 2]) -> (Vec<RoutedEdge>, usize) {
     let mut routed: Vec<RoutedEdge> = Vec::with_capacity(wires.len());
     let mut clashes = 0;
@@ -170,7 +173,8 @@ struct LabelPlace {
     area: Area,
     /// Number of solid shapes and labels that the label overlaps; compared before `cost`.
     overlaps: usize,
-    /// Cost by position and covered lines, without unit.
+    /// Cost (no unit) of the position, of covered lines and non-solid shapes, and of a label that leaves too little of
+    /// its own line visible.
     cost: f64,
 }
 
