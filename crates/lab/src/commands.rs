@@ -23,10 +23,11 @@ use genmanip_lab::learned_controls::ControlArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
 use genmanip_lab::strangers::StrangersArguments;
 use genmanip_lab::studio::StudioArguments;
+use genmanip_lab::teleop::TeleopArguments;
 use genmanip_lab::{
     agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hand_eye, hostile, layout,
     learn, learned_controls, motion, readers, relations, render, rendered, scale, segment, statistics, strangers,
-    studio, suite, wording,
+    studio, suite, teleop, wording,
 };
 use genmanip_workspace::WorkspaceError;
 
@@ -103,6 +104,12 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
                 }
             };
             printer.data(&measured, &environment::describe(&measured));
+        }
+        LabCommand::Teleop(arguments) => {
+            let args::TeleopArguments { seed, episodes, commands, .. } = *arguments;
+            let amounts = TeleopArguments { episodes, commands, out: arguments.out.clone() };
+            let measured = teleop::measure(&amounts, Seed::new(seed), printer)?;
+            printer.data(&measured, &teleop::describe(&measured));
         }
         LabCommand::Data(arguments) => {
             // Synthetic episodes reuse the layouts of 24 tasks in turn.

@@ -38,6 +38,7 @@ pub mod statistics;
 pub mod strangers;
 pub mod studio;
 pub mod suite;
+pub mod teleop;
 pub mod wording;
 
 pub use clock::cpu_clock;

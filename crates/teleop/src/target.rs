@@ -33,8 +33,9 @@ impl Default for TargetSettings {
             angular_rad_s: 1.5,
             // The default table and the space above it; pads touch its top when the tool is 5 mm above.
             workspace_m: [[0.1, -0.7, 0.004], [0.95, 0.7, 0.9]],
-            lead_m: 0.05,
-            lead_rad: 0.3,
+            // Twice the lag of free motion at full speed; a Panda then pushes with about 100 N.
+            lead_m: 0.015,
+            lead_rad: 0.2,
         }
     }
 }

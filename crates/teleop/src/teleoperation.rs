@@ -111,7 +111,7 @@ impl EpisodeState {
         }
         if surplus > 0 {
             self.refused += surplus as u64;
-            self.decoder.apply(&DeviceEvent::Blurred).unwrap_or_default();
+            self.decoder.release_keys();
             self.mapping.require_release();
         }
     }

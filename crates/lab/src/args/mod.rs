@@ -114,6 +114,13 @@ pub enum LabCommand {
                       Random objects of three classes (compact, utensils, clutter), COUNT each;\n\
                       docs/concepts/grasps.md describes the trials.")]
     Grasp(GraspArguments),
+    /// Teleoperate by virtual devices: directions, cross-talk, return, faults, and episodes of a scripted operator
+    #[command(after_help = "Examples:\n  genmanip-lab teleop --seed 7 --json\n  \
+                      genmanip-lab teleop --seed 7 --episodes 200 --out out/teleop\n\n\
+                      HID reports, gamepad states and key events go in where those of a device would. The scripted \
+                      operator has a reaction time, a tremor, overshoot and pauses, and reads poses from the \
+                      simulator (oracle).")]
+    Teleop(TeleopArguments),
     /// Step through episodes in the environment: cost relative to the bare simulation, and exactness
     #[command(after_help = "Examples:\n  genmanip-lab environment --seed 1 --count 10 --json\n  \
                       genmanip-lab environment --store out/run --json\n\n\
@@ -311,6 +318,23 @@ pub struct EnvironmentArguments {
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
     #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
+}
+
+/// Arguments of `genmanip-lab teleop`.
+#[derive(Debug, Args)]
+pub struct TeleopArguments {
+    /// Seed of tasks, layouts and operators
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
+    pub seed: u64,
+    /// Episodes of the scripted operator, the devices in turn
+    #[arg(long, default_value_t = 20, value_parser = parse::count)]
+    pub episodes: usize,
+    /// Random commands whose opposites follow in reverse order, both together
+    #[arg(long, default_value_t = 10_000, value_parser = parse::count)]
+    pub commands: usize,
+    /// Keep the episodes in this new folder, an episode store
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
 }
 
 /// Arguments of `genmanip-lab data`.

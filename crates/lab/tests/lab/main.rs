@@ -4,6 +4,7 @@
 
 mod motion;
 mod strangers;
+mod teleop;
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -66,6 +67,7 @@ fn help_of_every_subcommand_reads_well() {
         "design",
         "motion",
         "strangers",
+        "teleop",
         "grasp",
         "fit",
         "scale",

@@ -93,12 +93,7 @@ impl Decoder {
                 self.hold(functions.map(|(_, control)| *control).collect());
             }
             DeviceEvent::Alive => {}
-            DeviceEvent::Blurred => {
-                if let Some(Connected::Keyboard(keys)) = &mut self.connected {
-                    keys.clear();
-                    self.release();
-                }
-            }
+            DeviceEvent::Blurred => self.release_keys(),
             DeviceEvent::Disconnected => *self = Self::default(),
         }
         Ok(())
@@ -111,6 +106,15 @@ impl Decoder {
             precision: self.held.contains(&Control::Precision),
             clutch: self.held.contains(&Control::Clutch),
             pressed: std::mem::take(&mut self.pressed),
+        }
+    }
+
+    /// Counts all keys of a keyboard as released; other devices report their whole state with every event.
+    pub fn release_keys(&mut self) {
+        if let Some(Connected::Keyboard(keys)) = &mut self.connected {
+            keys.clear();
+            self.axes = [0.0; AXES];
+            self.held.clear();
         }
     }
 
@@ -127,11 +131,6 @@ impl Decoder {
         self.held = held;
     }
 
-    fn release(&mut self) {
-        self.axes = [0.0; AXES];
-        self.held.clear();
-    }
-
     fn other(&self, got: &'static str) -> DeviceError {
         let expected = match &self.connected {
             None => "none",
@@ -144,5 +143,5 @@ impl Decoder {
 }
 
 fn held(buttons: u32, functions: &[(u32, Control)]) -> BTreeSet<Control> {
-    functions.iter().filter(|(bit, _)| buttons >> bit & 1 == 1).map(|(_, control)| *control).collect()
+    functions.iter().filter(|(bit, _)| (buttons >> bit) & 1 == 1).map(|(_, control)| *control).collect()
 }

@@ -196,9 +196,9 @@ impl Field {
         let mut value = 0_u64;
         for bit in 0..size as usize {
             let byte = body.get((start + bit) / 8)?;
-            value |= u64::from(byte >> ((start + bit) % 8) & 1) << bit;
+            value |= u64::from((byte >> ((start + bit) % 8)) & 1) << bit;
         }
-        let is_negative = self.range.0 < 0 && value >> (size - 1) & 1 == 1;
+        let is_negative = self.range.0 < 0 && (value >> (size - 1)) & 1 == 1;
         Some(value as i64 - if is_negative { 1 << size } else { 0 })
     }
 
@@ -211,7 +211,7 @@ impl Field {
 
 /// Usage with its page: four bytes carry it themselves.
 fn usage(value: u32, size: usize, globals: &Globals) -> u32 {
-    if size == 4 { value } else { globals.usage_page << 16 | value }
+    if size == 4 { value } else { (globals.usage_page << 16) | value }
 }
 
 fn meaning(usage: u32) -> Option<Meaning> {
@@ -224,7 +224,7 @@ fn meaning(usage: u32) -> Option<Meaning> {
 }
 
 fn unsigned(data: &[u8]) -> u32 {
-    data.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte))
+    data.iter().rev().fold(0, |value, byte| (value << 8) | u32::from(*byte))
 }
 
 fn signed(data: &[u8]) -> i32 {

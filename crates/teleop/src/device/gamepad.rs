@@ -19,7 +19,7 @@ pub(super) fn read(axes: &[f64], buttons: &[f64]) -> Result<([f64; AXES], u32), 
     let stick = |index: usize| axes[index].clamp(-1.0, 1.0);
     let button = |index: usize| buttons[index].clamp(0.0, 1.0);
     let mask =
-        buttons.iter().enumerate().filter(|(_, value)| **value > PRESSED).fold(0, |mask, (at, _)| mask | 1 << at);
+        buttons.iter().enumerate().filter(|(_, value)| **value > PRESSED).fold(0, |mask, (at, _)| mask | (1 << at));
     let moved =
         [0.0 - stick(1), 0.0 - stick(0), button(7) - button(6), button(5) - button(4), 0.0 - stick(3), 0.0 - stick(2)];
     Ok((moved, mask))

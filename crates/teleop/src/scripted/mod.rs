@@ -56,6 +56,8 @@ pub struct Habits {
     pub press_s: f64,
     /// Time to wait for the gripper, s.
     pub gripper_s: f64,
+    /// Time after which a movement that does not arrive is given up, and the episode ended, s.
+    pub patience_s: f64,
     /// Largest relative error of the time for which a key is pressed.
     pub tap_error: f64,
 }
@@ -74,6 +76,7 @@ impl Default for Habits {
             content_s: 0.2,
             press_s: 0.1,
             gripper_s: 1.0,
+            patience_s: 12.0,
             tap_error: 0.15,
         }
     }
@@ -101,6 +104,8 @@ struct State {
     seen: VecDeque<Pose>,
     waypoint: usize,
     phase: Phase,
+    /// Control step in which the movement began.
+    began: usize,
     /// Velocity per remaining distance of this movement, 1/s.
     gain_per_s: f64,
     /// Control steps for which the goal has looked reached.
@@ -149,6 +154,10 @@ impl ScriptedOperator {
         let mut wanted = [0.0; AXES];
         let mut held = Vec::new();
         let seen = self.episode.seen.front().copied().unwrap_or_default();
+        let is_moving = matches!(self.episode.phase, Phase::Moving | Phase::Looking(_) | Phase::Tapping(..));
+        if is_moving && step > self.episode.began + self.steps(self.habits.patience_s) {
+            self.episode.phase = Phase::Pressing(Control::Finish, self.steps(self.habits.press_s));
+        }
         match self.episode.phase.clone() {
             Phase::Done => {}
             Phase::Pausing(left) | Phase::Looking(left) if left > 0 => {
@@ -161,6 +170,7 @@ impl ScriptedOperator {
                 let [least, most] = self.habits.gain_per_s;
                 self.episode.gain_per_s = self.episode.rng.random_range(least..=most);
                 self.episode.content = 0;
+                self.episode.began = step;
                 self.episode.phase = if self.kind == VirtualKind::Keyboard { Phase::Looking(0) } else { Phase::Moving };
             }
             Phase::Pressing(control, left) => {
@@ -274,6 +284,7 @@ impl State {
             seen: VecDeque::new(),
             waypoint: 0,
             phase: Phase::Pausing(0),
+            began: 0,
             gain_per_s: 0.0,
             content: 0,
             hand: [0.0; AXES],
