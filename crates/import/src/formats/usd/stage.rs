@@ -120,7 +120,10 @@ fn about(error: &openusd::pcp::Error, refused: &BTreeMap<String, String>) -> Str
         }
         other => return format!("left out: {}", shortened_note(&other.to_string())),
     };
-    let why = refused.get(layer).map_or("no path within the imported folder", String::as_str);
+    // The library says what is written, not the place that it means.
+    let bare = layer.trim_start_matches("./");
+    let why = refused.iter().find(|(known, _)| known.ends_with(bare)).map(|(_, why)| why);
+    let why = why.map_or("no path within the imported folder", String::as_str);
     format!("left out: {}, a {place}: {}", shortened(layer), shortened_note(why))
 }
 
