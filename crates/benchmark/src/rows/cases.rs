@@ -172,7 +172,6 @@ mod tests {
             evaluation: None,
             outcome: Outcome {
                 agent_failure: None,
-                source: None,
                 success: cause.is_none(),
                 cause,
                 evidence: String::new(),
