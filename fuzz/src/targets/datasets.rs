@@ -78,25 +78,29 @@ pub fn original(_: &str, repository: &Path) -> Result<Opened, Failure> {
     opened(&source, |folder| imported(folder, &folder.with_file_name("imported")))
 }
 
-/// Demonstrations of robomimic and LIBERO in HDF5.
+/// Demonstrations of robomimic and LIBERO in HDF5, one file each: their features differ.
 pub fn hdf5(_: &str, repository: &Path) -> Result<Opened, Failure> {
-    let source = repository.join("crates/dataset-tools/testdata/robomimic");
-    opened(&source, |folder| imported(folder, &folder.with_file_name("imported")))
+    let corpus = Input::each_of_folder(&repository.join("crates/dataset-tools/testdata/robomimic"))?;
+    Ok(in_folders(corpus, |folder| imported(folder, &folder.with_file_name("imported"))))
 }
 
 /// Name of the exported data set.
 const DATASET: &str = "dataset";
 
-/// A target whose reader gets the files of an input in a folder of their own.
+/// A target with one input, all files of a folder.
 fn opened(corpus: &Path, read: impl Fn(&Path) -> Result<(), String> + 'static) -> Result<Opened, Failure> {
-    let corpus = vec![Input::of_folder(corpus)?];
+    Ok(in_folders(vec![Input::of_folder(corpus)?], read))
+}
+
+/// A target whose reader gets the files of an input in a folder of their own.
+fn in_folders(corpus: Vec<Input>, read: impl Fn(&Path) -> Result<(), String> + 'static) -> Opened {
     let read = move |input: &Input| {
         let scratch = tempfile::tempdir().map_err(message)?;
         let folder = scratch.path().join("input");
         input.write(&folder).map_err(message)?;
         read(&folder)
     };
-    Ok(Opened { corpus, read: Box::new(read) })
+    Opened { corpus, read: Box::new(read) }
 }
 
 /// A folder with a store of the recorded episodes in `episodes`.

@@ -177,17 +177,17 @@ impl Robomimic {
         features.extend(state(&parts, frames));
         features.extend(parts);
         let mut succeeded = None;
-        if let Ok(rewards) = demonstration.dataset("rewards") {
-            if let Some(column) = columns.numbers("next.reward", &rewards)? {
-                succeeded = Some(column.numbers().iter().any(|reward| *reward > 0.0));
-                features.push(column);
-            }
+        if let Ok(rewards) = demonstration.dataset("rewards")
+            && let Some(column) = columns.numbers("next.reward", &rewards)?
+        {
+            succeeded = Some(column.numbers().iter().any(|reward| *reward > 0.0));
+            features.push(column);
         }
-        if let Ok(dones) = demonstration.dataset("dones") {
-            if let Some(column) = columns.numbers("next.done", &dones)? {
-                let values = Values::Bool(column.numbers().iter().map(|done| *done > 0.0).collect());
-                features.push(Feature { values, ..column });
-            }
+        if let Ok(dones) = demonstration.dataset("dones")
+            && let Some(column) = columns.numbers("next.done", &dones)?
+        {
+            let values = Values::Bool(column.numbers().iter().map(|done| *done > 0.0).collect());
+            features.push(Feature { values, ..column });
         }
         if videos.iter().any(|video| video.key.contains("agentview_rgb") || video.key.contains("eye_in_hand_rgb")) {
             self.notes.insert("images stay as they are stored; LIBERO's are upside down".into());
