@@ -28,7 +28,7 @@ pub struct PlanSettings {
     pub shortcuts: usize,
     /// Number of consecutive failed shortcuts after which shortening stops.
     pub shortcut_failures: usize,
-    /// Maximum length of a corner's blend along either of its edges [rad].
+    /// Maximum length of a corner's blend along either of its edges (rad).
     pub blend: f64,
     /// Maximum number of halvings of a blend before the robot has to stop at the corner.
     pub blend_halvings: usize,

@@ -205,7 +205,7 @@ fn imported_objects_of_unknown_categories_are_used() {
     };
     let presses = ["garlic press", "gnome", "scissors"].map(foreign);
     let all: Vec<ObjectCard> =
-        cards().iter().filter(|card| card.category != "mug").take(20).chain(&presses).cloned().collect();
+        cards().iter().filter(|card| card.category != "mug").step_by(40).chain(&presses).cloned().collect();
     let settings = DesignSettings::default();
     let tasks = design_many(&[TaskKind::Spatial], 120, &all, Seed::new(5), &settings).unwrap();
     for press in &presses {
