@@ -28,10 +28,20 @@ pub struct Runs {
     pub offered: OfferedPolicies,
     /// Limits the number of episodes that are simulated at the same time.
     pub turns: Semaphore,
-    /// Episode that was played back last, with the keys of its scenario and of the episode; `None` before the first.
-    pub played: Mutex<Option<((String, String), Arc<Episode>)>>,
+    /// Episode that was played back last.
+    pub played: Mutex<Option<Played>>,
     /// Newest job of each scenario, by key.
     jobs: Mutex<BTreeMap<String, Arc<Job>>>,
+}
+
+/// An episode that is played back.
+pub struct Played {
+    /// Key of its scenario.
+    pub scenario: String,
+    /// Key of the episode.
+    pub name: String,
+    /// The episode.
+    pub episode: Arc<Episode>,
 }
 
 /// Job that runs one episode on a scenario.

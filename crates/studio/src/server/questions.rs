@@ -68,7 +68,7 @@ async fn answer(State(studio): Shared, Path(name): Path<String>, request: HttpRe
     };
     work(&studio, move |studio| {
         let is_empty = answer.is_null() || answer.as_str().is_some_and(|words| words.trim().is_empty());
-        if is_empty || !(about.duration_s >= 0.0) {
+        if is_empty || about.duration_s.is_nan() || about.duration_s < 0.0 {
             return Err(Refusal::unsuited("expected an answer, and a duration of 0 s or more", ""));
         }
         folder(studio)?.answer(&name, &answer, &about)?;

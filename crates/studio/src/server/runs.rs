@@ -18,7 +18,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::answer::{Refusal, not_found};
-use super::jobs::{Job, Stage};
+use super::jobs::{Job, Played, Stage};
 use super::requests::{body, work};
 use super::room::{Revision, Room};
 use super::studio::Studio;
@@ -236,13 +236,12 @@ async fn image(
 
 /// An episode, kept until another one is played back: many of its states are asked for.
 fn played(studio: &Studio, key: &str, name: &str) -> Result<Arc<Episode>, Refusal> {
-    let own = (key.to_owned(), name.to_owned());
     let kept = || studio.runs.played.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some((_, episode)) = kept().as_ref().filter(|(known, _)| *known == own) {
-        return Ok(Arc::clone(episode));
+    if let Some(played) = kept().as_ref().filter(|played| played.scenario == key && played.name == name) {
+        return Ok(Arc::clone(&played.episode));
     }
     let episode = Arc::new(read(&find(studio, &*studio.room(key)?, name)?)?);
-    *kept() = Some((own, Arc::clone(&episode)));
+    *kept() = Some(Played { scenario: key.to_owned(), name: name.to_owned(), episode: Arc::clone(&episode) });
     Ok(episode)
 }
 
