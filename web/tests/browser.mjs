@@ -802,7 +802,11 @@ test("a person answers an agent's questions by keyboard, and the time is kept", 
   await page.waitForSelector(".question h3:has-text('Question 001')");
   await page.waitForFunction(() => [...document.querySelectorAll(".pictures img")].every((image) => image.naturalWidth > 0));
   await shot(page, "question-object");
-  assert.equal(await page.locator("dialog button[type=submit]").isDisabled(), true);
+  // Nothing is sent without a decision.
+  await page.click("dialog button[type=submit]");
+  await page.waitForSelector(".question:has-text('Number is missing')");
+  assert.equal(server.studio.questions.answers.size, 0);
+  await page.locator(".marks input").first().focus();
   assert.deepEqual(await seriousFindings(page), []);
   await page.keyboard.press("ArrowDown");
   await page.keyboard.press("Tab");

@@ -47,7 +47,7 @@ function Shown({ question }: { question: questions.Question }) {
           );
         })}
       </div>
-      <form ref={form} onSubmit={(event) => (event.preventDefault(), lacks === null && void questions.send())}>
+      <form ref={form} onSubmit={(event) => (event.preventDefault(), missing(schema, questions.answer.peek()) === null && void questions.send())}>
         <h3>
           Question {question.name}
           {reply_schema ? `: ${fieldName(reply_schema.name).toLowerCase()}` : ""}
@@ -56,7 +56,7 @@ function Shown({ question }: { question: questions.Question }) {
         <Field name="answer" schema={schema} value={questions.answer.value} onChange={(value) => (questions.answer.value = value)} />
         <div class="actions end">
           <span class="muted grow">{lacks === null ? "Enter sends the answer." : `${fieldName(lacks)} is missing.`}</span>
-          <button type="submit" class="primary" disabled={lacks !== null || questions.isSending.value}>
+          <button type="submit" class="primary" disabled={questions.isSending.value}>
             Answer
           </button>
         </div>

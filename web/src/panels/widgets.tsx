@@ -27,17 +27,23 @@ export function NumberField({ label, name, value, digits, unit, step, disabled, 
   const shown = formatNumber(value, digits);
   const [text, setText] = useState<string | null>(null);
   const [isWrong, setWrong] = useState(false);
-  const commit = () => {
-    if (text === null) return;
-    const parsed = parseNumber(text, unit, value);
+  // From the field itself: a key may come before what was typed has been rendered.
+  const commit = (typed: string) => {
+    if (typed === shown) {
+      setText(null);
+      setWrong(false);
+      return;
+    }
+    const parsed = parseNumber(typed, unit, value);
     setWrong(parsed === null);
     if (parsed === null) return;
     setText(null);
     if (formatNumber(parsed, digits + 2) !== formatNumber(value, digits + 2)) onCommit(parsed);
   };
   const onKeyDown = (event: TargetedKeyboardEvent<HTMLInputElement>) => {
-    if (event.key === "Enter") commit();
+    if (event.key === "Enter") commit(event.currentTarget.value);
     else if (event.key === "Escape") {
+      event.currentTarget.value = shown;
       setText(null);
       setWrong(false);
       event.currentTarget.blur();
@@ -62,7 +68,7 @@ export function NumberField({ label, name, value, digits, unit, step, disabled, 
         onFocus={(event) => event.currentTarget.select()}
         onInput={(event) => setText(event.currentTarget.value)}
         onKeyDown={onKeyDown}
-        onBlur={commit}
+        onBlur={(event) => commit(event.currentTarget.value)}
       />
       {unit && <span class="unit">{unit === "deg" ? "°" : unit}</span>}
     </label>
