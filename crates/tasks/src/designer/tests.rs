@@ -195,23 +195,26 @@ fn every_change_of_state_is_understood() {
 #[test]
 fn imported_objects_of_unknown_categories_are_used() {
     let mug = cards().iter().find(|card| card.category == "mug").unwrap();
-    let foreign = |category: &str| ObjectCard {
-        uid: format!("{}-0a1b2c", category.replace(' ', "-")),
+    let foreign = |category: &str, number: usize| ObjectCard {
+        uid: format!("{}-0a1b2c{number}", category.replace(' ', "-")),
         asset: genmanip_core::AssetRef::Imported { hash: "0a1b2c".into() },
         name: capitalised(category),
         category: category.into(),
         general_category: "imported".into(),
         ..mug.clone()
     };
-    let presses = ["garlic press", "gnome", "scissors"].map(foreign);
-    let all: Vec<ObjectCard> =
-        cards().iter().filter(|card| card.category != "mug").step_by(40).chain(&presses).cloned().collect();
+    let presses = ["garlic press", "gnome", "scissors"].map(|category| foreign(category, 0));
+    let others = presses.iter().flat_map(|press| (1..8).map(|number| foreign(&press.category, number)));
+    let listed = cards().iter().filter(|card| card.category != "mug").step_by(10).cloned();
+    let all: Vec<ObjectCard> = listed.chain(presses.iter().cloned()).chain(others).collect();
     let settings = DesignSettings::default();
-    let tasks = design_many(&[TaskKind::Spatial], 120, &all, Seed::new(5), &settings).unwrap();
+    let tasks = design_many(&[TaskKind::Spatial], 60, &all, Seed::new(5), &settings).unwrap();
     for press in &presses {
         let involved = |task: &&Task| {
             let atoms = task.goal.alternatives.iter().flatten();
-            atoms.map(genmanip_core::Atom::subject).any(|id| task.card(id).is_some_and(|card| card.uid == press.uid))
+            atoms
+                .map(genmanip_core::Atom::subject)
+                .any(|id| task.card(id).is_some_and(|card| card.category == press.category))
         };
         let named = tasks.tasks.iter().filter(involved).filter(|task| task.instruction.contains(&press.category));
         assert!(named.count() > 0, "{}", press.category);
