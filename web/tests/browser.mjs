@@ -387,10 +387,12 @@ withMock("a camera is added, dragged, set by numbers, moved by keys and removed"
   const names = () => page.locator("ul[aria-label=Cameras] .name").allTextContents();
   const before = await names();
   await page.keyboard.press("t");
+  const start = (await revision(page)) + 1;
   await page.click("button:has-text('Add camera')");
   await until("the camera is added", async () => (await names()).length === before.length + 1);
   await until("it is selected", async () => (await page.textContent(".details h3")) === "camera");
-  const start = await revision(page);
+  // The list shows it before the server has stored it.
+  await untilRevision(page, start);
   const set = async (name, value) => {
     await page.fill(`[data-field=camera-${name}]`, value);
     await page.press(`[data-field=camera-${name}]`, "Enter");
