@@ -42,7 +42,7 @@ pub struct QuestionRow {
 pub struct Answered {
     /// Name of the author.
     pub author: String,
-    /// Time from the first sight of the question to the answer, s.
+    /// Response time: time for which the question was displayed until it was answered, s.
     pub duration_s: f64,
     /// Time of the answer, RFC 3339.
     pub at: String,
