@@ -7,7 +7,11 @@ import { address } from "../state/requests.ts";
 import { Dialog, Icon } from "./widgets.tsx";
 
 export function QuestionsDialog({ onClose }: { onClose: () => void }) {
-  useEffect(() => void questions.load(), []);
+  useEffect(() => {
+    questions.resume();
+    void questions.load();
+    return questions.pause;
+  }, []);
   const question = questions.shown.value;
   return (
     <Dialog title="Questions of the agent" full onClose={onClose}>

@@ -38,11 +38,22 @@ let seen = { before: 0, since: 0 };
 export function listen(): void {
   isAsked.value = true;
   document.addEventListener("visibilitychange", () => {
-    if (document.hidden) seen = { before: durationMs(), since: 0 };
-    else seen.since = performance.now();
+    if (document.hidden) pause();
+    else if (store.dialog.peek() === "questions") resume();
   });
   void load();
   setInterval(() => document.hidden || void load(), POLL_MS);
+}
+
+/** Stops the clock of the question: the page or the dialogue is no longer in view. */
+export function pause(): void {
+  seen = { before: durationMs(), since: 0 };
+}
+
+/** Lets the clock run on. */
+export function resume(): void {
+  pause();
+  seen.since = performance.now();
 }
 
 const durationMs = () => seen.before + (seen.since > 0 ? performance.now() - seen.since : 0);
