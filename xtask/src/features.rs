@@ -26,13 +26,14 @@ pub fn check(workspace: &Workspace) -> Result {
             let name = library.split(" [").next().unwrap_or(library);
             !name.starts_with("genmanip-") && known.iter().any(|one| one.split(" [").next() == Some(name))
         };
-        if let Some(library) = needed.difference(&known).find(is_again) {
+        let again: Vec<&str> = needed.difference(&known).filter(is_again).map(String::as_str).collect();
+        if !again.is_empty() {
             return Err(Problem {
-                what: format!("{build} need `{library}`, with other features than the tests"),
+                what: format!("{build}: other features than in the tests' build:\n    {}", again.join("\n    ")),
                 expected: "the same features, so that no library is compiled twice".into(),
-                hint:
-                    "raise them in the Cargo.toml of crates/terminal, crates/policy or python; `cargo tree -e features -i LIBRARY`"
-                        .into(),
+                hint: "add the features to the Cargo.toml of crates/terminal, crates/policy or python; \
+                       `cargo tree -e features -i LIBRARY` shows who asks for them"
+                    .into(),
             });
         }
     }

@@ -46,12 +46,12 @@ fn phase(name: &str, workspace: &Workspace) -> Result<Outcome> {
             let hint = "run `cargo fmt --all`".to_owned();
             cargo(workspace, &["fmt", "--all", "--check"]).map_err(|problem| Problem { hint, ..problem })
         }
-        "tidy" => tidy::run(&workspace.root, &[]).map(|()| passed()),
+        "tidy" => tidy::run(&workspace.root, &[]).and_then(|()| features::check(workspace)).map(|()| passed()),
         "deny" => if_installed(workspace, "cargo-deny", &["check", "licenses", "bans", "sources"]),
         "typos" => if_installed(workspace, "typos", &[]),
         "clippy" => cargo(workspace, &["clippy", "--release", "--workspace", "--all-targets", "--", "-D", "warnings"]),
         "doc" => documentation(workspace),
-        "build" => features::check(workspace).and_then(|()| cargo(workspace, &BUILD)),
+        "build" => cargo(workspace, &BUILD),
         "link check" => link_check(workspace),
         "bytes" => same_bytes(workspace),
         "web" => web_page(workspace),
