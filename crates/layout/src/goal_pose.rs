@@ -9,7 +9,7 @@ use rand::{Rng, RngExt};
 
 use crate::between;
 use crate::moves::{Move, references};
-use crate::placement::lower_onto;
+use crate::placement::{LOWERING_HEIGHT_M, lower_onto};
 use crate::settings::GoalPoseSettings;
 
 /// A goal pose and the object below it.
@@ -34,9 +34,7 @@ const LATER_SAMPLES: usize = 120;
 const MIN_SLACK_M: f64 = 0.003;
 const USABLE_CAVITY_SHARE: f64 = 0.8;
 
-/// Initial height above the carrier when lowering an object, and the remaining gap (m). Chosen: any positive height
-/// works, and the gap is smaller than a layout's drop height.
-const LOWERING_HEIGHT_M: f64 = 0.01;
+/// Gap that remains to the carrier after lowering an object (m). Chosen smaller than a layout's drop height.
 const RELEASE_GAP_M: f64 = 0.0005;
 
 /// Tolerance for the top of a lower object above this object's bottom (m). Chosen larger than contact penetration.

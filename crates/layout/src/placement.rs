@@ -26,7 +26,7 @@ const GOAL_CLEARANCE_M: f64 = 0.02;
 const GOAL_REACH_M: f64 = 0.03;
 
 /// Initial height above the carrier when lowering an object onto it (m); any positive value works.
-const LOWERING_HEIGHT_M: f64 = 0.01;
+pub(crate) const LOWERING_HEIGHT_M: f64 = 0.01;
 
 /// Minimum vertical gap of objects on different supports (m). Chosen larger than contact penetration.
 const MIN_VERTICAL_GAP_M: f64 = 0.01;

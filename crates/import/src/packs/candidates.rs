@@ -39,8 +39,8 @@ pub struct Candidate {
 /// in the file's folder.
 ///
 /// # Errors
-/// If a path cannot be read or lies outside `root`, a folder cannot be listed or has more than `MAX_FILES` files, or,
-/// without `root`, a folder contains nothing importable.
+/// If a path cannot be read or lies outside `root`, a folder cannot be listed, has more than `MAX_FILES` files or
+/// contains nothing importable.
 pub fn candidates(paths: &[PathBuf], root: Option<&Path>) -> Result<Vec<Candidate>, WorkspaceError> {
     let mut found = BTreeSet::new();
     for path in paths {
@@ -61,13 +61,7 @@ pub fn candidates(paths: &[PathBuf], root: Option<&Path>) -> Result<Vec<Candidat
                 found.insert(Candidate { root: root.to_owned(), path: inside });
             }
         } else if about.is_dir() {
-            let inside = of_folder(path)?;
-            if inside.is_empty() {
-                return Err(WorkspaceError::input(format!("nothing to import in {}", path.display())).with_hint(
-                    "expected files that end in .urdf, .xml (MJCF), .usd, .usdz, .glb, .gltf, .obj, .stl or .msh",
-                ));
-            }
-            found.extend(inside);
+            found.extend(of_folder(path)?);
         } else {
             let root = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -122,6 +116,10 @@ fn of_folder(root: &Path) -> Result<Vec<Candidate>, WorkspaceError> {
     }
     let parts = layers_of_others(root, meshes.values());
     meshes.retain(|_, path| !parts.contains(path));
+    if descriptions.is_empty() && meshes.is_empty() {
+        let expected = format!("expected files that end in .{} (.xml: MJCF)", EXTENSIONS.join(", ."));
+        return Err(WorkspaceError::input(format!("nothing to import in {}", root.display())).with_hint(expected));
+    }
     let all = descriptions.into_iter().chain(meshes.into_values());
     Ok(all.map(|path| Candidate { root: root.to_owned(), path }).collect())
 }
@@ -244,7 +242,10 @@ mod tests {
             ]
         );
         let empty = tempfile::tempdir().unwrap();
-        assert!(candidates(&[empty.path().to_owned()], None).is_err());
+        for root in [None, Some(empty.path())] {
+            let refusal = candidates(&[empty.path().to_owned()], root).unwrap_err();
+            assert!(refusal.to_string().starts_with("nothing to import in "), "{refusal}");
+        }
         let can = root.path().join("can.xml");
         let [one] = &candidates(std::slice::from_ref(&can), Some(root.path())).unwrap()[..] else { panic!("not one") };
         assert_eq!((one.root.as_path(), one.path.as_str()), (root.path(), "can.xml"));
