@@ -248,7 +248,8 @@ impl Policy for Teleoperation {
             target.place(requested);
             limits.insert(Limit::Reach);
         }
-        // The same step as the adapter's, so that no part of a path is left over and the posture never changes.
+        // The adapter's own test of reachability within a control step: a pose that passes it leaves no path pending,
+        // and the arm keeps its configuration branch.
         let can_follow = |pose: &Pose| self.kinematics.follow(pose, arm, &self.reach).is_some();
         limits.extend(target.advance(&twist, period_s, &measured, can_follow));
         let pose = target.pose();
