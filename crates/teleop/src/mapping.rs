@@ -45,7 +45,8 @@ pub enum OperatorFrame {
     /// World: forward is x, left is y, up is z.
     #[default]
     World,
-    /// Hand: forward is the approach direction, up is x of the tool, as in the image of a camera on the hand.
+    /// Hand: forward is z of the TCP frame (the approach direction), left is -y, and up is x, which is up in the image
+    /// of a camera on the hand.
     Hand,
     /// Camera as seen: forward is the optical axis, up is the upper edge of the image.
     Camera,

@@ -1,4 +1,4 @@
-//! Sources of device events, one per way in which a person's input reaches the program.
+//! Source of device events, to be implemented for each way in which an operator's input reaches the program.
 
 use genmanip_core::{EpisodeSource, EpisodeStart, Observation, PolicyError};
 use serde::{Deserialize, Serialize};

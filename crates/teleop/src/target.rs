@@ -54,7 +54,8 @@ pub enum Limit {
     Joint,
     /// The arm is near a singularity.
     Singularity,
-    /// The arm cannot follow in its posture, at its largest joint speeds.
+    /// The arm cannot reach the pose within a control step, at its maximum joint speeds and without changing its
+    /// configuration branch.
     Reach,
 }
 

@@ -27,7 +27,8 @@ pub(crate) struct ImportedMetadata {
     pub(super) scenario_id: String,
     /// Ids of the objects in the pose columns, in column order.
     pub(super) objects: Vec<String>,
-    /// SHA-256 of the episode's rows and images, by which a resumed import or a merge recognises the episode.
+    /// SHA-256 of the episode's rows and images, by which a merge of data sets recognises an episode that it already
+    /// has.
     pub(super) source_sha256: String,
 }
 

@@ -1,8 +1,8 @@
 //! Restricted unpickler: reads plain values and NumPy arrays without executing anything.
 //!
 //! A pickle is a program for a stack machine that can call any Python function. This unpickler supports the opcodes
-//! that build values, and replaces the few NumPy functions it knows by name with its own code. Everything else is
-//! rejected.
+//! that build values, and replaces a few functions of NumPy and Python's standard library with its own code. Everything
+//! else is rejected.
 //!
 //! Values are stored in one arena and refer to each other by index. Shared values are stored once, so that memory is
 //! bounded by the size of the pickle, and cycles are harmless.

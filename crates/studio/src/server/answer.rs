@@ -11,7 +11,7 @@ use crate::edit::EditError;
 /// Reason why a request is refused; each has its own HTTP status.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Refusal {
-    /// Another author changed the same (status 409).
+    /// Another author changed the same field, or what the request refers to, in the meantime (status 409).
     Conflict {
         /// The conflict as JSON; of an edit, field, values and revision ([`crate::edit::EditError::Conflict`]).
         conflict: Value,

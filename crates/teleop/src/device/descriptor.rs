@@ -164,8 +164,8 @@ impl ReportLayout {
         Ok(())
     }
 
-    /// Applies an input report: axes from -1 to 1, and the bit mask of the buttons. Fields of other reports keep their
-    /// values; a field that the report is too short for, too.
+    /// Applies an input report to the axes (-1 to 1) and to the bit mask of the pressed buttons. Axes and buttons that
+    /// it does not contain keep their values.
     ///
     /// # Errors
     /// If the report has no field of the layout.

@@ -36,9 +36,9 @@ pub enum DeviceEvent {
     },
     /// State of a gamepad with the W3C Gamepad API's standard mapping.
     Gamepad {
-        /// Left stick right and down, right stick right and down, -1 to 1.
+        /// Left stick x and y, right stick x and y; x is right, y is down, -1 to 1.
         axes: Vec<f64>,
-        /// Buttons, 0 to 1.
+        /// Value of each button, 0 (released) to 1, in the order of the standard mapping.
         buttons: Vec<f64>,
     },
     /// Key that was pressed or released.
@@ -78,7 +78,7 @@ pub enum Device {
 }
 
 impl Device {
-    /// Name of the kind.
+    /// Name of the kind, as in files: `space_mouse`, `gamepad` or `keyboard`.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::SpaceMouse { .. } => "space_mouse",

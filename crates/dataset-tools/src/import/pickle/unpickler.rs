@@ -271,7 +271,7 @@ impl<'a> Unpickler<'a> {
         self.push(Node::Int(value))
     }
 
-    /// Bytes with a length prefix of `size` bytes.
+    /// Reads bytes that follow their length, an integer of `size` bytes.
     fn read_counted(&mut self, size: usize) -> Result<&[u8], String> {
         let length = self.number(size)?;
         self.take(usize::try_from(length).unwrap_or(usize::MAX))

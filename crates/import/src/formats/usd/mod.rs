@@ -35,7 +35,7 @@ const PLACES: [&str; 4] = ["World", "world", "Scene", "geometry"];
 /// Reads the only object of a stage, in metres and kilograms; its up axis is that of the stage.
 ///
 /// # Errors
-/// If a layer is damaged, a mesh is inconsistent, or the stage contains several objects.
+/// If a layer is damaged, a mesh is inconsistent, or the stage contains no geometry or several objects.
 pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError> {
     guarded(path, || {
         let stage::Opened { stage, mut notes } = stage::open(path, files)?;
