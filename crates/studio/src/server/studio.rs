@@ -35,7 +35,7 @@ pub struct Studio {
     pub token: Option<Token>,
     /// Search index of the catalogue.
     pub catalogue: CatalogueSearch,
-    /// Caches of robot models, meshes and shapes, shared by all scenes.
+    /// Caches of robot models, meshes and shapes for all scenes.
     pub scenes: SceneAssets,
     /// Limits the number of simultaneous computations.
     pub permits: Semaphore,
