@@ -294,7 +294,8 @@ impl Reader<'_, '_> {
         Ok(())
     }
 
-    /// Reads friction (dynamic, else static) and density of a collider's physics material into its body.
+    /// Reads friction (dynamic, else static) and density of a collider's physics material into its body. Of several
+    /// colliders, the last friction and the first density are used.
     fn surface_physics(&mut self, at: &At, here: &Above) {
         let Some(path) = here.physics_material.as_ref().or(here.material.as_ref()) else { return };
         let material = at.other(path);
@@ -311,7 +312,8 @@ impl Reader<'_, '_> {
     }
 
     /// Reads mass, centre of mass, inertia and density of a prim into its body. A mass that the body's own prim states
-    /// takes precedence over those of its colliders; otherwise the colliders' masses add up, without their inertia.
+    /// takes precedence over those of its colliders; otherwise the colliders' masses add up, at the first one's centre
+    /// of mass and without inertia. Of several densities, the last one is used.
     fn mass(&mut self, at: &At, here: &Above, is_body: bool) {
         let Units { metres, kilograms } = self.units;
         let density = at.positive("physics:density").map(|density| self.density(density));
