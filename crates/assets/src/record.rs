@@ -6,11 +6,12 @@ use serde::Deserialize;
 
 use crate::recipe::Recipe;
 
-/// Record of an object in the built-in catalogue.
+/// Record of an object in the built-in catalogue, one element of its JSON list. Fields without comment are documented
+/// at [`ObjectCard`] and, from `looks` to `affordances`, at [`Annotations`].
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Record {
-    /// Uid of the object; fields without comment are documented at [`ObjectCard`].
+    /// Unique id of the object.
     pub uid: String,
     /// Version of the object, incremented when pieces, inertia, joints, cavities or states change.
     version: u32,
@@ -27,7 +28,6 @@ pub struct Record {
     is_articulated: bool,
     states: Vec<String>,
     can_grasp: bool,
-    /// Annotations for task design, see [`Annotations`].
     #[serde(default)]
     looks: Vec<String>,
     #[serde(default)]

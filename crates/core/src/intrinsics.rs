@@ -46,7 +46,8 @@ impl Intrinsics {
         2.0 * (f64::from(self.width) / 2.0 / self.fx).atan()
     }
 
-    /// Projects a point of the camera frame to a pixel; `None` in or behind the camera's plane.
+    /// Projects a point of the camera frame (x right, y down, z forward) to a pixel; `None` if it does not lie in front
+    /// of the camera.
     pub fn project(&self, point: DVec3) -> Option<DVec2> {
         (point.z > 1e-9)
             .then(|| DVec2::new(self.fx * point.x / point.z + self.cx, self.fy * point.y / point.z + self.cy))

@@ -46,9 +46,9 @@ pub struct SetupReport {
     pub mounting: &'static str,
     /// Noise of images and robot, by name.
     pub noise: &'static str,
-    /// Number of calibrated sets.
+    /// Number of sets, those with a refused calibration included.
     pub sets: usize,
-    /// Reasons of refused calibrations, one per refused set.
+    /// Error messages of the calibrations, one per refused set.
     pub refused: Vec<String>,
     /// Position error of points on the table located with the calibrated camera, m.
     pub table_m: Spread,
@@ -56,7 +56,7 @@ pub struct SetupReport {
     pub position_m: Spread,
     /// Error of the camera's orientation on its mount, degrees.
     pub rotation_deg: Spread,
-    /// Reprojection error in held-out views, px.
+    /// Root-mean-square reprojection error in the held-out views of a set, px.
     pub held_out_px: Spread,
     /// Share of position coordinates whose stated 95 % interval contains the truth, 0 to 1; 0.95 is ideal.
     pub coverage: f64,
@@ -66,7 +66,7 @@ pub struct SetupReport {
 /// `rendered` sets of each mounting and noise from rendered images. Sound sets are also written to `folder`, if given.
 ///
 /// # Errors
-/// When an image cannot be rendered or written.
+/// When an image cannot be rendered, or a file cannot be written.
 pub fn measure(count: usize, rendered: usize, folder: Option<&Path>, seed: Seed) -> Result<Report, WorkspaceError> {
     let mut clock = cpu_clock();
     let began = clock();

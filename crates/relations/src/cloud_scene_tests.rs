@@ -1,4 +1,5 @@
-//! Clouds agree with the geometry they were sampled from, and verdicts are invariant under symmetries.
+//! Verdicts on point clouds agree with those on the geometry they were sampled from, and labels of pairs are
+//! equivariant under symmetries: rotating, mirroring or swapping the objects permutes the labels accordingly.
 
 use std::f64::consts::TAU;
 
@@ -27,7 +28,7 @@ fn clouds(points: Vec<Vec<DVec3>>) -> CloudScene {
     CloudScene::new(NAMES.map(String::from).into_iter().zip(points.into_iter().map(cloud)))
 }
 
-/// A random object of the catalogue near a place on the table.
+/// A random object of the catalogue at z = 0, at most `spread` (m) in x and y from (0.5, 0), with a random yaw.
 fn object(name: &str, spread: f64, rng: &mut impl Rng) -> PosedObject {
     let catalogue = Catalogue::builtin();
     let cards = catalogue.cards();
@@ -96,7 +97,8 @@ fn clouds_of_posed_geometry_agree_beyond_five_millimetres() {
     assert!(share >= 0.995, "{} of {compared}\n{}", disagreements.len(), disagreements.join("\n"));
 }
 
-/// Verdicts under translation, rotation, mirroring, reordering and resampling of the points.
+/// Labels of a pair stay equal under translation, reordering and resampling of the points, and are permuted by
+/// rotation, mirroring and swapping of the objects.
 #[test]
 fn moving_turning_mirroring_swapping_shuffling_and_sampling_anew() {
     let settings = RelationSettings::default();

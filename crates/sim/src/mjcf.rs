@@ -1,7 +1,8 @@
 //! Assembly of a scene's MJCF text.
 //!
-//! Names are stable and readable: bodies `table`, `floor`, `robot/<link>`, `object/<name>/<link>`;
-//! joints carry the same prefix; actuators are `arm/<joint>/position`, `arm/<joint>/velocity` and `grip`.
+//! Names are stable and readable: bodies `table`, `surface/<id>` (further support surfaces), `floor`, `robot/<link>`
+//! and `object/<name>/<link>`; joints `robot/<joint>` and `object/<name>/<joint>`; an object's free joint
+//! `object/<name>`; actuators `arm/<joint>/position`, `arm/<joint>/velocity` and `grip`.
 //! The keyframe `start` holds the robot at its start position with the gripper open, and every object at its initial
 //! pose.
 
@@ -184,7 +185,7 @@ fn surface(surface: &SupportSurface, index: usize, settings: &CheckedSettings, f
     body
 }
 
-/// Body name of a support surface.
+/// Body name of a support surface: `table` for the world's first one, `surface/<id>` for the others.
 pub(crate) fn surface_body(surface: &SupportSurface, index: usize) -> String {
     if index == 0 { TABLE.into() } else { format!("surface/{}", surface.id) }
 }

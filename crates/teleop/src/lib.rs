@@ -8,8 +8,8 @@
 //! - [`mapping`]: dead zone, response curve, gains, precision mode, clutch and frame.
 //! - [`target`]: the commanded pose within its limits.
 //! - [`Teleoperation`]: all of it as a [`Policy`](genmanip_core::Policy) of the ordinary episode loop.
-//! - [`record`]: raw events and what became of them, stored beside the episode.
-//! - [`scripted`]: an operator that is a program, for tests and measurements.
+//! - [`record`]: raw events, settings, and the limits that were in force, stored beside the episode.
+//! - [`scripted`]: scripted operator at a virtual device, for tests and measurements.
 //!
 //! Nothing here reads a clock or opens a device: time is the number of control steps.
 

@@ -10,7 +10,7 @@ use crate::device::{Control, Reading};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MappingSettings {
-    /// Share of the deflection that counts as none; the rest is stretched to the whole range.
+    /// Share of the full deflection (0-1) that counts as none; the rest is stretched to the whole range.
     pub dead_zone: f64,
     /// Exponent of the response curve: 1 is linear, larger ones are finer near the middle.
     pub curve: f64,
@@ -20,14 +20,14 @@ pub struct MappingSettings {
     pub angular_rad_s: f64,
     /// Factor on both speeds in precision mode.
     pub precision: f64,
-    /// Frame at the start.
+    /// Frame at the start of an episode.
     pub frame: OperatorFrame,
 }
 
 impl Default for MappingSettings {
     fn default() -> Self {
         Self {
-            // The spring of a SpaceMouse rests within 5 %, sticks of gamepads within 10 %.
+            // A released SpaceMouse rests within 5 % of its centre, sticks of gamepads within 10 %.
             dead_zone: 0.1,
             curve: 1.5,
             linear_m_s: 0.2,
@@ -45,17 +45,18 @@ pub enum OperatorFrame {
     /// World: forward is x, left is y, up is z.
     #[default]
     World,
-    /// Hand: forward is the approach direction, up is x of the tool, as in the image of a camera on the hand.
+    /// Hand: forward is z of the TCP frame (the approach direction), left is -y, and up is x, which is up in the image
+    /// of a camera on the hand.
     Hand,
     /// Camera as seen: forward is the optical axis, up is the upper edge of the image.
     Camera,
 }
 
 impl OperatorFrame {
-    /// All frames, in the order of the control that changes them.
+    /// All frames, in the order in which [`Control::Frame`] steps through them.
     pub const ALL: [Self; 3] = [Self::World, Self::Hand, Self::Camera];
 
-    /// The next frame.
+    /// The frame after this one in [`OperatorFrame::ALL`], cyclically.
     #[must_use]
     pub fn next(self) -> Self {
         match self {
@@ -66,12 +67,12 @@ impl OperatorFrame {
     }
 }
 
-/// Orientation of the axes forward, left and up.
+/// Orientation of the operator's axes: forward (x), left (y) and up (z).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Axes {
-    /// Fixed in the world.
+    /// Fixed in the world: `world_from_axes`.
     World(DQuat),
-    /// Fixed to the tool.
+    /// Fixed to the tool: `tcp_from_axes`.
     Tool(DQuat),
 }
 
@@ -95,19 +96,19 @@ impl Axes {
     }
 }
 
-/// Rotation from the axes forward, left and up to those of an optical frame: x right, y down, z forward.
+/// `camera_from_axes`: the axes forward, left and up in an optical frame (x right, y down, z forward).
 fn as_seen() -> DQuat {
     DQuat::from_mat3(&DMat3::from_cols(DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y))
 }
 
-/// Velocity of the tool along and about the axes of a frame.
+/// Velocity of the TCP along and about the axes of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Twist {
     /// Orientation of the frame.
     pub axes: Axes,
-    /// Velocity, m/s.
+    /// Velocity in `axes`, m/s.
     pub linear_m_s: DVec3,
-    /// Angular velocity, rad/s.
+    /// Angular velocity in `axes`, rad/s.
     pub angular_rad_s: DVec3,
 }
 
@@ -121,7 +122,7 @@ impl Twist {
     }
 }
 
-/// Command of a person for one control step.
+/// Command of the operator for one control step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandCommand {
     /// Motion of the tool.
@@ -132,7 +133,7 @@ pub struct HandCommand {
     pub finish: bool,
 }
 
-/// Mapping with its state: chosen frame, gripper, and the demand to release the device first.
+/// Mapping with its state: chosen frame, gripper, and the requirement to release the device first.
 #[derive(Clone, Debug)]
 pub struct Mapping {
     settings: MappingSettings,
@@ -144,7 +145,7 @@ pub struct Mapping {
 }
 
 impl Mapping {
-    /// A mapping with an open gripper; without `camera`, the frame of a camera is passed over.
+    /// A mapping with an open gripper; without `camera`, [`OperatorFrame::Camera`] is skipped.
     pub fn new(settings: MappingSettings, camera: Option<Axes>) -> Self {
         let frame = settings.frame;
         let mut mapping = Self { settings, camera, frame, closed: false, needs_release: true };
@@ -152,7 +153,7 @@ impl Mapping {
         mapping
     }
 
-    /// Settings.
+    /// Settings given to [`Mapping::new`].
     pub fn settings(&self) -> &MappingSettings {
         &self.settings
     }
@@ -162,12 +163,14 @@ impl Mapping {
         self.frame
     }
 
-    /// True until all axes have been in the dead zone since the start, a connection or a release of the clutch.
+    /// True until all axes have been in the dead zone at once since the start, the last release of the clutch or the
+    /// last [`Mapping::require_release`].
     pub fn needs_release(&self) -> bool {
         self.needs_release
     }
 
-    /// Demands that the device is released before it moves the tool: after a new connection.
+    /// Requires that the device is released before it moves the tool again: after a connection, a disconnection, a long
+    /// silence, or more events than a device sends.
     pub fn require_release(&mut self) {
         self.needs_release = true;
     }
@@ -177,7 +180,8 @@ impl Mapping {
         reading.axes.iter().any(|axis| shape(*axis, &self.settings) != 0.0)
     }
 
-    /// Command of a reading.
+    /// Command of a reading. Presses in it toggle the gripper and change the frame, so that each reading must be passed
+    /// once.
     pub fn command(&mut self, reading: &Reading) -> HandCommand {
         let mut finish = false;
         for control in &reading.pressed {
@@ -206,7 +210,7 @@ impl Mapping {
         HandCommand { twist, closed: self.closed, finish }
     }
 
-    /// Axes of the chosen frame.
+    /// Axes of the chosen frame; those of the world if it is a camera's and none is given.
     fn axes(&self) -> Axes {
         match self.frame {
             OperatorFrame::World => Axes::WORLD,
@@ -222,7 +226,7 @@ impl Mapping {
     }
 }
 
-/// Dead zone and response curve; -1 to 1.
+/// Deflection of one axis (-1 to 1) after dead zone and response curve, -1 to 1.
 pub fn shape(axis: f64, settings: &MappingSettings) -> f64 {
     let beyond = (axis.abs().min(1.0) - settings.dead_zone) / (1.0 - settings.dead_zone);
     if beyond > 0.0 { beyond.powf(settings.curve).copysign(axis) } else { 0.0 }

@@ -1,4 +1,5 @@
-//! Record of a teleoperated episode: raw events, settings, and what happened to the commands; stored beside the episode.
+//! Record of a teleoperated episode: raw events, settings, and what happened to the commands; stored beside the
+//! episode.
 
 use std::collections::BTreeMap;
 
@@ -26,18 +27,19 @@ pub struct OperatorRecord {
     pub devices: Vec<Device>,
     /// Settings of the mapping.
     pub mapping: MappingSettings,
-    /// Camera of the frame `camera`, by name.
+    /// Name of the camera of [`OperatorFrame::Camera`]; absent if that frame was not offered.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<String>,
     /// Limits of the commanded pose.
     pub target: TargetSettings,
-    /// Settings of the input.
+    /// Timeouts of the events, and limits of the gripper.
     pub input: InputSettings,
-    /// Number of received events.
+    /// Number of recorded events: all received ones except those beyond [`InputSettings::most_events`].
     pub events: u64,
-    /// Number of events that no device of that kind sends, or that came after too many others; they had no effect.
+    /// Number of events that the connected device cannot have sent ([`crate::device::DeviceError`]), or that exceeded
+    /// [`InputSettings::most_events`]; they moved nothing.
     pub refused: u64,
-    /// Frame in use, from the given control step on.
+    /// Frames used, each with the control step from which on it was in use.
     pub frames: Vec<(usize, OperatorFrame)>,
     /// Control steps in which the operator asked for nothing: neither motion nor gripper.
     pub idle: Vec<Interval<()>>,
@@ -51,7 +53,7 @@ impl Document for OperatorRecord {
     const SCHEMA: &'static str = "genmanip.operator/1";
 }
 
-/// Settings of the input.
+/// Timeouts of device events, and limits of the gripper command.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct InputSettings {
@@ -59,9 +61,9 @@ pub struct InputSettings {
     pub hold_after_s: f64,
     /// Time without an event after which the device has to be released before it moves the arm again, s.
     pub lost_after_s: f64,
-    /// Most events of a control step; more count as a broken connection.
+    /// Maximum number of events in a control step; more count as a broken connection.
     pub most_events: usize,
-    /// Rate of change of the opening, m/s.
+    /// Maximum rate of change of the commanded gripper opening, m/s.
     pub gripper_m_s: f64,
     /// Largest difference between the measured opening and a smaller command, m: bounds the grip force.
     pub squeeze_m: f64,
@@ -73,10 +75,10 @@ impl Default for InputSettings {
             // With the control step in which the last event arrived and the one that holds, at most 100 ms at 60 Hz.
             hold_after_s: 0.06,
             lost_after_s: 0.5,
-            // A mouse at 8 kHz sends 133.
+            // A device that reports at 8 kHz sends 133 per control step at 60 Hz.
             most_events: 10_000,
             gripper_m_s: 0.1,
-            // As the expert squeezes.
+            // Same as the scripted expert's (`squeeze_m` of its settings).
             squeeze_m: 0.015,
         }
     }
@@ -86,7 +88,7 @@ impl Default for InputSettings {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Hold {
-    /// No event came for too long.
+    /// No event came for longer than [`InputSettings::hold_after_s`].
     Silence,
     /// The clutch is held.
     Clutch,
@@ -102,7 +104,7 @@ pub struct Interval<R> {
     pub from: usize,
     /// Control step after the last one.
     pub to: usize,
-    /// Reason.
+    /// Reason that held in all of these steps; `()` where there is only one.
     pub reason: R,
 }
 
@@ -114,21 +116,21 @@ pub struct RecordedEvent {
     pub sequence: u64,
     /// Control step whose command is the first that it can change.
     pub step: usize,
-    /// The event.
+    /// The event as the device sent it.
     pub event: DeviceEvent,
 }
 
-/// Mistake in a file of events.
+/// Invalid line in a file of events ([`EVENTS_FILE`]).
 #[derive(Debug, Error)]
 #[error("{EVENTS_FILE}, line {line}: expected {{\"sequence\", \"step\", \"event\"}} in ascending order: {why}")]
 pub struct EventsError {
     /// Number of the line, from 1.
     pub line: usize,
-    /// The mistake.
+    /// Description of the fault.
     pub why: String,
 }
 
-/// Lines of a file of events.
+/// Content of [`EVENTS_FILE`]: one JSON object per line.
 pub fn events_to_lines(events: &[RecordedEvent]) -> Vec<u8> {
     let mut lines = Vec::new();
     for event in events {
@@ -139,7 +141,7 @@ pub fn events_to_lines(events: &[RecordedEvent]) -> Vec<u8> {
     lines
 }
 
-/// Events of a file.
+/// Events in the content of [`EVENTS_FILE`].
 ///
 /// # Errors
 /// The first line that is not an event, or does not follow the one before.
@@ -156,7 +158,7 @@ pub fn events_from_lines(text: &str) -> Result<Vec<RecordedEvent>, EventsError> 
     Ok(events)
 }
 
-/// Recorded events, given again in the control steps in which they were received.
+/// Source that replays recorded events in the control steps in which they were received.
 #[derive(Clone, Debug)]
 pub struct Playback {
     operator: Operator,
@@ -189,7 +191,7 @@ impl Source for Playback {
     }
 }
 
-/// Intervals by reason, while they are written.
+/// Intervals by reason, while an episode is being recorded.
 #[derive(Clone, Debug)]
 pub(crate) struct Intervals<R> {
     open: BTreeMap<R, usize>,
@@ -201,7 +203,7 @@ impl<R: Copy + Ord> Intervals<R> {
         Self { open: BTreeMap::new(), closed: Vec::new() }
     }
 
-    /// Adds the reasons that hold in a control step.
+    /// Adds the reasons that hold in a control step; steps must be added in order, without gaps.
     pub(crate) fn add(&mut self, step: usize, reasons: &[R]) {
         let ended: Vec<R> = self.open.keys().filter(|reason| !reasons.contains(reason)).copied().collect();
         for reason in ended {
@@ -214,7 +216,7 @@ impl<R: Copy + Ord> Intervals<R> {
         }
     }
 
-    /// All intervals, if the episode ends at `step`; sorted by their start.
+    /// All intervals, sorted by their start; those still open end before `step`.
     pub(crate) fn until(&self, step: usize) -> Vec<Interval<R>> {
         let open = self.open.iter().map(|(&reason, &from)| Interval { from, to: step, reason });
         let mut all: Vec<Interval<R>> = self.closed.iter().copied().chain(open).collect();

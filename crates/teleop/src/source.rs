@@ -1,15 +1,15 @@
-//! Sources of device events, one per way in which a person's input reaches the program.
+//! Source of device events, to be implemented for each way in which an operator's input reaches the program.
 
 use genmanip_core::{EpisodeSource, EpisodeStart, Observation, PolicyError};
 use serde::{Deserialize, Serialize};
 
 use crate::device::DeviceEvent;
 
-/// Person, or program in place of one.
+/// Operator of an episode: a person, or a program in place of one.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Operator {
-    /// Kind.
+    /// Person or program.
     pub kind: OperatorKind,
     /// Name or pseudonym, as the person gave it.
     pub name: String,
@@ -21,12 +21,12 @@ pub struct Operator {
 pub enum OperatorKind {
     /// A person.
     Person,
-    /// A program that presses the buttons.
+    /// A program that sends the events of a virtual device.
     Scripted,
 }
 
 impl OperatorKind {
-    /// Source of the episodes of such an operator.
+    /// Value of an episode's `source` for this kind of operator.
     pub fn episode_source(self) -> EpisodeSource {
         match self {
             Self::Person => EpisodeSource::Teleop,

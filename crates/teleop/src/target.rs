@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::mapping::{Axes, Twist};
 
-/// Least share of a step that is tried; below it the target stays.
+/// Smallest fraction of a step that is tried where the arm cannot follow the whole; below it the target stays.
 const LEAST_SHARE: f64 = 0.05;
 
 /// Limits of the commanded pose, always in force.
@@ -17,11 +17,11 @@ pub struct TargetSettings {
     pub linear_m_s: f64,
     /// Largest angular speed, rad/s.
     pub angular_rad_s: f64,
-    /// Corners of the box that the tool stays in, m, world.
+    /// Lower and upper corner of the box that the TCP stays in, in the world frame, m.
     pub workspace_m: [[f64; 3]; 2],
-    /// Largest distance from the measured tool, m: with the stiffness of the arm it bounds the force of a push.
+    /// Largest distance from the measured TCP, m: with the stiffness of the arm it bounds the contact force.
     pub lead_m: f64,
-    /// Largest angle from the measured tool, rad.
+    /// Largest angle from the measured orientation, rad.
     pub lead_rad: f64,
 }
 
@@ -33,14 +33,14 @@ impl Default for TargetSettings {
             angular_rad_s: 1.5,
             // The default table and the space above it; pads touch its top when the tool is 5 mm above.
             workspace_m: [[0.1, -0.7, 0.004], [0.95, 0.7, 0.9]],
-            // Twice the lag of free motion at full speed; a Panda then pushes with about 100 N.
+            // Twice the tracking lag of free motion at full speed; a Panda then pushes with about 100 N.
             lead_m: 0.015,
             lead_rad: 0.2,
         }
     }
 }
 
-/// Reason why the tool moves less than the person asks.
+/// Reason why the tool moves less than commanded by the operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Limit {
@@ -54,7 +54,8 @@ pub enum Limit {
     Joint,
     /// The arm is near a singularity.
     Singularity,
-    /// The arm cannot follow in its posture, at its largest joint speeds.
+    /// The arm cannot reach the pose within a control step, at its maximum joint speeds and without changing its
+    /// configuration branch.
     Reach,
 }
 
@@ -77,14 +78,16 @@ impl Target {
         self.pose
     }
 
-    /// Puts the target at a pose, after a pose was refused.
+    /// Replaces the commanded pose, e.g. by the pose in force after the adapter has refused one.
     pub fn place(&mut self, world_from_tcp: Pose) {
         self.pose = world_from_tcp;
     }
 
-    /// Moves the target along a twist for `period_s`; the limits that were in force.
+    /// Moves the target along a twist for `period_s` (s) and returns the limits that were in force. `measured` is
+    /// `world_from_tcp` as measured.
     ///
-    /// Where the arm `can_follow` a part of the step only, the target moves by that part, in the same direction.
+    /// Where `can_follow` rejects the new pose, the step is halved, in the same direction, down to a twentieth; below
+    /// that the target stays.
     pub fn advance(
         &mut self,
         twist: &Twist,
@@ -124,7 +127,7 @@ impl Target {
         limits
     }
 
-    /// A pose clamped to the workspace; a target outside may only come nearer.
+    /// A pose clamped to the workspace, and true if that changed it; a target outside may only come nearer.
     fn inside(&self, next: Pose) -> (Pose, bool) {
         let [lower, upper] = self.settings.workspace_m.map(DVec3::from_array);
         let now = self.pose.position;
@@ -132,7 +135,8 @@ impl Target {
         (Pose { position, ..next }, position != next.position)
     }
 
-    /// Keeps position or rotation if its step would leave the allowed lead.
+    /// Keeps position or rotation if its step would exceed the allowed lead over the measured pose and increase it; the
+    /// flag is true if either was kept.
     fn near(&self, next: Pose, measured: &Pose) -> (Pose, bool) {
         let TargetSettings { lead_m, lead_rad, .. } = self.settings;
         let distance_m = next.position.distance(measured.position);
@@ -144,7 +148,8 @@ impl Target {
         (Pose { position, rotation }, is_far || is_turned)
     }
 
-    /// Pulls the target to the allowed lead if the measured tool has left it.
+    /// Pulls the target back to the allowed lead if it exceeds it, e.g. because the arm was pushed away; returns true
+    /// if so.
     fn pull(&mut self, measured: &Pose) -> bool {
         let TargetSettings { lead_m, lead_rad, .. } = self.settings;
         let (distance_m, angle_rad) = (self.pose.position.distance(measured.position), self.pose.angle_to(measured));
@@ -158,7 +163,7 @@ impl Target {
     }
 }
 
-/// Pose after moving along a twist.
+/// `world_from_tcp` after moving along a twist for `period_s` (s).
 ///
 /// The rotation is composed by the exponential map. A translation in the tool's frame uses the orientation half-way, so
 /// that the opposite twist leads back exactly.

@@ -1,4 +1,4 @@
-//! Teleoperation as a policy: a person is one more policy of the ordinary episode loop.
+//! Teleoperation as a policy: the operator is one more policy in the ordinary episode loop.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -15,23 +15,23 @@ use crate::record::{Hold, InputSettings, Intervals, OperatorRecord, RecordedEven
 use crate::source::Source;
 use crate::target::{Limit, Target, TargetSettings};
 
-/// Largest deviation of the requested pose from the commanded one by rounding to single precision, m and rad.
+/// Deviation of the pose in force from the commanded one that rounding to single precision explains, m and rad.
 const ROUNDING: f64 = 1e-5;
-/// Distance of a joint from its limit at which the limit is the reason of a tool that does not follow, rad.
+/// Distance from a joint limit below which the limit is reported as the reason why the tool does not follow, rad.
 const JOINT_MARGIN_RAD: f64 = 0.03;
-/// Manipulability below which a singularity is the reason; the arm's home has several times as much.
+/// Manipulability below which a singularity is reported as the reason; at the arm's home it is several times larger.
 const SINGULAR: f64 = 0.02;
 
 /// Settings of teleoperation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TeleopSettings {
-    /// Mapping.
+    /// Mapping from device axes to a twist.
     pub mapping: MappingSettings,
     /// Limits of the commanded pose.
     pub target: TargetSettings,
-    /// Input.
+    /// Timeouts of the events, and limits of the gripper.
     pub input: InputSettings,
-    /// Camera of [`OperatorFrame::Camera`], by name; without it that frame is passed over.
+    /// Name of the camera of [`OperatorFrame::Camera`]; without it that frame is skipped.
     pub camera: Option<String>,
 }
 
@@ -40,18 +40,18 @@ pub struct TeleopSettings {
 pub struct Status {
     /// Frame in use.
     pub frame: OperatorFrame,
-    /// Reason why the deflected device does not move the arm.
+    /// Reason why the deflected device does not move the arm; `None` if it does or is not deflected.
     pub held: Option<Hold>,
     /// Limits that slow the tool.
     pub limits: Vec<Limit>,
-    /// True if the gripper is to be closed.
+    /// True if the gripper is commanded to close.
     pub closed: bool,
 }
 
-/// Policy of a person at a device.
+/// Policy that is driven by an operator at a device.
 ///
-/// Each control step takes all events since the last one and gives one commanded pose; the conversion to joint commands
-/// is that of every policy in the space `ee_pose`, with its null-space posture.
+/// Each control step takes all events since the last one and returns one commanded pose; its conversion to joint
+/// commands is the same as for any policy with the action space `ee_pose`, null-space posture included.
 pub struct Teleoperation {
     settings: TeleopSettings,
     source: Box<dyn Source>,
@@ -70,7 +70,7 @@ struct EpisodeState {
     decoder: Decoder,
     mapping: Mapping,
     target: Option<Target>,
-    /// Commanded opening, m.
+    /// Commanded gripper opening, m; `None` before the first control step.
     width_m: Option<f64>,
     step: usize,
     /// Control step in which the last event was received.
@@ -103,7 +103,8 @@ impl EpisodeState {
         }
     }
 
-    /// Receives events. Too many of them count as a broken connection.
+    /// Receives events. More than `most` count as a broken connection: the surplus is dropped, keys are released, and
+    /// the device has to be released before it moves the arm again.
     fn receive(&mut self, events: Vec<DeviceEvent>, most: usize) {
         let surplus = events.len().saturating_sub(most);
         for event in events.into_iter().take(most) {
@@ -130,11 +131,11 @@ impl EpisodeState {
 }
 
 impl Teleoperation {
-    /// Teleoperation of a robot in a world by the events of a source.
+    /// Teleoperation of `robot` in `world`, driven by the events of `source`.
     ///
     /// # Errors
-    /// If the robot has no kinematics, or the world has no camera of the name in the settings; the message lists those it
-    /// has.
+    /// If the robot has no kinematics, or the world has no camera of the name in the settings; the message lists those
+    /// it has.
     pub fn new(
         settings: TeleopSettings,
         source: Box<dyn Source>,
@@ -190,7 +191,8 @@ impl Teleoperation {
         }
     }
 
-    /// Reasons why the arm cannot follow from a configuration.
+    /// Likely reasons why the arm cannot follow from the joint positions `arm` (rad): a joint limit, a singularity,
+    /// both or none.
     fn reasons(&self, arm: &[f64]) -> impl Iterator<Item = Limit> + use<> {
         let is_at_limit = self.chain.limit_margin(arm) < JOINT_MARGIN_RAD;
         let is_singular = self.chain.manipulability(arm) < SINGULAR;
@@ -246,7 +248,8 @@ impl Policy for Teleoperation {
             target.place(requested);
             limits.insert(Limit::Reach);
         }
-        // The same step as the adapter's, so that no part of a path is left over and the posture never changes.
+        // The adapter's own test of reachability within a control step: a pose that passes it leaves no path pending,
+        // and the arm keeps its configuration branch.
         let can_follow = |pose: &Pose| self.kinematics.follow(pose, arm, &self.reach).is_some();
         limits.extend(target.advance(&twist, period_s, &measured, can_follow));
         let pose = target.pose();
@@ -280,7 +283,7 @@ impl Policy for Teleoperation {
     }
 }
 
-/// Axes of the camera of a name.
+/// Axes of the camera with this name. The message of an error lists the world's cameras.
 fn camera_axes(name: &str, robot: &RobotModel, world: &World) -> Result<Axes, String> {
     let Some(camera) = world.cameras.iter().find(|camera| camera.name == name) else {
         let known: Vec<&str> = world.cameras.iter().map(|camera| camera.name.as_str()).collect();

@@ -11,8 +11,8 @@ use genmanip_data::lerobot::begin;
 use genmanip_data::lerobot::origin::Origin;
 use genmanip_data::lerobot::v21::Writer;
 
-/// Converts a LeRobot data set of any program, v3.0 or v2.1, to v2.1 at `out`; depth is omitted, as the format has
-/// none. `on_episode` is called after each episode with the total number of episodes.
+/// Converts a LeRobot data set of any program, v3.0, v2.1 or v2.0, to v2.1 at `out`; depth images are left out.
+/// `on_episode` is called after each episode with the total number of episodes.
 ///
 /// # Errors
 /// As [`super::import`].

@@ -7,10 +7,11 @@ use zune_jpeg::JpegDecoder;
 
 use genmanip_data::DataError;
 
-/// Maximum image side, pixels; the same as for video.
+/// Maximum width and height of an image, pixels: the longer side that a video may have.
 const MAX_SIDE_PX: usize = 3840;
 
-/// Decodes a JPEG or PNG file: width, height and 8-bit RGB, row-major.
+/// Decodes a JPEG or PNG file to width and height in pixels, and 8-bit RGB, row-major; alpha is dropped and 16-bit PNG
+/// reduced to 8 bits.
 ///
 /// # Errors
 /// If the bytes are neither JPEG nor PNG, damaged, or an image above the maximum size.

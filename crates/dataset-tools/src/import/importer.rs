@@ -11,8 +11,9 @@ use super::metadata::ImportedMetadata;
 /// Settings of the import of a data set.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ImportSettings {
-    /// Path of ffmpeg, which decodes video codecs other than H.264; the frames are re-encoded as H.264. Without (the
-    /// default), such videos are an error.
+    /// Path of ffmpeg, which decodes video that cannot be copied (codecs other than H.264, B-frames, or an episode that
+    /// does not begin at a key frame); the frames are re-encoded as H.264. If `None` (the default), such video is an
+    /// error.
     pub ffmpeg: Option<PathBuf>,
     /// Episodes per data and video file. Default 100.
     pub episodes_per_file: usize,
@@ -30,7 +31,7 @@ impl Default for ImportSettings {
 pub(super) trait Importer {
     fn info(&self) -> SourceInfo;
 
-    /// Reads every episode in order and passes it to `take`.
+    /// Reads every episode in order and passes it to `take`; stops at the first error, also of `take`.
     fn each(&mut self, take: OnEpisode) -> Result<(), DataError>;
 
     /// Differences from the source; complete after [`Importer::each`].
@@ -47,8 +48,8 @@ pub(super) struct SourceInfo {
     pub(super) robot: String,
     pub(super) fps: u32,
     pub(super) episodes: usize,
-    /// Action contract, if the data set has one; `None` otherwise.
+    /// Action contract of the data set (`meta/action_contract.json`); `None` if it has none.
     pub(super) contract: Option<ActionContract>,
-    /// Native record of the episodes, if included; `None` otherwise.
+    /// Episodes in this program's own format, if the data set contains them; `None` otherwise.
     pub(super) record: Option<EpisodeStore>,
 }

@@ -1,4 +1,4 @@
-//! Reader of LeRobot data sets, v3.0, v2.1 and v2.0, of any program.
+//! Reader of LeRobot data sets, v3.0, v2.1 and v2.0, written by any program.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -22,10 +22,10 @@ use genmanip_data::{ColorHistogram, DataError, EpisodeStore, depth};
 
 /// Index columns, which the writer regenerates.
 const INDEX_COLUMNS: [&str; 5] = ["timestamp", "frame_index", "episode_index", "index", "task_index"];
-/// Supported numeric types; half precision is widened to `float32`, smaller integers to `int64`.
+/// Supported numeric types; `float16` is widened to `float32`, all integers to `int64`.
 const NUMBERS: [&str; 11] =
     ["float16", "float32", "float64", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "bool"];
-/// Batch size for tables with images, rows. Chosen by hand: bounds memory.
+/// Batch size of reading tables, rows. Chosen by hand to bound memory, since rows may contain images.
 const ROWS_PER_BATCH: usize = 256;
 /// Tolerance of timestamps against `frame_index / fps`, s; ten times that of LeRobot's own readers.
 const TIME_TOLERANCE_S: f64 = 1e-3;
@@ -38,7 +38,7 @@ pub(super) struct Lerobot {
     fps: u32,
     videos: VideoReader,
     notes: BTreeSet<String>,
-    /// Native record of the episodes, if included; `None` otherwise.
+    /// Episodes in this program's own format (`extras/record`), if included; `None` otherwise.
     record: Option<EpisodeStore>,
 }
 
@@ -90,7 +90,10 @@ impl Lerobot {
         Err(DataError::mismatch(self.metadata.root.display().to_string(), expected, got))
     }
 
-    /// Columns of a table to import; notes those that are omitted.
+    /// Columns to import from a table whose columns are `known`; adds notes on those that are left out.
+    ///
+    /// # Errors
+    /// If `info.json` lists a column that the table lacks, other than a video.
     fn wanted(&mut self, path: &Path, known: &[String]) -> Result<Wanted, DataError> {
         let has_steps = !self.metadata.subtasks.is_empty();
         let Wanted { mut numbers, mut depths, mut colors } = Wanted::default();
@@ -222,8 +225,8 @@ impl Lerobot {
         Ok(rows)
     }
 
-    /// The sentence that the rows name by `task_index`, which is what policies are trained on; that of the table of
-    /// episodes if the rows name none.
+    /// Instruction of an episode: the task that its rows refer to by `task_index`, which policies are trained on;
+    /// without such a column, the one in the table of episodes.
     fn sentence(&mut self, listed: &EpisodeEntry, rows: &Rows) -> Result<String, DataError> {
         let column = rows.get("task_index").filter(|column| column.width == 1 && !self.metadata.tasks.is_empty());
         let Some(&first) = column.and_then(|column| column.values.first()) else { return Ok(listed.sentence.clone()) };
@@ -242,7 +245,7 @@ impl Lerobot {
         Ok(sentence.clone())
     }
 
-    /// Step index of each row, within the steps of the episode.
+    /// Index of each row's step (subtask) in [`Lerobot::texts`].
     fn steps(&self, listed: &EpisodeEntry, column: &Column) -> Result<Vec<usize>, DataError> {
         let texts = self.texts(listed);
         let place = |index: &f64| {
@@ -268,7 +271,8 @@ impl Lerobot {
         }
     }
 
-    /// Reads the episodes of one data file.
+    /// Reads the data file `file`, which contains the rows of `episodes` in this order, and passes each episode to
+    /// `take`.
     fn file(&mut self, file: &str, episodes: &[EpisodeEntry], take: OnEpisode) -> Result<(), DataError> {
         let path = self.metadata.root.join(file);
         let table = Table::open(&path)?;
@@ -318,10 +322,11 @@ impl Lerobot {
     }
 }
 
-/// Leaves out the videos of cameras that some episodes lack: every episode of a data set has the same columns.
+/// Leaves out the videos of cameras that some episodes lack, since all episodes of a data set must have the same
+/// columns.
 fn leave_out_partial_cameras(metadata: &mut Metadata, listed: &BTreeSet<String>, notes: &mut BTreeSet<String>) {
     let mut lacking: BTreeMap<String, Vec<i64>> = BTreeMap::new();
-    // In v3.0 the table of episodes names the files, so that a missing one is damage.
+    // In v3.0 several episodes share a video file that the table of episodes names; a missing one is an error.
     let has_own_files = metadata.info.version != Version::V30;
     for episode in &metadata.episodes {
         let is_missing = |span: &&VideoSpan| !span.from_s.is_finite() || has_own_files && !listed.contains(&span.file);
@@ -330,7 +335,7 @@ fn leave_out_partial_cameras(metadata: &mut Metadata, listed: &BTreeSet<String>,
         }
     }
     let all = metadata.episodes.len();
-    // Without any video of a camera, the folder is not whole.
+    // A camera without any video is not left out here; the check of the files reports it as an error.
     lacking.retain(|_, episodes| episodes.len() < all);
     for (key, episodes) in &lacking {
         let first = episodes.first().copied().unwrap_or_default();
@@ -405,7 +410,7 @@ impl Importer for Lerobot {
     }
 }
 
-/// Element names of a column; LeRobot may omit or nest them.
+/// Names of the elements of a column; generated from its key where `info.json` does not name all.
 fn names(feature: &check::Feature, width: usize) -> Vec<String> {
     match width {
         1 => feature.names.iter().take(1).filter(|name| **name != feature.key).cloned().collect(),
@@ -439,7 +444,7 @@ fn append(path: &Path, batch: &RecordBatch, keys: &[String], rows: &mut Rows) ->
     Ok(())
 }
 
-/// Contents of the image files of a column, one per row.
+/// Encoded image files in a column, one per row.
 fn bytes(path: &Path, batch: &RecordBatch, key: &str) -> Result<Vec<Vec<u8>>, DataError> {
     let structs = batch.column_by_name(key).and_then(|column| column.as_struct_opt());
     let files =

@@ -16,7 +16,7 @@ use genmanip_data::table::Columns;
 /// Metadata of an episode of another program; unknown fields are empty.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ImportedMetadata {
-    /// Name in the source, or one derived from the index.
+    /// Name in the source if that is a valid file name, else `episode_` and the index.
     pub(super) store_id: String,
     pub(super) instruction: String,
     pub(super) steps: Vec<String>,
@@ -27,7 +27,8 @@ pub(crate) struct ImportedMetadata {
     pub(super) scenario_id: String,
     /// Ids of the objects in the pose columns, in column order.
     pub(super) objects: Vec<String>,
-    /// SHA-256 of the episode's rows and images, by which a resumed import or a merge recognises the episode.
+    /// SHA-256 of the episode's rows and images, by which a merge of data sets recognises an episode that it already
+    /// has.
     pub(super) source_sha256: String,
 }
 
@@ -78,7 +79,7 @@ pub(super) fn name(own: Option<&str>, index: usize) -> String {
     own.filter(|name| is_file_name(name)).map_or_else(|| format!("episode_{index:06}"), str::to_owned)
 }
 
-/// Hash of an episode's columns and images.
+/// SHA-256 of an episode's numeric columns, video frames (encoded) and depth images (PNG), hexadecimal.
 pub(super) fn hash<F>(rows: &EpisodeRows<F>) -> String {
     let mut hasher = Sha256::new();
     for feature in &rows.features {

@@ -1,8 +1,9 @@
-//! Import of data sets of other programs: LeRobot v3.0, v2.1 and v2.0, the episode folders of the original GenManip, and
-//! HDF5 demonstrations of robomimic and LIBERO.
+//! Import of data sets of other programs: LeRobot v3.0, v2.1 and v2.0, the episode folders of the original GenManip,
+//! and HDF5 demonstrations of robomimic, MimicGen and LIBERO.
 //!
-//! The result is a LeRobotDataset v3.0, with the sibling `<name>-depth` if the source has depth. Numbers, names and
-//! instructions are kept; H.264 video is copied without re-encoding. Nothing in the source is executed.
+//! The result is a LeRobotDataset v3.0, with the sibling `<name>-depth` if the source has depth. Numeric columns, their
+//! names and instructions are kept, though some numeric types are widened or narrowed; H.264 video is copied without
+//! re-encoding. Nothing in the source is executed.
 
 mod convert;
 mod image_file;
@@ -44,7 +45,7 @@ pub struct ImportReport {
 }
 
 /// Imports the data set at `source` to `out` (and `<out>-depth`); `on_episode` is called after each episode with the
-/// number of episodes of the source.
+/// total number of episodes of the source.
 ///
 /// # Errors
 /// If the format of `source` is unknown, it is damaged or holds unsupported contents, or `out` exists; `out` is then

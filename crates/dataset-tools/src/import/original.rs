@@ -4,11 +4,11 @@
 //! EPISODE/meta_info.pkl                            language_instruction, num_steps, episode_name
 //! EPISODE/lmdb/data.mdb
 //!   arm_action, gripper_action, gripper_close      one list each, an entry per frame
-//!   ee_pose_action                                 position and quaternion (w, x, y, z) in the robot's frame
-//!   name                                           `PLACE/STAGE` of the plan that a frame belongs to
+//!   ee_pose_action                                 position (m), quaternion (w, x, y, z) in the robot's base frame
+//!   name                                           name of the plan stage of each frame
 //!   observation/robot/{qpos,qvel,ee_pose_state}
 //!   observation/obj_pose/OBJECT/{position,orientation}
-//!   observation/CAMERA/camera2env_pose             4x4
+//!   observation/CAMERA/camera2env_pose             4x4 matrix, row-major
 //!   observation/CAMERA/color_image/0000            JPEG
 //!   observation/CAMERA/depth_image/0000            16-bit PNG, metres x 10,000
 //! ```
@@ -33,7 +33,7 @@ const META: &str = "meta_info.pkl";
 const META_LIMIT: Limit = Limit { what: "episode metadata", bytes: 64 << 20 };
 /// Maximum folder depth searched for episodes: TASK/DATE/EPISODE.
 const MAX_DEPTH: usize = 3;
-/// Frames per second of the original's recordings.
+/// Frame rate of the original's recordings, which do not state it, Hz.
 const FPS: u32 = 30;
 /// Object slots per row, as in the column `sim.object_pose` of this program's exports.
 const OBJECTS: usize = 16;
@@ -60,7 +60,7 @@ pub(super) struct Original {
     notes: BTreeSet<String>,
 }
 
-/// True if the folder is such an episode or contains one.
+/// True if `root` is an episode folder or contains one, at most [`MAX_DEPTH`] levels below.
 pub(super) fn is_there(root: &Path) -> Result<bool, DataError> {
     Ok(!folders(root)?.is_empty())
 }
@@ -170,7 +170,7 @@ fn damaged(path: &Path, why: &str) -> DataError {
 /// Maximum frames of an episode: more than an hour at 30 Hz.
 const MAX_FRAMES: usize = 1 << 17;
 
-/// Numbers of each frame, and true if they are single precision.
+/// Numbers of each frame, and false if double precision is needed for them (see [`Value::numbers`]).
 type Frames = Vec<(Vec<f64>, bool)>;
 
 /// Recorded frames of an episode.
@@ -195,7 +195,7 @@ impl Record<'_> {
         self.damaged(key, &format!("expected an image like the others, got {error}"))
     }
 
-    /// Numbers of a list with one entry per frame.
+    /// Numbers of a list with one entry per frame; `None` if the key does not exist.
     fn numbers(&self, key: &str) -> Result<Option<Frames>, DataError> {
         let Some(pickle) = self.pickle(key)? else { return Ok(None) };
         let entries = pickle.root().entries().unwrap_or_default();
@@ -256,13 +256,14 @@ impl Record<'_> {
         Ok(Feature { key: key.into(), names, values })
     }
 
-    /// Ids of the objects, sorted.
+    /// Names of the objects that have poses, sorted.
     fn objects(&self) -> BTreeSet<String> {
         let of = |key: &str| Some(key.strip_prefix("observation/obj_pose/")?.strip_suffix("/position")?.to_owned());
         self.lmdb.keys().filter_map(of).collect()
     }
 
-    /// Poses of the objects in the order of their ids; zeros in empty slots.
+    /// Column `sim.object_pose`: position (m) and quaternion (w, x, y, z) of each object, in the order of
+    /// [`Record::objects`]; zeros in unused slots.
     fn object_poses(&self) -> Result<Feature, DataError> {
         let objects = self.objects();
         if objects.len() > OBJECTS {
@@ -287,7 +288,7 @@ impl Record<'_> {
         Ok(Feature { key: "sim.object_pose".into(), names, values: Values::F64(values) })
     }
 
-    /// Plan stage of each frame, and the names of the stages.
+    /// Index of the plan stage of each frame, and the names of the stages; both empty if not every frame has a name.
     fn steps(&self) -> Result<(Vec<usize>, Vec<String>), DataError> {
         let Some(pickle) = self.pickle("name")? else { return Ok(Default::default()) };
         let entries = pickle.root().entries().unwrap_or_default();
@@ -311,7 +312,8 @@ impl Record<'_> {
         self.lmdb.keys().filter_map(of).collect()
     }
 
-    /// Image files of a camera with their keys, in the order of the frames; empty without images.
+    /// Keys and encoded image files of a camera (`kind` is `color_image` or `depth_image`), in the order of the frames;
+    /// empty if the first frame has none.
     fn image_files(
         &self,
         camera: &str,

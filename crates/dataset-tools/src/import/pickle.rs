@@ -1,8 +1,8 @@
-//! Restricted unpickler: plain values and NumPy arrays, read without executing anything.
+//! Restricted unpickler: reads plain values and NumPy arrays without executing anything.
 //!
 //! A pickle is a program for a stack machine that can call any Python function. This unpickler supports the opcodes
-//! that build values, and replaces the few NumPy functions it knows by name with its own code. Everything else is
-//! rejected.
+//! that build values, and replaces a few functions of NumPy and Python's standard library with its own code. Everything
+//! else is rejected.
 //!
 //! Values are stored in one arena and refer to each other by index. Shared values are stored once, so that memory is
 //! bounded by the size of the pickle, and cycles are harmless.
@@ -45,7 +45,7 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// Elements of a list or tuple.
+    /// Elements of a list or tuple; `None` for other types.
     pub(super) fn entries(self) -> Option<Vec<Value<'a>>> {
         match self.node() {
             Node::List(places) | Node::Tuple(places) => Some(places.iter().map(|place| self.at(*place)).collect()),
@@ -53,7 +53,7 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// Value of a string key in a dictionary.
+    /// Value of a string key in a dictionary; `None` if it is missing or this is no dictionary.
     pub(super) fn get(self, key: &str) -> Option<Value<'a>> {
         let Node::Dict(entries) = self.node() else { return None };
         // A later entry with the same key replaces an earlier one.
@@ -69,7 +69,7 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// Contents of a byte string or byte array, such as an image file.
+    /// Contents of a byte string or `uint8` array, such as an image file; `None` for other types.
     pub(super) fn bytes(self) -> Option<&'a [u8]> {
         match self.node() {
             Node::Bytes(bytes) => Some(bytes),
@@ -78,8 +78,8 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// All numbers of a scalar, array or nested list, flattened; the flag is false if a Python float or an array of
-    /// another type than float32 is among them.
+    /// All numbers of a scalar, array or nested list, flattened; `None` if there are other values or too many numbers.
+    /// The flag is false if a Python float or an array of another type than float32 is among them.
     pub(super) fn numbers(self) -> Option<(Vec<f64>, bool)> {
         let (mut numbers, mut is_single, mut visited) = (Vec::new(), true, 0);
         self.gather(&mut visited, 0, &mut numbers, &mut is_single)?;
@@ -87,8 +87,8 @@ impl<'a> Value<'a> {
     }
 
     fn gather(self, visited: &mut usize, depth: usize, into: &mut Vec<f64>, is_single: &mut bool) -> Option<()> {
-        /// Maximum count of numbers per value (a pose has 16); half the maximum count of visited nodes, which bounds the
-        /// expansion of lists that share elements.
+        /// Maximum count of numbers per value (a pose has 16); half the maximum count of visited nodes, which bounds
+        /// the expansion of lists that share elements.
         const MOST: usize = 256;
         *visited += 1;
         if *visited > 2 * MOST {
@@ -134,7 +134,8 @@ impl Pickle {
     /// Parses a pickle of protocols 0 to 5.
     ///
     /// # Errors
-    /// Text with the expected and actual contents, and the byte offset.
+    /// If the pickle is damaged, too large, or calls a function that is not supported; the text has the expected and
+    /// actual contents, and the byte offset.
     pub(super) fn read(bytes: &[u8]) -> Result<Self, String> {
         let mut unpickler = Unpickler::new(bytes);
         let root = unpickler.run().map_err(|why| format!("{why}, byte {}", unpickler.at))?;

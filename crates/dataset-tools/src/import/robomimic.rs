@@ -1,4 +1,4 @@
-//! Reader of HDF5 demonstrations as robomimic, MimicGen and LIBERO write them: one file, or a folder of files.
+//! Reader of HDF5 demonstrations in the layout of robomimic, MimicGen and LIBERO: one file, or a folder of files.
 //!
 //! ```text
 //! data                      attributes env_args (JSON), LIBERO also problem_info (JSON)
@@ -24,18 +24,18 @@ use genmanip_data::{ColorHistogram, DataError, files};
 
 /// First bytes of an HDF5 file.
 const MAGIC: &[u8] = b"\x89HDF\r\n\x1a\n";
-/// Control rate of robosuite's environments without a stated one, Hz.
+/// Control rate of files that state no `control_freq`: robosuite's default, Hz.
 const FPS: u32 = 20;
 /// Maximum number of frames of an episode, and of numbers per row.
 const MAX_FRAMES: u64 = 1_000_000;
 const MAX_WIDTH: u64 = 4096;
-/// Maximum size of one reading, bytes.
+/// Maximum size of a data set or chunk that is read at once, bytes.
 const MAX_BYTES: usize = 256 << 20;
-/// Images that are read at once.
+/// Number of images that are read at once, which bounds memory.
 const IMAGES_AT_ONCE: u64 = 32;
-/// Columns beside the observations.
+/// Data sets of a demonstration that are imported besides its observations.
 const USED: [&str; 3] = ["actions", "rewards", "dones"];
-/// Observations that make up `observation.state`, the first list whose members are all there.
+/// Observations that are concatenated to `observation.state`: the first list whose members all exist.
 const STATES: [&[&str]; 4] = [
     &["ee_pos", "ee_ori", "gripper_states"],
     &["robot0_eef_pos", "robot0_eef_quat", "robot0_gripper_qpos"],
@@ -43,16 +43,16 @@ const STATES: [&[&str]; 4] = [
     &["joint_states", "gripper_states"],
 ];
 
-/// A set of HDF5 files.
+/// HDF5 demonstrations, open for import.
 pub(super) struct Robomimic {
-    /// Files with the names of their demonstrations.
+    /// File and group name (`demo_…`) of each demonstration, in order.
     demonstrations: Vec<(PathBuf, String)>,
     fps: u32,
     robot: String,
     notes: BTreeSet<String>,
 }
 
-/// True if the file, or a file of the folder, is HDF5.
+/// True if `source` is an HDF5 file (by its content or extension), or a folder with files that have such an extension.
 pub(super) fn is_there(source: &Path) -> Result<bool, DataError> {
     Ok(!hdf5_files(source)?.is_empty())
 }
@@ -90,7 +90,7 @@ impl Robomimic {
             robots.extend(robot.as_str().or_else(|| robot[0].as_str()).map(str::to_lowercase));
             let (groups, _) = data.member_names().map_err(|error| damaged(&path, &error))?;
             let mut names: Vec<String> = groups.into_iter().filter(|name| name.starts_with("demo")).collect();
-            // demo_10 comes after demo_9.
+            // Numeric order: demo_10 comes after demo_9.
             names.sort_by_key(|name| {
                 (name.trim_start_matches(|c: char| !c.is_ascii_digit()).parse::<u64>().ok(), name.clone())
             });
@@ -204,7 +204,7 @@ impl Robomimic {
         Ok(rows)
     }
 
-    /// The sentence of LIBERO's problem, or what the name of the environment says.
+    /// Instruction: `language_instruction` of LIBERO's `problem_info`, or else the words of the environment's name.
     fn sentence(&mut self, data: &Group, stem: &str) -> String {
         let said = text(data, "problem_info").and_then(|text| serde_json::from_str::<Value>(&text).ok());
         let sentence = said.as_ref().map(|about| &about["language_instruction"]);
@@ -266,7 +266,10 @@ struct Columns<'a> {
 }
 
 impl Columns<'_> {
-    /// A numeric column; `None`, with a note, for anything else.
+    /// Reads a numeric data set as a column with this key; `None`, with a note, for another type or too wide rows.
+    ///
+    /// # Errors
+    /// If the number of rows differs from that of the actions, or a number is not finite.
     fn numbers(&mut self, key: &str, dataset: &Dataset) -> Result<Option<Feature>, DataError> {
         let what = format!("{}/{}", self.place, dataset.name());
         let shape = dataset.shape();
@@ -290,7 +293,7 @@ impl Columns<'_> {
         let names = if width == 1 { Vec::new() } else { (0..width).map(|entry| format!("{key}_{entry}")).collect() };
         let values = match kind {
             Kind::Integer { .. } => Values::I64(values.iter().map(|value| *value as i64).collect()),
-            // Single precision is what networks and LeRobot's own columns have.
+            // Single precision, as in LeRobot's own columns and in policies.
             Kind::Float(size) => {
                 if size == 8 {
                     self.notes.insert("numbers of double precision are stored in single precision".into());
@@ -301,7 +304,7 @@ impl Columns<'_> {
         Ok(Some(Feature { key: key.to_owned(), names, values }))
     }
 
-    /// A column of images as video; `None` for anything else.
+    /// Reads a data set of 8-bit RGB images as H.264 video; `None` for any other data set.
     fn images(&mut self, key: &str, dataset: &Dataset) -> Result<Option<VideoFeature>, DataError> {
         let &[frames, height, width, 3] = dataset.shape() else { return Ok(None) };
         if !matches!(dataset.dtype(), Datatype::FixedPoint { size: 1, signed: false, .. }) {
@@ -333,7 +336,7 @@ impl Columns<'_> {
     }
 }
 
-/// `observation.state`, of the usual parts.
+/// Column `observation.state`, concatenated from the observations in [`STATES`]; `None` if no list of them is complete.
 fn state(parts: &[Feature], frames: usize) -> Option<Feature> {
     let part = |name: &&str| parts.iter().find(|part| part.key == format!("observation.{name}"));
     let used: Vec<&Feature> = STATES.iter().find_map(|names| names.iter().map(part).collect::<Option<Vec<_>>>())?;
@@ -347,7 +350,7 @@ fn state(parts: &[Feature], frames: usize) -> Option<Feature> {
     Some(Feature { key: "observation.state".into(), names: names.collect(), values: Values::F32(values) })
 }
 
-/// Type of the numbers of a column.
+/// Type of the numbers of a data set; sizes are in bytes.
 #[derive(Clone, Copy)]
 enum Kind {
     Integer { size: u8, signed: bool },
@@ -361,7 +364,7 @@ impl Kind {
                 Some(Self::Integer { size: *size, signed: *signed })
             }
             Datatype::FloatingPoint { size: size @ (2 | 4 | 8), .. } => Some(Self::Float(*size)),
-            // As h5py writes truth values.
+            // h5py stores Booleans as an enumeration.
             Datatype::Enum { base, .. } => Self::of(base),
             _ => None,
         }
@@ -390,7 +393,7 @@ impl Kind {
     }
 }
 
-/// A number of half precision, IEEE 754.
+/// Value of an IEEE 754 half-precision number.
 fn half(bits: u16) -> f64 {
     let sign = if bits >> 15 == 1 { -1.0 } else { 1.0 };
     let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
@@ -402,7 +405,7 @@ fn half(bits: u16) -> f64 {
     }
 }
 
-/// A type without its details.
+/// Name of a type for notes, without details.
 fn short(kind: &Datatype) -> &'static str {
     match kind {
         Datatype::FixedPoint { .. } => "integers",

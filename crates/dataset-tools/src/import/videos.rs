@@ -1,4 +1,4 @@
-//! Image streams of a LeRobot data set: H.264 is copied, other codecs are decoded by ffmpeg.
+//! Videos of a LeRobot data set: H.264 is copied, other video is decoded by ffmpeg and re-encoded.
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -26,7 +26,7 @@ pub(super) struct FrameRequest<'a> {
     pub(super) count: usize,
 }
 
-/// Open video files and running decoders, one per feature.
+/// Open video files and running decoders, at most one of each per feature key.
 #[derive(Default)]
 pub(super) struct VideoReader {
     ffmpeg: Option<PathBuf>,
@@ -62,7 +62,11 @@ impl VideoReader {
         source.is_some_and(|source| !has_size(source, wanted.size) || !has_rate(source, wanted.fps))
     }
 
-    /// Copies H.264 frames without re-encoding.
+    /// Copies H.264 frames without re-encoding; also decodes them for the colour histogram.
+    ///
+    /// # Errors
+    /// If the file cannot be opened as H.264, has B-frames, another size or rate, too few frames, or no key frame at
+    /// the first one.
     fn copy(&mut self, wanted: &FrameRequest) -> Result<(EncodedVideo, ColorHistogram), DataError> {
         let FrameRequest { key, path, size: [height, width], fps, from, count } = wanted;
         if self.copied.get(*key).is_none_or(|(known, _)| known != path) {
@@ -156,7 +160,7 @@ struct FfmpegDecoder {
     stdout: ChildStdout,
     /// Reads stderr: keeps the beginning and drains the rest, so that ffmpeg does not block.
     log: Option<JoinHandle<Vec<u8>>>,
-    /// Index of the next frame.
+    /// Index in the file of the next frame that is decoded.
     next: usize,
 }
 
@@ -219,7 +223,8 @@ impl FfmpegDecoder {
     }
 }
 
-/// Width and height from the header of a PPM image, `P6 WIDTH HEIGHT 255`; `None` at the end of the stream.
+/// Width and height from the header of a PPM image, `P6 WIDTH HEIGHT 255`; `None` at the end of the stream or for
+/// another header.
 fn ppm_size(stream: &mut impl Read) -> Option<[usize; 2]> {
     /// Maximum header size, bytes: two numbers of five digits, and some white space.
     const MAX_HEADER_BYTES: usize = 40;

@@ -34,8 +34,8 @@ impl<B: NetworkBackend> Layers<'_, B> {
         x.layer_norm(self.get(&format!("{name}.gain")), self.get(&format!("{name}.bias")))
     }
 
-    /// Pre-norm multi-head attention with a residual connection, to a memory or (without) to the tokens themselves; `x`
-    /// is batch × tokens × width.
+    /// Pre-norm multi-head attention with a residual connection: cross-attention to `memory`, or self-attention without
+    /// it. Both `x` and `memory` are batch × tokens × width.
     pub fn attend(&self, x: Tensor<B>, memory: Option<&Tensor<B>>, name: &str) -> Tensor<B> {
         let normed = self.norm(x.clone(), &format!("{name}.norm"));
         let source = memory.unwrap_or(&normed).clone();

@@ -7,7 +7,7 @@ use crate::scene::mesh::Mesh;
 /// Horizontal top of a support surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SupportTop {
-    /// Index of the slab's part.
+    /// Index of the slab in `RenderAssets::parts`.
     pub part: usize,
     /// World z (m).
     pub height: f32,

@@ -7,7 +7,7 @@ use crate::simd::BatchColumn;
 pub(super) struct ShadingTerms {
     pub normal: [BatchColumn; 3],
     pub(super) viewer: [BatchColumn; 3],
-    /// Cosine between normal and direction to the viewer.
+    /// Cosine between normal and direction to the viewer, clamped to 0.001-1.
     pub facing: BatchColumn,
     /// Ambient light for diffuse and for specular reflection (linear RGB).
     pub(super) around: [BatchColumn; 3],
@@ -29,7 +29,7 @@ pub(super) struct ShadingTerms {
     pub color: [BatchColumn; 3],
 }
 
-/// Mirror direction of the direction to the viewer; `twice` is twice its cosine to the normal.
+/// Direction to the viewer reflected about the normal (both unit vectors); `twice` is twice their dot product.
 #[inline(always)]
 pub(super) fn mirrored(normal: [f32; 3], viewer: [f32; 3], twice: f32) -> [f32; 3] {
     let along = |axis: usize| normal[axis].mul_add(twice, -viewer[axis]);

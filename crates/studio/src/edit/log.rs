@@ -32,7 +32,7 @@ pub struct Header {
 /// The scenario that a copy was made from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Parent {
-    /// Path of its file.
+    /// Path of its file, as given when the copy was made.
     pub path: String,
     /// SHA-256 of that file.
     pub sha256: String,
@@ -80,7 +80,7 @@ pub struct Stamp {
     pub client_operation_id: String,
     /// Name of the author.
     pub author: String,
-    /// Time as an RFC 3339 text, given by the caller; this crate reads no clock.
+    /// Time as an RFC 3339 text, given by the caller.
     pub at: String,
 }
 
@@ -168,7 +168,7 @@ impl EditLog {
     /// Appends a line and syncs it to the disk; if that fails, the log is restored.
     ///
     /// # Errors
-    /// [`EditError::File`]; [`EditError::Stopped`] if the log could not be restored.
+    /// [`EditError::File`]; [`EditError::Stopped`] if the log is not open or could not be restored.
     pub fn append(&mut self, line: &impl Serialize) -> Result<(), EditError> {
         Ok(self.0.append(line)?)
     }
@@ -176,7 +176,7 @@ impl EditLog {
     /// Truncates the log to its first `length` bytes.
     ///
     /// # Errors
-    /// [`EditError::Stopped`].
+    /// [`EditError::Stopped`] if the log is not open or cannot be truncated.
     pub fn cut(&mut self, length: u64) -> Result<(), EditError> {
         Ok(self.0.cut(length)?)
     }
@@ -191,7 +191,7 @@ impl Header {
     /// The scenario at revision 0.
     ///
     /// # Errors
-    /// The error of the document, as text.
+    /// If it is not a valid scenario; the message names the place.
     pub fn scenario(&self) -> Result<Scenario, String> {
         Scenario::from_value(self.scenario.clone()).map_err(|error| error.to_string())
     }

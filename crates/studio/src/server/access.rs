@@ -1,4 +1,4 @@
-//! Access control: refusal of requests from other sites, and the token that a server on a public address requires.
+//! Access control: the token that a server on a public address requires.
 
 use axum::http::header::{AUTHORIZATION, COOKIE};
 use axum::http::{HeaderMap, Uri};
@@ -6,10 +6,10 @@ use genmanip_core::hexadecimal;
 use sha2::{Digest, Sha256};
 use std::io::Read;
 
-/// Name of the cookie with the token; with it, a browser requests files of the page without a token in the URL.
+/// Name of the cookie with the token, by which a browser can request the page's files without a token in their URLs.
 const COOKIE_NAME: &str = "genmanip_studio";
 
-/// Secret that every request must contain: in the `Authorization` header, a cookie, or the URL.
+/// Secret that every request must contain: in the `Authorization` header (`Bearer …`), a cookie, or the URL.
 #[derive(Clone, Debug)]
 pub struct Token {
     text: String,
@@ -48,7 +48,7 @@ impl Token {
             || cookies.any(|(name, given)| name == COOKIE_NAME && self.is(given))
     }
 
-    /// True if the URL contains the token, as `token=…`.
+    /// True if the URL's query contains the token, as `token=…`.
     pub fn is_in_address(&self, uri: &Uri) -> bool {
         let mut pairs = uri.query().unwrap_or_default().split('&').filter_map(|pair| pair.split_once('='));
         pairs.any(|(name, given)| name == "token" && self.is(given))

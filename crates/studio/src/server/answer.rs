@@ -8,27 +8,28 @@ use serde_json::{Value, json};
 
 use crate::edit::EditError;
 
-/// Reason why a request is refused.
+/// Reason why a request is refused; each has its own HTTP status.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Refusal {
-    /// Another author changed the same field.
+    /// Another author changed the same field, or what the request refers to, in the meantime (status 409).
     Conflict {
-        /// The [`crate::edit::EditError::Conflict`] as JSON: field, values and revision.
+        /// The conflict as JSON; of an edit, field, values and revision ([`crate::edit::EditError::Conflict`]).
         conflict: Value,
     },
-    /// The request does not fit the scenario, or refers to something that does not exist in it.
+    /// The request is invalid, does not fit the scenario, or could not be computed (status 422).
     Unsuited {
         /// Description of the reason.
         message: String,
         /// Suggested fix.
         hint: String,
     },
-    /// No scenario, episode or file of this name.
+    /// No scenario, episode or file of this name (status 404).
     Unknown {
         /// Description of the missing item.
         message: String,
     },
-    /// Editing of the scenario has stopped; the same request may succeed later.
+    /// Editing of the scenario or writing to a log has stopped, or a computation panicked (status 503); the same
+    /// request may succeed later.
     Stopped {
         /// Description of the reason.
         message: String,
@@ -43,7 +44,7 @@ impl Refusal {
         Self::Unsuited { message: message.into(), hint: hint.into() }
     }
 
-    /// Refusal because of an error of a computation, with its causes and its hint.
+    /// A [`Refusal::Unsuited`] with the message, causes and hint of an error.
     pub fn of_work(error: &WorkspaceError) -> Self {
         Self::unsuited(with_causes(error), error.hint().unwrap_or_default())
     }

@@ -1,4 +1,5 @@
-//! HTTP API of all operations; the page uses the same ones.
+//! HTTP API for scenarios: reading, editing, verdicts, repairs, settling and camera images; and for the catalogue and
+//! meshes.
 
 use std::sync::Arc;
 
@@ -23,12 +24,12 @@ use crate::edit::{Command, Placement, Stamp};
 use crate::scene::settling::settle;
 use crate::verdict::{Inspection, ProblemCode, Stage};
 
-/// Maximum number of search results by default.
+/// Default of the maximum number of search results.
 const FOUND: usize = 40;
 /// Displacement below which an object that was not dropped itself keeps its pose, m.
 const NUDGE_M: f64 = 0.002;
 
-/// Routes of all operations.
+/// Routes of this module; unknown paths below `/api` are answered with status 404.
 pub fn routes() -> Router<Arc<Studio>> {
     Router::new()
         .route("/api/session", get(session))
@@ -96,7 +97,7 @@ async fn redo(State(studio): Shared, Path(key): Path<String>, request: HttpReque
     change(&studio, key, request, Request::Redo).await
 }
 
-/// Revision to revert.
+/// Revision whose command is to be reverted, with author, time and id of the request.
 #[derive(Deserialize)]
 struct Reverted {
     revision: u64,
@@ -141,7 +142,7 @@ async fn history(State(studio): Shared, Path(key): Path<String>) -> Response {
     .await
 }
 
-/// Two revisions to compare.
+/// Two revisions to compare; `to` is the newest if `None`.
 #[derive(Deserialize)]
 struct Between {
     from: u64,
@@ -158,7 +159,8 @@ async fn difference(State(studio): Shared, Path(key): Path<String>, Query(betwee
     .await
 }
 
-/// Name for the newest revision. The operation id may be omitted: a second snapshot of the same name is harmless.
+/// Name for the newest revision. Without an operation id, one is made of name and time, so that a repeated request has
+/// no further effect.
 #[derive(Deserialize)]
 struct Named {
     name: String,
@@ -197,7 +199,7 @@ async fn verdict(State(studio): Shared, Path(key): Path<String>) -> Response {
     .await
 }
 
-/// Problem for which repairs are requested.
+/// Problem for which repairs are requested; without `other`, it matches a problem with any other object.
 #[derive(Deserialize)]
 struct Asked {
     stage: Stage,
@@ -230,7 +232,7 @@ async fn repairs(State(studio): Shared, Path(key): Path<String>, request: HttpRe
     .await
 }
 
-/// Objects to drop, each from its present or from another pose.
+/// Objects to drop in simulation, each from its present or from another pose; an empty list drops all objects.
 #[derive(Deserialize)]
 struct Dropped {
     #[serde(default)]
@@ -267,7 +269,7 @@ async fn drop_objects(State(studio): Shared, Path(key): Path<String>, request: H
             if let Some((pose, joint_positions)) = pose {
                 let object = &mut scenario.objects[index];
                 object.pose = pose;
-                // Joint positions of another number belong to another object.
+                // Joint positions are ignored if their number does not fit the object.
                 let fits = |joints: &Vec<f64>| joints.len() == object.joint_positions.len();
                 if let Some(joints) = joint_positions.filter(fits) {
                     object.joint_positions = joints;

@@ -25,15 +25,15 @@ const MAX_THUMBNAILS: usize = 4096;
 pub struct Found {
     /// Uid in the catalogue.
     pub uid: String,
-    /// Name of the object for people.
+    /// Short name of the object, e.g. `Red Mug`.
     pub name: String,
     /// Description in one sentence.
     pub description: String,
-    /// Category of the object.
+    /// Category of the object, e.g. `mug`.
     pub category: String,
-    /// Extents along the object's axes, m.
+    /// Size along the axes of the object's frame in its canonical pose, m.
     pub size_m: [f64; 3],
-    /// True if the gripper can grasp the object.
+    /// True if an 8 cm gripper can grasp the whole object.
     pub graspable: bool,
     /// True if the object has joints.
     pub articulated: bool,
@@ -49,7 +49,8 @@ pub struct CatalogueSearch {
 }
 
 impl CatalogueSearch {
-    /// Objects that match a query, best first, at most `limit`; all objects for an empty query.
+    /// Objects that match a query, best first; an empty query matches all. At most `limit` and [`MAX_FOUND`] are
+    /// returned, and a query is cut to [`MAX_QUERY`] bytes. `graspable` keeps objects with this value only.
     pub fn find(&self, query: &str, graspable: Option<bool>, limit: usize) -> Vec<Found> {
         let index = self.index.get_or_init(|| Catalogue::all().index());
         let filter = Filter { graspable, ..Filter::default() };

@@ -60,7 +60,7 @@ async fn sentence(State(studio): Shared, request: HttpRequest) -> Response {
     .await
 }
 
-/// Makes a scenario from a sentence.
+/// Creates a scenario from a sentence and returns its key.
 pub async fn create(State(studio): Shared, request: HttpRequest) -> Response {
     let Said { text, choices } = match body(request).await {
         Ok(said) => said,

@@ -1,4 +1,4 @@
-//! HTTP server of the studio: the page, the API, and one WebSocket per tab.
+//! HTTP server of the studio: the web page, the API, and one WebSocket per browser tab.
 
 mod access;
 mod answer;
@@ -34,7 +34,7 @@ pub use settings::StudioSettings;
 use crate::collections::Collection;
 use studio::Studio;
 
-/// Starts the server on its own threads; it stops when the result is dropped.
+/// Starts the server for a collection of scenarios on its own threads; it stops when the result is dropped.
 ///
 /// # Errors
 /// When the address is unavailable.
@@ -60,7 +60,8 @@ fn router(studio: Arc<Studio>, listens_on_loopback: bool) -> Router {
         .with_state(studio)
 }
 
-/// Refuses requests of other sites, and requests without the token.
+/// Middleware: refuses requests from other sites and requests without the token, and sets security and cache headers of
+/// the response.
 async fn guard(studio: &Studio, listens_on_loopback: bool, request: Request, next: Next) -> Response {
     let refused = |status: StatusCode, message: &str, hint: &str| {
         (status, Json(json!({ "error": { "message": message, "hint": hint } }))).into_response()

@@ -14,7 +14,8 @@ use super::answer::not_found;
 #[allow_missing = true]
 struct Files;
 
-/// Content security policy: the page may load from this server alone.
+/// Content security policy: scripts and data come from this server alone. The page itself makes `blob:` and `data:`
+/// URLs and inline styles; WebSockets are not restricted to this server.
 const POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; connect-src 'self' ws: wss: blob:; \
                       style-src 'self' 'unsafe-inline'; worker-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'";
 

@@ -13,13 +13,16 @@ use super::studio::Studio;
 
 /// Maximum size of a request's body, bytes: many times the largest command.
 pub const MAX_BODY: usize = 1 << 20;
-/// Maximum size up to which the body of a refused request is still read, bytes. If the connection were closed earlier,
-/// it would be reset and the client would not receive the answer.
+/// Size up to which a body above [`MAX_BODY`] is still received, bytes. If the connection were closed earlier, it would
+/// be reset and the client would not receive the response.
 const MAX_READ: usize = 4 * MAX_BODY;
 /// Timeout for receiving a body.
 const RECEIVE: Duration = Duration::from_secs(30);
 
-/// Receives a JSON body.
+/// Receives a request's body and parses it as JSON.
+///
+/// # Errors
+/// [`Refusal::Unsuited`] if it is too large, does not arrive within 30 s, or is not JSON of this type.
 pub async fn body<T: DeserializeOwned>(request: Request) -> Result<T, Refusal> {
     let received = tokio::time::timeout(RECEIVE, to_bytes(request.into_body(), MAX_READ)).await;
     let too_large =

@@ -10,7 +10,7 @@ use super::room::Room;
 use crate::collections::Listed;
 use crate::review::{ReviewDesk, ReviewError, Reviewable, read_item};
 
-/// Review desk with the revisions that it holds; read on first use.
+/// Review desk and the revision of each edited scenario that it holds, by key; read on first use.
 #[derive(Debug, Default)]
 pub struct Reviews {
     desk: Mutex<Option<(ReviewDesk, BTreeMap<String, u64>)>>,
@@ -59,7 +59,7 @@ impl Reviews {
     }
 }
 
-/// Refusal for the error of a review.
+/// HTTP refusal for an error of the review desk.
 pub fn refused(error: ReviewError) -> Refusal {
     match error {
         ReviewError::Invalid(message) => Refusal::unsuited(message, ""),

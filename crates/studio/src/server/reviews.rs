@@ -34,7 +34,7 @@ pub fn routes() -> Router<Arc<Studio>> {
 
 type Shared = State<Arc<Studio>>;
 
-/// Reviewer whose view is requested.
+/// Reviewer whose view is requested; the studio's author if `None`.
 #[derive(Deserialize)]
 struct AsReviewer {
     reviewer: Option<String>,
@@ -87,7 +87,7 @@ async fn add(State(studio): Shared, Path(key): Path<String>, request: HttpReques
 /// Hint for an invalid review.
 const HINT: &str = "docs/formats/reviews.md lists the fields of a review";
 
-/// Time of a request, given by its caller.
+/// Time of a request (RFC 3339), given by the client, and the reviewer; the studio's author if `None`.
 #[derive(Deserialize)]
 struct Timed {
     at: String,
@@ -131,7 +131,8 @@ async fn balance(State(studio): Shared) -> Response {
     work(&studio, |studio| studio.at_desk(|desk| Ok(Json(desk.dashboard(&Targets::new())).into_response()))).await
 }
 
-/// Name and size of the suite to write.
+/// Name of the suite to write (the name of its folder), number of scenarios per task kind, and targets of its
+/// composition.
 #[derive(Deserialize)]
 struct Wanted {
     name: String,

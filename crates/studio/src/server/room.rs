@@ -1,4 +1,4 @@
-//! Room of an open scenario: its document, the tabs that show it, and its verdict.
+//! Room of an open scenario: its document, the browser tabs that show it, and its verdict.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -14,16 +14,17 @@ use super::answer::Refusal;
 use crate::edit::{Applied, Command, EditError, EditedScenario, Stamp};
 use crate::verdict::{Problem, Stage};
 
-/// Number of messages a slow tab may lag behind; beyond it, the tab gets the whole scene anew.
+/// Number of messages that a slow tab may lag behind; after more, it gets the whole scene again.
 const BEHIND: usize = 256;
 
 /// An open scenario with the tabs that show it.
 pub struct Room {
     /// Key of the scenario in URLs.
     pub key: String,
-    /// Collection that the scenario belongs to.
+    /// Name of the collection that the scenario belongs to; `studio` for copies and new scenarios.
     pub source: String,
-    /// Folder for the copy if the scenario is read-only; `None` if it is edited in place.
+    /// Folder for the copy, relative to the studio's folder, if the scenario is read-only; `None` if it is edited in
+    /// place.
     pub copies: Option<PathBuf>,
     /// Key of the scenario that this one was copied from; `None` for an original.
     pub parent: Option<String>,
@@ -34,9 +35,9 @@ pub struct Room {
     pub wanted: watch::Sender<Option<Revision>>,
     /// Judged stages of the newest revision, in order.
     verdict: Mutex<Vec<StageVerdict>>,
-    /// True once a task judges the newest revisions of this room.
+    /// True once a task has been started that judges the newest revisions of this room.
     is_judged: AtomicBool,
-    /// Author of each tab, by number of the tab.
+    /// Author of each open tab, by the tab's number.
     tabs: Mutex<BTreeMap<u64, String>>,
 }
 
@@ -49,7 +50,7 @@ pub struct Revision {
     pub scenario: Arc<Scenario>,
 }
 
-/// Findings of one stage.
+/// Verdict of one stage on a revision.
 #[derive(Clone, Debug)]
 pub struct StageVerdict {
     /// Revision that was judged.
@@ -58,7 +59,7 @@ pub struct StageVerdict {
     pub stage: Stage,
     /// Problems that the stage found.
     pub problems: Vec<Problem>,
-    /// True for the last stage.
+    /// True for the last of the requested stages.
     pub done: bool,
 }
 
@@ -78,11 +79,11 @@ pub enum Event {
     },
     /// A stage of the verdict was judged.
     Verdict(Arc<Value>),
-    /// Authors of all tabs, after one came or left.
+    /// Authors of all tabs, sorted, after a tab was opened or closed or its author renamed.
     Presence(Vec<String>),
     /// Editing has stopped, for this reason.
     Stopped(String),
-    /// An episode of a policy makes progress or has ended.
+    /// Progress or end of an episode of a policy.
     Run(Arc<Value>),
 }
 
@@ -95,7 +96,7 @@ pub struct Steps(BTreeMap<String, (bool, bool)>);
 pub enum Request {
     /// A new command.
     Command(Box<Command>),
-    /// Undoes the author's last command.
+    /// Undoes the author's last command that is in force.
     Undo(Stamp),
     /// Redoes the author's last undone command.
     Redo(Stamp),
@@ -104,7 +105,7 @@ pub enum Request {
 }
 
 impl Request {
-    /// Author, time and id.
+    /// Author, time and id of the request.
     pub fn stamp(&self) -> &Stamp {
         match self {
             Self::Command(command) => &command.stamp,
@@ -120,7 +121,7 @@ struct Document {
 }
 
 impl Room {
-    /// A room for a document, without tabs.
+    /// A room without tabs; `own` is the scenario's document, the other arguments are the fields of the same names.
     pub fn new(
         key: String,
         source: String,
@@ -163,10 +164,12 @@ impl Room {
         read(&self.lock().edited)
     }
 
-    /// Applies a change and sends the new state to all tabs; `describe` gives the state of a revision.
+    /// Applies a change, sends the new state to all tabs and requests a verdict; `describe` returns the state of a
+    /// revision as JSON. A request with a known operation id changes nothing and returns the present state.
     ///
     /// # Errors
-    /// [`Refusal`]; if editing stops because of it, the tabs are informed as well.
+    /// When the change conflicts with another, is invalid or cannot be written; if editing stops because of it, the
+    /// tabs are informed.
     pub fn change(
         &self,
         request: &Request,
@@ -290,7 +293,7 @@ impl Room {
         authors
     }
 
-    // A panic of another thread leaves the values consistent, so a poisoned lock is used.
+    // A panic of another thread leaves the values consistent, so poisoned locks are used.
     fn lock(&self) -> MutexGuard<'_, Document> {
         self.document.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -305,7 +308,7 @@ impl Room {
 }
 
 impl StageVerdict {
-    /// The verdict as a message to a tab; `preview` is passed through.
+    /// The verdict as a message to a tab; `preview` marks one on a change that is not applied.
     pub fn message(&self, preview: bool) -> Value {
         let Self { revision, stage, problems, done } = self;
         json!({
@@ -316,7 +319,7 @@ impl StageVerdict {
 }
 
 impl Steps {
-    /// A state with the fields that depend on this author.
+    /// The state with the undo and redo flags of this author; both false for an author who is not in the list.
     pub fn complete(&self, state: &Value, author: &str) -> Value {
         let (can_undo, can_redo) = self.0.get(author).copied().unwrap_or_default();
         let mut state = state.clone();

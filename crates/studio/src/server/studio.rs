@@ -29,13 +29,13 @@ use crate::verdict::{Equipment, Inspection, Stage};
 
 /// State shared by all requests.
 pub struct Studio {
-    /// Author of tabs that give no name.
+    /// Author of requests that give no name.
     pub author: String,
     /// Secret that requests must contain; `None` if anybody may use the studio.
     pub token: Option<Token>,
     /// Search index of the catalogue.
     pub catalogue: CatalogueSearch,
-    /// Cache of meshes and models.
+    /// Caches of robot models, meshes and shapes for all scenes.
     pub scenes: SceneAssets,
     /// Limits the number of simultaneous computations.
     pub permits: Semaphore,
@@ -43,15 +43,15 @@ pub struct Studio {
     pub reviews: Reviews,
     /// Episodes that are running or have ended.
     pub runs: Runs,
-    /// Questions that people answer in place of a model.
+    /// Questions that people answer in place of a model; `None` if the studio offers none.
     pub questions: Option<FolderAnswers>,
     out: PathBuf,
     collection: Mutex<Collection>,
     rooms: Mutex<BTreeMap<String, Arc<Room>>>,
-    /// Lock held while a scenario is created.
+    /// Lock held while a scenario is created, so that only one is at a time.
     creating: Mutex<()>,
     painters: Painters,
-    /// Planner and settings by robot and surfaces of the world, as JSON.
+    /// Planner and settings for verdicts, by the JSON of the world's robot and support surfaces.
     equipment: Mutex<BTreeMap<String, Arc<Equipment>>>,
 }
 
@@ -75,7 +75,7 @@ impl Studio {
             token,
             catalogue: CatalogueSearch::default(),
             scenes: SceneAssets::default(),
-            permits: Semaphore::new(cores + 1), // one more than cores: an image never waits for long stages alone
+            permits: Semaphore::new(cores + 1), // one more than cores, for an image while each core judges a stage
             reviews: Reviews::default(),
             runs: Runs::new(out.join("runs"), policies),
             questions: questions.map(FolderAnswers::new),
@@ -88,12 +88,12 @@ impl Studio {
         }
     }
 
-    /// Folder of copies, built suites and the log of reviews.
+    /// Folder for copies, new scenarios, built suites, the log of reviews, and episodes.
     pub fn out(&self) -> &Path {
         &self.out
     }
 
-    /// Runs `work` on the review desk, which is brought up to date before.
+    /// Runs `work` on the review desk after updating it with the scenarios and the log of reviews.
     ///
     /// # Errors
     /// When the log of reviews or a suite's file is damaged, and any error of `work`.
@@ -131,10 +131,10 @@ impl Studio {
         collection.iter().map(row).collect()
     }
 
-    /// Room of a scenario, opened if necessary.
+    /// Room of the scenario with this key, opened if necessary.
     ///
     /// # Errors
-    /// [`Refusal::Unknown`], and when its file cannot be read.
+    /// [`Refusal::Unknown`] for an unknown key, and when the scenario's file or log cannot be read.
     pub fn room(&self, key: &str) -> Result<Arc<Room>, Refusal> {
         let mut rooms = self.lock_rooms();
         if let Some(room) = rooms.get(key) {
@@ -153,8 +153,8 @@ impl Studio {
         Ok(room)
     }
 
-    /// Room in which a scenario is edited: its own, or that of its copy if it is read-only. The copy is made on first
-    /// use.
+    /// Room in which a scenario is edited: its own, or that of its copy if it is read-only. The copy is made on the
+    /// first edit.
     fn editable(&self, key: &str) -> Result<Arc<Room>, Refusal> {
         let room = self.room(key)?;
         let Some(folder) = &room.copies else { return Ok(room) };
@@ -187,17 +187,17 @@ impl Studio {
         Ok(self.lock_collection().add(&file, "studio", None, &scenario))
     }
 
-    /// Scene of a scenario as an author sees it.
+    /// Scene message of a scenario's newest revision as JSON, with the undo and redo flags of `author`.
     ///
     /// # Errors
-    /// When an object or a mesh is broken.
+    /// When an object is unknown, the robot cannot be loaded, or a mesh cannot be made.
     pub fn scene(&self, room: &Room, author: &str) -> Result<Value, Refusal> {
         let mut message = self.scene_at(room, &room.revision())?;
         (message.state.can_undo, message.state.can_redo) = room.steps(author);
         serde_json::to_value(&message).map_err(|error| Refusal::unsuited(error.to_string(), ""))
     }
 
-    /// Scene of a revision of a scenario or of an episode, without the fields that depend on an author.
+    /// Scene message of a revision; undo and redo flags, which depend on the author, are false.
     ///
     /// # Errors
     /// As [`Studio::scene`].
@@ -225,7 +225,7 @@ impl Studio {
     /// Applies a change to a scenario, or to the copy of a read-only one; all its tabs get the new state.
     ///
     /// # Errors
-    /// [`Refusal`].
+    /// When the scenario cannot be opened or copied, and as [`Room::change`].
     pub fn change(&self, key: &str, request: &Request) -> Result<Changed, Refusal> {
         let room = self.editable(key)?;
         let describe = |now: &Revision| {
@@ -244,10 +244,11 @@ impl Studio {
         models(scenario, Catalogue::all()).map_err(|error| Refusal::of_work(&error))
     }
 
-    /// Image of a camera at a revision.
+    /// Image of the named camera in the initial state of a scenario; `key` identifies the scenario in the renderer
+    /// cache.
     ///
     /// # Errors
-    /// When there is no such camera, or it cannot be drawn.
+    /// When there is no such camera, or the image cannot be rendered.
     pub fn image(&self, key: &str, scenario: &Scenario, camera: &str) -> Result<CameraImage, Refusal> {
         let models = self.models(scenario)?;
         let draw = || {
@@ -257,7 +258,7 @@ impl Studio {
         draw().map_err(|error: WorkspaceError| Refusal::of_work(&error))
     }
 
-    /// JPEG of a camera in a recorded state of an episode.
+    /// JPEG of the named camera in a recorded frame of an episode.
     ///
     /// # Errors
     /// As [`Studio::image`].
@@ -270,7 +271,11 @@ impl Studio {
         draw().map_err(|error: WorkspaceError| Refusal::of_work(&error))
     }
 
-    /// Judges the given stages of a revision in order, until `go_on` returns false.
+    /// Judges the given stages of a revision in order. `go_on` is called with `None` before and with the verdict after
+    /// each stage; judging stops when it returns false.
+    ///
+    /// # Errors
+    /// When the world's robot cannot be loaded, or a stage fails.
     pub fn judge(
         &self,
         now: &Revision,
@@ -307,8 +312,8 @@ impl Studio {
         Ok(equipment)
     }
 
-    // A panic of another thread leaves the values consistent, so a poisoned lock is used. Lock order: rooms, then
-    // collection.
+    // A panic of another thread leaves the values consistent, so poisoned locks are used. To avoid deadlock, `rooms` is
+    // locked before `collection`.
     fn lock_rooms(&self) -> MutexGuard<'_, BTreeMap<String, Arc<Room>>> {
         self.rooms.lock().unwrap_or_else(PoisonError::into_inner)
     }

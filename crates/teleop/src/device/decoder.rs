@@ -4,20 +4,20 @@ use std::collections::BTreeSet;
 
 use super::{AXES, Control, Device, DeviceError, DeviceEvent, ReportLayout, gamepad, keyboard, space_mouse};
 
-/// State of the axes and controls of a person.
+/// State of a device's axes and controls in a control step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reading {
     /// Forward, left, up, then rotations about these, -1 to 1.
     pub axes: [f64; AXES],
-    /// Precision mode is held.
+    /// True while the control of precision mode is held.
     pub precision: bool,
-    /// The clutch is held: the device is disengaged.
+    /// True while the clutch is held, which disengages the device from the arm.
     pub clutch: bool,
     /// Controls that were pressed since the previous reading, in order.
     pub pressed: Vec<Control>,
 }
 
-/// Decoder of one connection at a time.
+/// Decoder of the events of one connected device at a time.
 #[derive(Clone, Debug, Default)]
 pub struct Decoder {
     connected: Option<Connected>,
@@ -28,17 +28,17 @@ pub struct Decoder {
 
 #[derive(Clone, Debug)]
 enum Connected {
-    /// Layout, and the device's own axes and buttons.
+    /// Report layout, axes in the device's own frame (X, Y, Z, Rx, Ry, Rz; -1 to 1), and bit mask of the held buttons.
     SpaceMouse(ReportLayout, [f64; AXES], u32),
     Gamepad,
     Keyboard(BTreeSet<String>),
 }
 
-/// Most presses kept between two readings; more come from no hand.
+/// Maximum number of presses kept between two readings; further ones are dropped, as no person presses that fast.
 const MAX_PRESSED: usize = 16;
 
 impl Decoder {
-    /// Applies an event.
+    /// Applies an event to the state.
     ///
     /// # Errors
     /// If the event does not fit the connected device; nothing changes then.
@@ -99,7 +99,7 @@ impl Decoder {
         Ok(())
     }
 
-    /// Takes the presses since the last reading, and the state of the rest.
+    /// Present state of axes and held controls, with the presses since the last reading, which are cleared.
     pub fn reading(&mut self) -> Reading {
         Reading {
             axes: self.axes,
@@ -118,8 +118,8 @@ impl Decoder {
         }
     }
 
-    /// True if an event shows that the device is there: a bare sign of life counts for keyboards alone, since the others
-    /// report for as long as they are deflected.
+    /// True if an event shows that the device is still connected. [`DeviceEvent::Alive`] counts for keyboards only,
+    /// since other devices report for as long as they are deflected.
     pub fn is_alive_after(&self, event: &DeviceEvent) -> bool {
         *event != DeviceEvent::Alive || matches!(self.connected, Some(Connected::Keyboard(_)))
     }

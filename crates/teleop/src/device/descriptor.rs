@@ -7,16 +7,16 @@ use super::DeviceError;
 
 /// Longest report descriptor that is read, bytes; those of multi-axis controllers have about 200.
 const MAX_DESCRIPTOR_BYTES: usize = 4096;
-/// Most fields of a layout, and most values of one input item.
+/// Maximum number of fields of a layout, and of values of one input item.
 const MAX_FIELDS: usize = 512;
-/// Most nested states of the item `push`.
+/// Maximum nesting of Push items.
 const MAX_PUSHED: usize = 8;
 
 /// Usage page of axes.
 const GENERIC_DESKTOP: u32 = 0x01;
 /// Usage page of buttons.
 const BUTTON: u32 = 0x09;
-/// First usage of the axes X, Y, Z, Rx, Ry, Rz, which follow each other.
+/// Usage of the axis X; those of Y, Z, Rx, Ry and Rz follow it.
 const USAGE_X: u32 = 0x30;
 
 /// Fields of a device's input reports that are axes or buttons.
@@ -51,14 +51,14 @@ enum Meaning {
 struct Globals {
     usage_page: u32,
     logical: (i32, i32),
-    /// Unsigned reading of the logical maximum, which counts if the minimum is not negative.
+    /// Logical maximum read as unsigned, which applies if the logical minimum is not negative.
     unsigned_maximum: u32,
     report_size: u32,
     report_count: u32,
     report_id: u8,
 }
 
-/// Local items, which end with the next main item.
+/// Local items, which apply up to the next main item.
 #[derive(Default)]
 struct Locals {
     usages: Vec<u32>,
@@ -164,8 +164,8 @@ impl ReportLayout {
         Ok(())
     }
 
-    /// Applies an input report: axes from -1 to 1, and the bit mask of the buttons. Fields of other reports keep their
-    /// values; a field that the report is too short for, too.
+    /// Applies an input report to the axes (-1 to 1) and to the bit mask of the pressed buttons. Axes and buttons that
+    /// it does not contain keep their values.
     ///
     /// # Errors
     /// If the report has no field of the layout.
@@ -190,7 +190,7 @@ impl ReportLayout {
 }
 
 impl Field {
-    /// Value in a report; `None` if the report ends before.
+    /// Logical value in a report's bytes after its id; `None` if the report is too short.
     fn value(&self, body: &[u8]) -> Option<i64> {
         let (start, size) = self.bits;
         let mut value = 0_u64;
@@ -202,14 +202,14 @@ impl Field {
         Some(value as i64 - if is_negative { 1 << size } else { 0 })
     }
 
-    /// Deflection from the middle of the range, -1 to 1.
+    /// Deflection of a logical value from the middle of the logical range, -1 to 1.
     fn deflection(&self, value: i64) -> f64 {
         let (least, most) = (f64::from(self.range.0), f64::from(self.range.1));
         ((value as f64 - (least + most) / 2.0) / ((most - least) / 2.0)).clamp(-1.0, 1.0)
     }
 }
 
-/// Usage with its page: four bytes carry it themselves.
+/// Usage with its page in the upper 16 bits; an item of four bytes states the page itself.
 fn usage(value: u32, size: usize, globals: &Globals) -> u32 {
     if size == 4 { value } else { (globals.usage_page << 16) | value }
 }

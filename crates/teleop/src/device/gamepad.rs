@@ -8,7 +8,7 @@ pub(super) const BUTTONS: &[(u32, Control)] =
 /// Value above which a button counts as pressed.
 const PRESSED: f64 = 0.5;
 
-/// Axes of a person, and the bit mask of the buttons.
+/// Operator's axes (forward, left, up, roll, pitch, yaw; -1 to 1), and the bit mask of the pressed buttons.
 ///
 /// Left stick: forward and left. Triggers: right up, left down. Right stick: pitch and yaw. Shoulder buttons: roll.
 pub(super) fn read(axes: &[f64], buttons: &[f64]) -> Result<([f64; AXES], u32), DeviceError> {

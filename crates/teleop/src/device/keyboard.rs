@@ -1,11 +1,11 @@
-//! Keyboard: keys by their place, so that every layout of letters works alike.
+//! Keyboard: keys by their position (`KeyboardEvent.code`), so that all keyboard layouts work alike.
 
 use super::Control;
 
-/// Most keys that count as held at once.
+/// Maximum number of keys that count as held at once; further ones are ignored.
 pub(super) const MAX_HELD: usize = 32;
 
-/// Axis and direction of a key.
+/// Axis (0-5: forward, left, up, roll, pitch, yaw) and direction of each key.
 pub(super) const AXIS_KEYS: &[(&str, usize, f64)] = &[
     ("KeyW", 0, 1.0),
     ("KeyS", 0, -1.0),

@@ -1,7 +1,7 @@
 //! Devices: their events decoded into six axes and the controls that are held or were pressed.
 //!
-//! Axes are those of a person behind the robot: forward, left, up, and right-handed rotations about these (roll to the
-//! right, pitch forward, yaw to the left), each from -1 to 1.
+//! Axes are those of an operator who stands behind the robot: forward, left, up, and right-handed rotations about these
+//! (roll to the right, pitch forward, yaw to the left), each from -1 to 1.
 
 mod decoder;
 mod descriptor;
@@ -23,7 +23,7 @@ pub const AXES: usize = 6;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum DeviceEvent {
-    /// A device was connected, for the first time or again: nothing before it counts.
+    /// A device was connected or reconnected: the state of the decoder starts anew.
     Connected {
         /// The device.
         device: Device,
@@ -36,19 +36,19 @@ pub enum DeviceEvent {
     },
     /// State of a gamepad with the W3C Gamepad API's standard mapping.
     Gamepad {
-        /// Left stick right and down, right stick right and down, -1 to 1.
+        /// Left stick x and y, right stick x and y; x is right, y is down, -1 to 1.
         axes: Vec<f64>,
-        /// Buttons, 0 to 1.
+        /// Value of each button, 0 (released) to 1, in the order of the standard mapping.
         buttons: Vec<f64>,
     },
     /// Key that was pressed or released.
     Key {
-        /// Place of the key, `KeyboardEvent.code` of the browser.
+        /// Physical key, as in `KeyboardEvent.code` of browsers, e.g. `KeyW`.
         code: String,
         /// True if pressed.
         down: bool,
     },
-    /// Sign of life of a source whose device reports changes only, such as a keyboard.
+    /// Heartbeat of a source whose device reports changes only, such as a keyboard.
     Alive,
     /// Loss of the keyboard's focus: all keys count as released.
     Blurred,
@@ -56,7 +56,7 @@ pub enum DeviceEvent {
     Disconnected,
 }
 
-/// A device.
+/// A connected input device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Device {
@@ -73,12 +73,12 @@ pub enum Device {
         /// Name of the product.
         name: String,
     },
-    /// Keyboard.
+    /// Keyboard of the computer.
     Keyboard,
 }
 
 impl Device {
-    /// Name of the kind.
+    /// Name of the kind, as in files: `space_mouse`, `gamepad` or `keyboard`.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::SpaceMouse { .. } => "space_mouse",
@@ -98,7 +98,7 @@ pub enum Control {
     Precision,
     /// Clutch: disengages the device from the arm while held.
     Clutch,
-    /// Changes to the next frame.
+    /// Changes to the next [`OperatorFrame`](crate::mapping::OperatorFrame).
     Frame,
     /// Ends the episode.
     Finish,
@@ -110,7 +110,7 @@ pub enum DeviceError {
     /// An invalid report descriptor.
     #[error("HID report descriptor, byte {at}: expected {expected}")]
     Descriptor {
-        /// Place of the item.
+        /// Byte offset of the item in the descriptor.
         at: usize,
         /// Expected content.
         expected: &'static str,
@@ -118,10 +118,10 @@ pub enum DeviceError {
     /// An input report without any byte.
     #[error("an empty HID input report")]
     EmptyReport,
-    /// An input report that the descriptor does not list with axes or buttons.
+    /// An input report in which the descriptor defines neither axes nor buttons.
     #[error("HID input report {id} has neither axes nor buttons")]
     UnknownReport {
-        /// Its id.
+        /// Id of the report; 0 for a device without report ids.
         id: u8,
     },
     /// An event of another kind of device than the connected one.
@@ -132,14 +132,14 @@ pub enum DeviceError {
         /// Kind of the event.
         got: &'static str,
     },
-    /// A gamepad without the standard mapping, or with values out of range.
+    /// A gamepad without the standard mapping, or with a value that is not finite.
     #[error(
         "gamepad: expected 4 axes and 16 or 17 buttons of the standard mapping, all finite; got {axes} and {buttons}"
     )]
     Gamepad {
-        /// Number of axes.
+        /// Number of axes in the event.
         axes: usize,
-        /// Number of buttons.
+        /// Number of buttons in the event.
         buttons: usize,
     },
 }

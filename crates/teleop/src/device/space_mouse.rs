@@ -26,11 +26,12 @@ pub const SIX_AXIS_CONTROLLER: &[u8] = &[
     0xc0,
 ];
 
-/// Functions of the first buttons: the left one, the right one.
+/// Functions of buttons 0 to 4; the first two are the left and the right one, and a SpaceNavigator has no others.
 pub(super) const BUTTONS: &[(u32, Control)] =
     &[(0, Control::Gripper), (1, Control::Precision), (2, Control::Frame), (3, Control::Clutch), (4, Control::Finish)];
 
-/// Axes of a person from those of the device: x to the right, y towards the person, z down.
+/// Operator's axes (forward, left, up, roll, pitch, yaw) from those of the device: x right, y towards the operator, z
+/// down.
 pub(super) fn axes([x, y, z, rx, ry, rz]: [f64; AXES]) -> [f64; AXES] {
     [-y, -x, -z, -ry, -rx, -rz]
 }

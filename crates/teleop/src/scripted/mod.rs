@@ -1,8 +1,9 @@
 //! Scripted operator: a program in place of a person, which acts through the events of a virtual device.
 //!
-//! It sees the tool with a reaction time, knows where the tool should go (from the simulator, which is ground truth),
-//! deflects the device in proportion to what is left of the way, with a tremor and with gains that overshoot, and pauses
-//! between movements. With keys it taps: it estimates how long to press, waits, looks, and corrects.
+//! It observes the TCP pose with a reaction delay and knows the goal poses from simulator ground truth. It deflects the
+//! device in proportion to the remaining distance, with a tremor and with gains that overshoot, and pauses between
+//! movements. On a keyboard it taps: it estimates how long to press, waits, observes, and corrects. It assumes the
+//! frame [`OperatorFrame::World`](crate::mapping::OperatorFrame::World).
 
 mod virtual_device;
 
@@ -24,13 +25,13 @@ use crate::source::{Operator, OperatorKind, Source};
 /// A movement of the script, and what follows it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Waypoint {
-    /// Pose of the tool.
+    /// Goal pose of the TCP in the world.
     pub world_from_tcp: Pose,
-    /// Distance at which the person is content, m.
+    /// Distance from the goal at which it counts as reached, m.
     pub within_m: f64,
-    /// Angle at which the person is content, rad.
+    /// Angle from the goal at which it counts as reached, rad.
     pub within_rad: f64,
-    /// Control that is pressed there.
+    /// Control that is pressed once the goal is reached; `None` for none.
     pub press: Option<Control>,
 }
 
@@ -38,27 +39,28 @@ pub struct Waypoint {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Habits {
-    /// Time from what happens to what is done about it, s.
+    /// Delay between a state of the robot and the reaction to it, s.
     pub reaction_s: f64,
-    /// Least and largest velocity per remaining distance, 1/s; drawn for each movement. Large ones overshoot.
+    /// Minimum and maximum velocity per remaining distance, 1/s, drawn uniformly for each movement. Large gains
+    /// overshoot.
     pub gain_per_s: [f64; 2],
     /// Amplitude of the tremor, share of the full deflection.
     pub tremor: f64,
-    /// Least and largest frequency of the tremor, Hz.
+    /// Minimum and maximum frequency of the tremor, Hz.
     pub tremor_hz: [f64; 2],
-    /// Time constant of the hand, s.
+    /// Time constant of the first-order low-pass filter on the deflection, s.
     pub smoothing_s: f64,
-    /// Least and largest pause between movements, s.
+    /// Minimum and maximum pause between movements, s.
     pub pause_s: [f64; 2],
-    /// Time for which a goal has to look reached, s.
+    /// Time for which a goal must be observed as reached, s.
     pub content_s: f64,
     /// Time for which a button is pressed, s.
     pub press_s: f64,
-    /// Time to wait for the gripper, s.
+    /// Time to wait for the gripper after a press, s.
     pub gripper_s: f64,
-    /// Time after which a movement that does not arrive is given up, and the episode ended, s.
+    /// Time after which a movement that has not reached its goal is given up and the episode ended, s.
     pub patience_s: f64,
-    /// Largest relative error of the time for which a key is pressed.
+    /// Largest relative error of the time for which a key is pressed, e.g. 0.15.
     pub tap_error: f64,
 }
 
@@ -82,12 +84,12 @@ impl Default for Habits {
     }
 }
 
-/// Distance below which keys are tapped in precision mode, m and rad.
+/// Remaining distance (m) and angle (rad) below which keys are tapped in precision mode.
 const PRECISE: [f64; 2] = [0.03, 0.1];
 /// Longest press of a key, s.
 const LONGEST_TAP_S: f64 = 1.0;
 
-/// Scripted operator, deterministic by the seed of the episode.
+/// Scripted operator; its events are deterministic for a given seed of the episode.
 pub struct ScriptedOperator {
     habits: Habits,
     mapping: MappingSettings,
@@ -100,7 +102,8 @@ pub struct ScriptedOperator {
 struct State {
     device: VirtualDevice,
     rng: ChaCha8Rng,
-    /// Poses of the tool, the newest last; the first one is what the operator sees now.
+    /// Poses `world_from_tcp` of the last control steps, the newest last; the first one, delayed by the reaction time,
+    /// is what the operator observes now.
     seen: VecDeque<Pose>,
     waypoint: usize,
     phase: Phase,
@@ -108,11 +111,11 @@ struct State {
     began: usize,
     /// Velocity per remaining distance of this movement, 1/s.
     gain_per_s: f64,
-    /// Control steps for which the goal has looked reached.
+    /// Number of consecutive control steps in which the goal was observed as reached.
     content: usize,
-    /// Smoothed deflection.
+    /// Deflection of each axis after the low-pass filter, -1 to 1.
     hand: [f64; AXES],
-    /// Frequency (Hz) and phase of each axis's tremor.
+    /// Frequency (Hz) and phase (in periods, 0-1) of each axis's tremor.
     tremor: [[f64; 2]; AXES],
 }
 
@@ -120,20 +123,21 @@ struct State {
 enum Phase {
     /// Moves to the waypoint with a proportional device.
     Moving,
-    /// Presses keys: remaining control steps, signed, and precision mode.
+    /// Holds keys: remaining control steps per axis, signed by direction, and true in precision mode.
     Tapping([i64; AXES], bool),
-    /// Waits for as many control steps, then looks again.
+    /// Waits for this many control steps, then observes the pose and taps again.
     Looking(usize),
-    /// Holds a control for as many control steps, then waits for the gripper.
+    /// Holds a control for this many control steps, then waits for the gripper.
     Pressing(Control, usize),
-    /// Waits for as many control steps before the next waypoint.
+    /// Waits for this many control steps before the next waypoint.
     Pausing(usize),
-    /// All is done.
+    /// Has reached the last waypoint or ended the episode.
     Done,
 }
 
 impl ScriptedOperator {
-    /// Operator of a virtual device along waypoints, for a mapping and a control period.
+    /// Operator that moves along waypoints with a virtual device; `mapping` must be the one that decodes its events,
+    /// and `period_s` the control period (s).
     pub fn new(
         kind: VirtualKind,
         waypoints: Vec<Waypoint>,
@@ -206,7 +210,7 @@ impl ScriptedOperator {
                     *left -= left.signum();
                 }
                 let is_over = left.iter().all(|steps| *steps == 0);
-                // The reaction time, and that of the arm to come to rest.
+                // The reaction time, and as long again for the arm to come to rest.
                 let wait = self.steps(2.0 * self.habits.reaction_s);
                 self.episode.phase = if is_over { Phase::Looking(wait) } else { Phase::Tapping(left, is_precise) };
             }
@@ -217,7 +221,7 @@ impl ScriptedOperator {
         (wanted, held)
     }
 
-    /// Hand between the wish and the device: smoothing, and tremor while it is deflected.
+    /// Applies the low-pass filter, and tremor while any axis is deflected, to the wanted deflections in place.
     fn shake(&mut self, wanted: &mut [f64; AXES], step: usize) {
         let share = self.period_s / (self.habits.smoothing_s + self.period_s);
         let time_s = step as f64 * self.period_s;
@@ -230,20 +234,20 @@ impl ScriptedOperator {
         }
     }
 
-    /// Way that seems to be left, as translation and rotation vector in the world; none once it has looked reached for
-    /// long enough.
+    /// Remaining motion as observed: translation (m) and rotation vector (rad) in the world frame. `None` once the goal
+    /// was observed as reached for long enough, or without a waypoint.
     fn remaining(&mut self, seen: &Pose) -> Option<(DVec3, DVec3)> {
         let Waypoint { world_from_tcp, within_m, within_rad, .. } = self.waypoints.get(self.episode.waypoint)?;
         let way = world_from_tcp.position - seen.position;
         let turn = rotation_vector(world_from_tcp.rotation * seen.rotation.inverse());
         let is_there = way.length() <= *within_m && turn.length() <= *within_rad;
-        // Keys have been released for a reaction time whenever the operator looks.
+        // A keyboard is only observed after its keys have been released for the reaction time.
         let needed = if self.kind == VirtualKind::Keyboard { 1 } else { self.steps(self.habits.content_s) };
         self.episode.content = if is_there { self.episode.content + 1 } else { 0 };
         (self.episode.content < needed).then_some((way, turn))
     }
 
-    /// Ends a movement.
+    /// Ends a movement: presses the waypoint's control or pauses, and goes on to the next waypoint.
     fn arrive(&mut self) {
         let press = self.waypoints.get(self.episode.waypoint).and_then(|waypoint| waypoint.press);
         self.episode.waypoint += 1;
@@ -258,7 +262,8 @@ impl ScriptedOperator {
         }
     }
 
-    /// Presses that should cover the remaining way.
+    /// Key presses that should cover the remaining translation (m) and rotation vector (rad), with an error in their
+    /// duration.
     fn taps(&mut self, (way, turn): (DVec3, DVec3)) -> Phase {
         let is_precise = way.length() < PRECISE[0] && turn.length() < PRECISE[1];
         let factor = if is_precise { self.mapping.precision } else { 1.0 } * self.period_s;
@@ -328,12 +333,15 @@ impl Source for ScriptedOperator {
     }
 }
 
-/// Deflections of forward, left, up and the rotations about them in the frame of the world.
+/// Components on the axes forward, left, up and the rotations about these, which in [`OperatorFrame::World`] are those
+/// of the world.
+///
+/// [`OperatorFrame::World`]: crate::mapping::OperatorFrame::World
 fn shares(linear: DVec3, angular: DVec3) -> [f64; AXES] {
     [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z]
 }
 
-/// Axis times angle of the shorter way.
+/// Rotation vector (axis times angle, rad) of at most π.
 fn rotation_vector(rotation: DQuat) -> DVec3 {
     let rotation = if rotation.w < 0.0 { -rotation } else { rotation };
     rotation.to_scaled_axis()

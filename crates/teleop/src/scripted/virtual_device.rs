@@ -35,7 +35,7 @@ impl VirtualKind {
     }
 }
 
-/// Largest value of an axis of a SpaceMouse.
+/// Axis value of a SpaceMouse at full deflection, as in the report descriptors.
 const FULL: f64 = 350.0;
 /// Keys of the axes forward, left, up, roll, pitch and yaw: positive, negative.
 const AXIS_KEYS: [[&str; 2]; AXES] = [
@@ -47,17 +47,18 @@ const AXIS_KEYS: [[&str; 2]; AXES] = [
     ["KeyQ", "KeyE"],
 ];
 
-/// Device without hardware.
+/// Device that exists in software only.
 #[derive(Clone, Debug)]
 pub struct VirtualDevice {
     kind: VirtualKind,
-    /// Keys down, or mask of the buttons of a SpaceMouse.
+    /// Held keys of a keyboard, by `KeyboardEvent.code`.
     keys: BTreeSet<&'static str>,
+    /// Bit mask of the held buttons of a SpaceMouse.
     buttons: u16,
 }
 
 impl VirtualDevice {
-    /// A device at rest.
+    /// A device with centred axes and nothing held.
     pub fn new(kind: VirtualKind) -> Self {
         Self { kind, keys: BTreeSet::new(), buttons: 0 }
     }
@@ -76,8 +77,8 @@ impl VirtualDevice {
         }
     }
 
-    /// Events of a control step in which a person deflects the axes forward, left, up, roll, pitch and yaw, -1 to 1, and
-    /// holds controls. Keys are down where the deflection is more than a half.
+    /// Events of a control step in which the axes forward, left, up, roll, pitch and yaw are deflected by -1 to 1 and
+    /// some controls are held. A keyboard holds the key of an axis that is deflected by more than 0.5.
     pub fn events(&mut self, axes: &[f64; AXES], held: &[Control]) -> Vec<DeviceEvent> {
         match self.kind {
             VirtualKind::SpaceMouse | VirtualKind::SpaceNavigator => self.reports(axes, held),
@@ -128,7 +129,7 @@ impl VirtualDevice {
         let event = |code: &&str, down: bool| DeviceEvent::Key { code: (*code).into(), down };
         let mut events: Vec<DeviceEvent> = self.keys.difference(&keys).map(|code| event(code, false)).collect();
         events.extend(keys.difference(&self.keys).map(|code| event(code, true)));
-        // The page sends a sign of life with every frame.
+        // As the web page does with every frame, so that held keys do not count as silence.
         events.push(DeviceEvent::Alive);
         self.keys = keys;
         events

@@ -15,12 +15,12 @@ fn values_of_a_real_pickle_are_read() {
     assert!(root.get("absent").is_none() && root.text().is_none());
 }
 
-/// The numbers of a pickle.
+/// Numbers of the root value of a pickle, see [`Value::numbers`].
 fn numbers(bytes: &[u8]) -> Vec<f64> {
     Pickle::read(bytes).unwrap().root().numbers().unwrap().0
 }
 
-/// Python's encodings of `[1, 2.5, True, -3]` in the different protocols, and arrays where they differ.
+/// Python's encodings of `[1, 2.5, True, -3]` in several protocols, and of NumPy arrays, are read.
 #[test]
 fn every_protocol_is_read() {
     let cases: [(&[u8], &[f64]); 5] = [

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use super::{Function, Kind, Node, ValueId};
 
-/// Maximum number of values of a pickle: more than an episode of an hour needs.
+/// Maximum number of values of a pickle: more than an episode of one hour needs.
 const MAX_VALUES: usize = 4_000_000;
-/// Maximum number of bytes copied by function calls; above the largest image that protocol 2 stores as text.
+/// Maximum number of bytes copied by function calls; protocol 2 stores an image as text, which a call copies.
 const MAX_COPIED_BYTES: usize = 256 << 20;
 /// Maximum number of open marks, i.e. nesting depth. Bounds memory for hostile files.
 const MAX_DEPTH: usize = 1000;
@@ -34,13 +34,13 @@ impl<'a> Unpickler<'a> {
         Self { bytes, ..Self::default() }
     }
 
-    /// Runs the pickle; returns the index of the result.
+    /// Evaluates the opcodes up to STOP; returns the index of the result.
     pub(super) fn run(&mut self) -> Result<ValueId, String> {
         loop {
             let code = self.take(1)?[0];
             match code {
                 b'.' => return self.pop(),
-                // Protocol and frame headers are not needed.
+                // PROTO and FRAME: their arguments are not needed.
                 0x80 => drop(self.take(1)?),
                 0x95 => drop(self.take(8)?),
                 b'(' => {
@@ -271,7 +271,7 @@ impl<'a> Unpickler<'a> {
         self.push(Node::Int(value))
     }
 
-    /// Bytes with a length prefix of `size` bytes.
+    /// Reads bytes that follow their length, an integer of `size` bytes.
     fn read_counted(&mut self, size: usize) -> Result<&[u8], String> {
         let length = self.number(size)?;
         self.take(usize::try_from(length).unwrap_or(usize::MAX))
@@ -336,7 +336,8 @@ impl<'a> Unpickler<'a> {
         }
     }
 
-    /// Adds the bytes copied by a call to the budget: a few opcodes can copy a lot repeatedly.
+    /// Adds the bytes copied by a call to the total, which is limited, since a few opcodes can copy a large value many
+    /// times.
     fn count_copied(&mut self, origin: &Node) -> Result<(), String> {
         self.copied += match origin {
             Node::Bytes(bytes) => bytes.len(),
@@ -395,7 +396,7 @@ impl<'a> Unpickler<'a> {
         }
     }
 
-    /// The opcode BUILD: sets the state of the value on top of the stack.
+    /// Evaluates the opcode BUILD, which sets the state of the value on top of the stack, here an array or a dtype.
     fn build(&mut self, state: ValueId) -> Result<(), String> {
         let top = self.top()?;
         let state = self.tuple(state).map_err(|_| "expected the state of an array or its type, got another value")?;

@@ -27,11 +27,11 @@ pub(super) enum Node {
         shape: Vec<usize>,
         bytes: ValueId,
     },
-    /// An array of a structured or object dtype, whose contents are not read.
+    /// An array of a structured or object dtype or in Fortran order, whose contents are not read.
     Opaque,
 }
 
-/// Python functions that a pickle may name; any other makes it unreadable, and none is executed.
+/// Python functions that a pickle may refer to, replaced by this reader's own code; any other is an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Function {
     Reconstruct,
@@ -60,7 +60,7 @@ impl Function {
     }
 }
 
-/// Element type of an array, little-endian.
+/// Element type of an array, little-endian; sizes are in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     Bool,

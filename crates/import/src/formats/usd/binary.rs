@@ -1,31 +1,33 @@
-//! Bounds of a binary layer: sizes, counts, nesting and jumps are checked before the library, which trusts them, reads it.
+//! Limits of a binary layer (usdc): sizes, counts, nesting depth and offsets are checked before the library reads it,
+//! since the library trusts them.
 //!
-//! A count that is far too large would end the program for want of memory, and values that contain themselves would exhaust
-//! the stack; neither can be caught. Everything else that is damaged is found by the library.
+//! An excessive count would abort the program for lack of memory, and values that contain themselves would overflow the
+//! stack; neither can be caught. All other damage is detected by the library.
 
 use super::text;
 
-/// Start of a binary layer.
+/// First bytes of a binary layer.
 pub const MAGIC: &[u8] = b"PXR-USDC";
-/// Maximum number of tokens, fields, paths and prims with properties, each.
+/// Maximum number of tokens, of fields, of field sets, of paths, and of specs (prims and properties).
 const MAX_ENTRIES: u64 = 1 << 20;
-/// Maximum size of one value, and of all paths and of all tokens, bytes.
+/// Maximum size of the values of one field, of a section after decompression, and of all paths as text, bytes.
 const MAX_BYTES: u64 = 256 << 20;
 /// Maximum nesting depth of paths, and of dictionaries and time samples.
 const MAX_DEPTH: usize = 256;
 const MAX_VALUE_DEPTH: usize = 32;
-/// Maximum number of values inside one field.
+/// Maximum number of nested values in one field.
 const MAX_VALUES: usize = 1 << 20;
 
-/// Bits of a value's description: an array, held by the description itself, and compressed.
+/// Flags of a value representation (64 bits): array, inlined (the payload is the value), and compressed.
 const ARRAY: u64 = 1 << 63;
 const INLINED: u64 = 1 << 62;
 const COMPRESSED: u64 = 1 << 61;
 
-/// Checks the bounds of a layer that starts with [`MAGIC`].
+/// Checks the limits of a layer that starts with [`MAGIC`].
 ///
 /// # Errors
-/// If the layer refers to places outside itself, or a limit is exceeded; the message names the part.
+/// If the version is older than 0.4.0, an offset lies outside the layer, or a limit is exceeded; the message names the
+/// section.
 pub fn check(bytes: &[u8]) -> Result<(), String> {
     let mut at = At { bytes, place: 16 };
     let minor = bytes.get(9).copied().unwrap_or_default();
@@ -90,7 +92,9 @@ pub fn check(bytes: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-/// Follows the paths as the library does: the next entry is a child, and a jump leads to a sibling.
+/// Traverses the path tree as the library does and checks that it ends. A jump greater than 0 is the offset to the
+/// sibling of an entry that also has a child; 0 is a sibling alone, -1 a child alone, -2 neither. `lengths` are those
+/// of the tokens, bytes.
 fn check_paths(names: &[i32], jumps: &[i32], lengths: &[u64]) -> Result<(), String> {
     let (mut open, mut visited, mut total) = (vec![(0_usize, 0_usize, 0_u64)], 0, 0_u64);
     while let Some((mut index, mut depth, mut length)) = open.pop() {
@@ -109,7 +113,7 @@ fn check_paths(names: &[i32], jumps: &[i32], lengths: &[u64]) -> Result<(), Stri
             if jump > 0 {
                 open.push((index + jump as usize, depth, length));
             }
-            // A child follows, or a sibling without one, or the end.
+            // The next entry is the child or, with a jump of 0, the sibling; otherwise the branch ends.
             if jump > 0 || jump == -1 {
                 (depth, length) = (depth + 1, own);
             } else if jump != 0 {
@@ -121,7 +125,7 @@ fn check_paths(names: &[i32], jumps: &[i32], lengths: &[u64]) -> Result<(), Stri
     Ok(())
 }
 
-/// A place in a layer.
+/// Cursor into the bytes of a layer.
 #[derive(Clone, Copy)]
 struct At<'a> {
     bytes: &'a [u8],
@@ -161,7 +165,7 @@ impl<'a> At<'a> {
         Ok(count)
     }
 
-    /// A compressed block, of at most `size` bytes.
+    /// Decompresses an LZ4 block to at most `size` bytes.
     fn unpacked(&mut self, size: u64, what: &str) -> Result<Vec<u8>, String> {
         if size > MAX_BYTES {
             return Err(format!("{what}: {size} bytes; at most {} MiB are supported", MAX_BYTES >> 20));
@@ -181,7 +185,8 @@ impl<'a> At<'a> {
         }
     }
 
-    /// Integers as differences, each of 0, 1, 2 or 4 bytes by a code of two bits; one value needs no bytes.
+    /// Decompresses `count` integers. They are stored as differences, each of 1, 2 or 4 bytes, or of none for the most
+    /// common difference; a code of two bits states which.
     fn integers(&mut self, count: u64, what: &str) -> Result<Vec<i32>, String> {
         let codes = count.div_ceil(4);
         let unpacked = self.unpacked(if count == 0 { 0 } else { 4 + codes + 4 * count }, what)?;
@@ -209,26 +214,26 @@ impl<'a> At<'a> {
     }
 }
 
-/// The values of one field.
+/// Check of the values of one field.
 struct Values<'a> {
     bytes: &'a [u8],
-    /// Version of the format: 0.`minor`.
+    /// Minor version of the format: 0.`minor`.
     minor: u8,
-    /// Values that may still come.
+    /// Number of further values that are allowed.
     left: usize,
-    /// Size of what was seen, bytes.
+    /// Estimated memory of the values checked so far, bytes.
     size: u64,
 }
 
 impl<'a> Values<'a> {
-    /// Checks a value by its description.
+    /// Checks the value that a 64-bit value representation refers to, with all values in it.
     fn check(&mut self, value: u64, depth: usize) -> Result<(), String> {
         if depth > MAX_VALUE_DEPTH || self.left == 0 {
             return Err(format!("nested deeper than {MAX_VALUE_DEPTH}, or more than {MAX_VALUES} values"));
         }
         self.left -= 1;
         let (kind, place) = (value >> 48 & 0xff, value & ((1 << 48) - 1));
-        // The library reads inlined arrays and lists of payloads from the file all the same.
+        // The library reads arrays and payload lists (55) from the file even if they are flagged as inlined.
         if value & INLINED != 0 && value & ARRAY == 0 && kind != 55 {
             return Ok(());
         }
@@ -240,7 +245,7 @@ impl<'a> Values<'a> {
             45 | 58 => self.list(&mut at, 8),
             49 => self.list(&mut at, 16),
             46 => self.samples(&mut at, depth),
-            // Texts are listed without a rank.
+            // Arrays of strings (10), asset paths (12) and path expressions (57) are lists of 32-bit indices.
             10 | 12 | 57 if value & ARRAY != 0 => self.list(&mut at, 4),
             _ if (value & ARRAY != 0 || kind == 48) && place != 0 => self.array(&mut at, kind, value & COMPRESSED != 0),
             _ => Ok(()),
@@ -257,7 +262,7 @@ impl<'a> Values<'a> {
 
     fn list(&mut self, at: &mut At<'a>, size: u64) -> Result<(), String> {
         let count = at.count("a list")?;
-        // Texts and paths in memory.
+        // An item takes at least 48 bytes in memory, as a string or path.
         self.grow(count, size.max(48))?;
         at.several(count, size, "a list")
     }
@@ -284,7 +289,7 @@ impl<'a> Values<'a> {
         self.grow(count, if kind == 11 { 16 } else { size })?;
         let [is_integers, is_floats] = [(3..=6).contains(&kind), matches!(kind, 7..=9 | 48 | 56)];
         if count < 4 || !is_compressed || !(is_integers && self.minor >= 5 || is_floats && self.minor >= 6) {
-            // Kinds without a size of their own are refused by the library.
+            // Types without a fixed size are refused by the library.
             return if size == 128 && kind != 15 { Ok(()) } else { at.several(count, size, WHAT) };
         }
         if is_floats && at.take(1, WHAT)? == b"t" {
@@ -295,7 +300,8 @@ impl<'a> Values<'a> {
         at.take(packed, WHAT).map(drop)
     }
 
-    /// An edited list: items that are explicit, added, prepended, appended, deleted and ordered.
+    /// Checks a list operation: lists of explicit, added, prepended, appended, deleted and ordered items, each present
+    /// if its bit in the header is set.
     fn edits(&mut self, at: &mut At<'a>, kind: u64, depth: usize) -> Result<(), String> {
         let present = at.take(1, "an edited list")?[0] >> 1;
         for _ in 0..(present & 0x3f).count_ones() {
@@ -320,7 +326,7 @@ impl<'a> Values<'a> {
         Ok(())
     }
 
-    /// Goes to a place that is given relative to here.
+    /// Moves the cursor by the signed offset stored at it, relative to the offset's own position.
     fn jump(at: &mut At<'a>) -> Result<(), String> {
         let start = at.place;
         let offset = at.count("a value")?.cast_signed();
@@ -357,7 +363,7 @@ impl<'a> Values<'a> {
 mod tests {
     use super::*;
 
-    /// A block that is not really compressed.
+    /// An LZ4 block of literals only, i.e. not compressed.
     fn block(bytes: &[u8]) -> Vec<u8> {
         let mut packed = vec![0, (bytes.len().min(15) as u8) << 4];
         if let Some(more) = bytes.len().checked_sub(15) {
@@ -368,7 +374,7 @@ mod tests {
         [&(packed.len() as u64).to_le_bytes()[..], &packed].concat()
     }
 
-    /// Integers, each by four bytes.
+    /// Encodes integers with differences of four bytes each.
     fn integers(values: &[i32]) -> Vec<u8> {
         let before = [0].iter().chain(values);
         let differences: Vec<u8> =
@@ -376,7 +382,7 @@ mod tests {
         block(&[&[0; 4][..], &vec![0xff; values.len().div_ceil(4)], &differences].concat())
     }
 
-    /// A layer of one section, which starts at byte 64.
+    /// A binary layer with one section, which starts at byte 64.
     fn layer(name: &str, section: &[u8]) -> Vec<u8> {
         let mut bytes = [MAGIC, &[0, 8, 0, 0, 0, 0, 0, 0], &24_u64.to_le_bytes(), &1_u64.to_le_bytes()].concat();
         bytes.extend(name.bytes().chain(std::iter::repeat(0)).take(16));
@@ -387,7 +393,7 @@ mod tests {
         bytes
     }
 
-    /// A layer with one field of a value, and bytes from [`PLACE`] on.
+    /// A layer with one field of this value representation, and the bytes `held` from [`PLACE`] on.
     fn field(value: u64, held: &[u8]) -> Vec<u8> {
         let section = [&1_u64.to_le_bytes()[..], &integers(&[0]), &block(&value.to_le_bytes())].concat();
         let mut bytes = layer("FIELDS", &section);
@@ -410,7 +416,7 @@ mod tests {
             let (count, zeros) = ((jumps.len() as u64).to_le_bytes(), integers(&vec![0; jumps.len()]));
             layer("PATHS", &[&count[..], &count, &zeros, &zeros, &integers(jumps)].concat())
         };
-        // Each has the next one as child and as sibling: 2^63 paths.
+        // Each entry has the next one as both child and sibling, which makes 2^63 paths.
         refused(&paths(&[&[1; 63][..], &[-2]].concat()), "lead to each other");
         refused(&paths(&[-1; 64]), "beyond their end");
         refused(&paths(&[-1; 600]), "nested deeper");

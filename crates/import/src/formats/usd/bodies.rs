@@ -1,5 +1,5 @@
-//! Bodies of a stage: each prim's geometry, collision shapes and mass with the rigid body that it is part of, and the
-//! joints, all in the world's frame, in metres and kilograms.
+//! Bodies of a stage: geometry, collision shapes and masses of all prims, assigned to the rigid body that each is part
+//! of, and the joints; all in the world frame, in metres and kilograms.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +17,7 @@ use crate::units_and_frame::transformed_mass;
 
 /// Maximum nesting depth of prims.
 const MAX_DEPTH: usize = 256;
-/// Types of prims that are read elsewhere or carry nothing of an object.
+/// Types of prims that are read elsewhere or contribute nothing to an object, so that no note lists them.
 const SILENT: [&str; 12] = [
     "",
     "Xform",
@@ -32,7 +32,7 @@ const SILENT: [&str; 12] = [
     "Skeleton",
     "SkelAnimation",
 ];
-/// Applied schemas that are read, or that say nothing about an object.
+/// Applied API schemas that are read or contribute nothing to an object, so that no note lists them.
 const KNOWN_SCHEMAS: [&str; 16] = [
     "PhysicsRigidBodyAPI",
     "PhysicsMassAPI",
@@ -52,7 +52,7 @@ const KNOWN_SCHEMAS: [&str; 16] = [
     "VisibilityAPI",
 ];
 
-/// Lengths and masses of a stage.
+/// Units of length and mass of a stage.
 #[derive(Clone, Copy, Debug)]
 pub struct Units {
     /// Metres per unit.
@@ -61,42 +61,44 @@ pub struct Units {
     pub kilograms: f64,
 }
 
-/// A rigid body, in the world's frame.
+/// A rigid body, in the world frame.
 pub struct Body {
-    /// Path of its prim; empty for what is fixed to the world.
+    /// Path of its prim; empty for the body of everything that is fixed to the world.
     pub path: String,
-    /// Geometry, collision shapes, mass, density and friction.
+    /// Geometry, collision shapes, mass, density and friction, in the world frame and without a joint.
     pub held: RawLink,
-    /// True if it cannot be moved by contacts.
+    /// True if it is kinematic (`physics:kinematicEnabled`): contacts do not move it.
     pub is_kinematic: bool,
-    /// True if it is the root of an articulation.
+    /// True if it is an articulation root (`PhysicsArticulationRootAPI`).
     pub is_root: bool,
-    /// True if its own prim states its mass.
+    /// True if the body's own prim states its mass; masses of its colliders are then ignored.
     is_weighed: bool,
 }
 
 /// A joint prim.
 pub struct JointPrim {
-    /// The prim.
+    /// The prim, for its type, axis, limits and drive.
     pub at: At,
-    /// The two bodies, and the joint's frame on each.
+    /// Index of each of the two bodies, and `world_from_joint` according to that body.
     pub ends: [(usize, Pose); 2],
 }
 
 /// Contents of a stage.
 pub struct Contents {
-    /// Bodies; the first is fixed to the world.
+    /// Bodies; the first one is everything that is fixed to the world.
     pub bodies: Vec<Body>,
-    /// Joints between them.
+    /// Enabled joints between the bodies.
     pub joints: Vec<JointPrim>,
-    /// A name that is given as a semantic label.
+    /// Semantic label of the first prim that has one, as a name for the object.
     pub label: Option<String>,
 }
 
-/// Values that a prim takes from those above it.
+/// Values that a prim inherits from its ancestors.
 #[derive(Clone)]
 struct Above {
+    /// `world_from_parent`, with the world in metres.
     world: DMat4,
+    /// Index of the rigid body.
     body: usize,
     is_visible: bool,
     purpose: String,
@@ -106,10 +108,10 @@ struct Above {
     approximation: String,
 }
 
-/// Reads the prims of a stage under some root prims.
+/// Reads the prims of a stage below the given root prims.
 ///
 /// # Errors
-/// If a mesh is damaged or there are too many triangles.
+/// If a mesh is damaged, a transform is invalid, prims are nested too deeply, or there are too many triangles.
 pub fn contents(
     stage: &Stage,
     roots: &[Path],
@@ -165,16 +167,16 @@ struct Reader<'a, 'b> {
     notes: &'a mut Vec<String>,
     materials: Materials,
     contents: Contents,
-    /// Body and `world_from_prim` of each prim, by path.
+    /// Body index and `world_from_prim` (world in metres) of each prim, by path.
     body_of: BTreeMap<String, (usize, DMat4)>,
     joints: Vec<At>,
-    /// Number of prims by type, and of applications by schema, that are not used.
+    /// Number of unused prims by type, and of applications of unused schemas by name.
     unused: BTreeMap<String, usize>,
     triangles: usize,
 }
 
 impl Reader<'_, '_> {
-    /// Reads a prim; gives what its children take from it, `None` if they are not read.
+    /// Reads a prim and returns the values that its children inherit; `None` if the children are to be skipped.
     fn prim(&mut self, at: &At, above: &Above) -> Result<Option<Above>, String> {
         let kind = at.kind();
         let (own, resets) = at.transform()?;
@@ -292,7 +294,8 @@ impl Reader<'_, '_> {
         Ok(())
     }
 
-    /// Friction and density of the material of a collider.
+    /// Reads friction (dynamic, else static) and density of a collider's physics material into its body. Of several
+    /// colliders, the last friction and the first density are used.
     fn surface_physics(&mut self, at: &At, here: &Above) {
         let Some(path) = here.physics_material.as_ref().or(here.material.as_ref()) else { return };
         let material = at.other(path);
@@ -308,7 +311,9 @@ impl Reader<'_, '_> {
         stated * self.units.kilograms / self.units.metres.powi(3)
     }
 
-    /// Mass, centre of mass, inertia and density; those of a body win over those of its colliders.
+    /// Reads mass, centre of mass, inertia and density of a prim into its body. A mass that the body's own prim states
+    /// takes precedence over those of its colliders; otherwise the colliders' masses add up, at the first one's centre
+    /// of mass and without inertia. Of several densities, the last one is used.
     fn mass(&mut self, at: &At, here: &Above, is_body: bool) {
         let Units { metres, kilograms } = self.units;
         let density = at.positive("physics:density").map(|density| self.density(density));
@@ -336,7 +341,7 @@ impl Reader<'_, '_> {
         };
         body.is_weighed |= is_body;
         body.held.mass = match body.held.mass {
-            // The body comes before its colliders, whose masses then do not count.
+            // The body's prim is read before its colliders, whose masses are then ignored.
             Some(known) if body.is_weighed => Some(known),
             Some(known) => Some(MassProperties { mass_kg: known.mass_kg + mass_kg, inertia: DMat3::ZERO, ..known }),
             None => Some(own),

@@ -11,22 +11,22 @@ use crate::formats::{PLAIN, glb::srgb, solid};
 use crate::raw::{MAX_TRIANGLES, RawCollision, RawMesh, Surface};
 use crate::vertex_colors;
 
-/// Vertices around the base of a cone.
+/// Number of vertices around the base of a cone.
 const AROUND: usize = 32;
-/// Relative difference of scales up to which a shape counts as scaled evenly, and of an angle's cosine from 0 up to which
-/// it is not sheared.
+/// Largest relative difference of scales at which a shape counts as uniformly scaled, and largest cosine of the angle
+/// between two axes at which it counts as not sheared.
 const EVEN: f64 = 1e-6;
 
-/// Types of prims with geometry that is read.
+/// Types of the geometric prims that are supported.
 pub const GEOMETRY: [&str; 8] = ["Mesh", "Cube", "Sphere", "Cylinder", "Capsule", "Cone", "Cylinder_1", "Capsule_1"];
 
-/// Geometry of a prim in its own frame.
+/// Geometry of a prim in its own frame, in the stage's unit of length.
 pub enum Geometry {
-    /// Polygons.
+    /// Polygon mesh.
     Mesh(Polygons),
-    /// Shape with the rotation of its axis.
+    /// Primitive shape along z, and the rotation that turns z to the prim's axis.
     Shape(Shape, DQuat),
-    /// Convex hull of points: a cone.
+    /// Points whose convex hull is the shape, here a cone.
     Hull(Vec<DVec3>),
 }
 
@@ -34,7 +34,8 @@ impl Geometry {
     /// Reads a prim of one of the types in [`GEOMETRY`].
     ///
     /// # Errors
-    /// If a face refers to a vertex that does not exist, or there are too many triangles.
+    /// If a face refers to a vertex that does not exist, the face sizes do not add up to the number of corners, or
+    /// there are too many triangles.
     pub fn read(at: &At, notes: &mut Vec<String>) -> Result<Self, String> {
         let size =
             |name: &str, otherwise: f64| at.number(name).filter(|size| size.is_finite()).unwrap_or(otherwise).abs();
@@ -74,8 +75,8 @@ impl Geometry {
         })
     }
 
-    /// Visual surfaces in the world's frame, one per material; `bound` gives that of each subset of faces, `None` for the
-    /// faces outside all subsets.
+    /// Visual surfaces, one per material, transformed by `world` (`world_from_prim`). `subsets` are face indices with
+    /// their material, and `whole` is the material of the other faces; shapes and hulls have `whole` alone.
     pub fn surfaces(&self, at: &At, world: &DMat4, subsets: &[(Vec<u32>, Bound)], whole: &Bound) -> Vec<Surface> {
         let name = at.name();
         let parts = match self {
@@ -93,7 +94,8 @@ impl Geometry {
         parts.into_iter().filter(|(mesh, _)| !mesh.triangles.is_empty()).map(surface).collect()
     }
 
-    /// Collision geometry in the world's frame. `approximation` is that of `PhysicsMeshCollisionAPI`.
+    /// Collision geometry, transformed by `world` (`world_from_prim`). `approximation` is the one of
+    /// `PhysicsMeshCollisionAPI`; it applies to meshes only.
     pub fn collision(&self, world: &DMat4, approximation: &str) -> RawCollision {
         match self {
             Self::Shape(shape, turn) => {
@@ -116,7 +118,8 @@ impl Geometry {
     }
 }
 
-/// The box in the prim's axes, or the ball around that box's centre, that contains a mesh.
+/// Bounding box of a mesh along the prim's axes, or the smallest sphere around that box's centre that contains the
+/// mesh.
 fn bounding(polygons: &Polygons, world: &DMat4, is_ball: bool) -> RawCollision {
     let bounds = genmanip_core::Aabb::from_points(polygons.points.iter().copied());
     let placed = *world * DMat4::from_translation(bounds.center());
@@ -133,7 +136,7 @@ fn bounding(polygons: &Polygons, world: &DMat4, is_ball: bool) -> RawCollision {
     }
 }
 
-/// A shape under a transform, if the result is one of the shapes.
+/// A shape after an affine transform; `None` if the result is not a [`Shape`] again.
 fn scaled(shape: &Shape, placed: &DMat4) -> Option<Piece> {
     let axes = [placed.x_axis, placed.y_axis, placed.z_axis].map(|axis| axis.truncate());
     let size = DVec3::from_array(axes.map(|axis| axis.length()));
@@ -159,7 +162,8 @@ fn scaled(shape: &Shape, placed: &DMat4) -> Option<Piece> {
     Some(Piece { shape, link_from_piece: rigid(placed) })
 }
 
-/// Position and rotation of a transform, without scale; a mirrored one is turned by its axes reversed.
+/// Position and rotation of an affine transform, without scale and shear; of a mirroring one, all axes are reversed
+/// first.
 pub fn rigid(transform: &DMat4) -> Pose {
     let sign = if transform.determinant() < 0.0 { -1.0 } else { 1.0 };
     let x = (transform.x_axis.truncate() * sign).normalize_or(DVec3::X);
@@ -169,7 +173,7 @@ pub fn rigid(transform: &DMat4) -> Pose {
     Pose { position: transform.w_axis.truncate(), rotation: rotation.normalize() }
 }
 
-/// The material of a shape, in the colour of the prim if the material leaves it.
+/// Material of a shape or hull; if it is painted, its colour is the first `displayColor` of the prim.
 fn plain(at: &At, bound: &Bound) -> Bound {
     let mut bound = bound.clone();
     if bound.is_painted {
@@ -179,7 +183,7 @@ fn plain(at: &At, bound: &Bound) -> Bound {
     bound
 }
 
-/// A list of values on a mesh.
+/// A primvar of a mesh.
 struct OnMesh<T> {
     values: Vec<T>,
     indices: Vec<u32>,
@@ -191,7 +195,7 @@ impl<T: Copy> OnMesh<T> {
         Self { values, indices: at.indices(&format!("{name}:indices")), interpolation: at.interpolation(name) }
     }
 
-    /// True if corners of one vertex can differ.
+    /// True if the face corners at one vertex can have different values.
     fn is_per_corner(&self) -> bool {
         matches!(self.interpolation.as_str(), "faceVarying" | "uniform") && self.values.len() > 1
     }
@@ -211,9 +215,9 @@ impl<T: Copy> OnMesh<T> {
 /// A polygon mesh.
 pub struct Polygons {
     points: Vec<DVec3>,
-    /// Vertex of each corner of each face.
+    /// Index into `points` of each corner, face by face (`faceVertexIndices`).
     corners: Vec<u32>,
-    /// Corners of triangles, with the face that each is part of.
+    /// Triangles as indices into `corners`, with the index of the face.
     triangles: Vec<([usize; 3], usize)>,
 }
 
@@ -251,13 +255,13 @@ impl Polygons {
         Ok(Self { points, corners, triangles })
     }
 
-    /// All triangles, without texture coordinates.
+    /// Mesh of all triangles, without texture coordinates.
     fn bare(&self) -> RawMesh {
         let triangles = self.triangles.iter().map(|(corners, _)| corners.map(|corner| self.corners[corner])).collect();
         RawMesh { positions: self.points.clone(), uvs: Vec::new(), triangles }
     }
 
-    /// Meshes by material.
+    /// Meshes with their materials: one per subset, then the faces outside all subsets; some may be empty.
     fn parts(&self, at: &At, subsets: &[(Vec<u32>, Bound)], whole: &Bound) -> Vec<(RawMesh, Bound)> {
         let mut subset_of: BTreeMap<u32, usize> = BTreeMap::new();
         for (index, (faces, _)) in subsets.iter().enumerate() {
@@ -284,7 +288,7 @@ impl Polygons {
         });
         let is_per_corner = coordinates.as_ref().is_some_and(OnMesh::is_per_corner)
             || colors.as_ref().is_some_and(OnMesh::is_per_corner);
-        // Vertices that are used, by corner or by point.
+        // New vertex index by corner, or by point if corners of one vertex share their values.
         let (mut known, mut places) = (BTreeMap::new(), Vec::new());
         let mut made = Vec::new();
         for &number in triangles {

@@ -1,4 +1,5 @@
-//! Materials: UsdPreviewSurface with textures; constants of MDL and MaterialX surfaces.
+//! Materials: UsdPreviewSurface with a colour texture, OmniPBR (MDL) with its constants and colour texture, and
+//! constants of MaterialX's standard surface.
 
 use std::collections::BTreeMap;
 
@@ -12,25 +13,25 @@ use crate::formats::{PLAIN, extension};
 
 /// Maximum number of connections that are followed from one input.
 const MAX_HOPS: usize = 8;
-/// Maximum number of textures of an object.
+/// Maximum number of colour textures that are loaded per stage.
 const MAX_TEXTURES: usize = 16;
 
-/// A material, and how its texture lies on the surface.
+/// A material, and the transform of its texture coordinates.
 #[derive(Clone)]
 pub struct Bound {
-    /// The material.
+    /// The material, with its colour texture if it has one.
     pub material: Material,
-    /// Name of the texture coordinates.
+    /// Name of the primvar with the texture coordinates, without `primvars:`.
     pub coordinates: String,
     scale: Vec2,
     rotation_rad: f32,
     translation: Vec2,
-    /// True if the colours of the mesh are seen instead of that of the material.
+    /// True if the base colour is the mesh's `displayColor` instead of the material's.
     pub is_painted: bool,
 }
 
 impl Bound {
-    /// A material that leaves the colour to the mesh.
+    /// Material of a prim without one: the colour is the mesh's `displayColor`.
     pub fn painted() -> Self {
         Self {
             material: Material::plain(PLAIN, 0.5),
@@ -42,7 +43,8 @@ impl Bound {
         }
     }
 
-    /// Texture coordinates from the first row of the image on, from those of the file.
+    /// Texture coordinates with the origin at the top left of the image, from the USD coordinates (`st`, origin at the
+    /// bottom left) after the material's UsdTransform2d.
     pub fn placed(&self, st: Vec2) -> [f32; 2] {
         let st = Vec2::from_angle(self.rotation_rad).rotate(st * self.scale) + self.translation;
         [st.x, 1.0 - st.y]
@@ -56,7 +58,7 @@ struct Inputs {
     metallic: &'static str,
     opacity: &'static str,
     ior: &'static str,
-    /// Texture that is an input itself.
+    /// Input with the path of the colour texture; empty for shaders that connect a texture reader instead.
     texture: &'static str,
 }
 
@@ -85,7 +87,7 @@ const STANDARD: Inputs = Inputs {
     texture: "",
 };
 
-/// Reader of materials, each once.
+/// Reader of materials, which reads each material once.
 #[derive(Default)]
 pub struct Materials {
     known: BTreeMap<String, Bound>,
@@ -93,7 +95,8 @@ pub struct Materials {
 }
 
 impl Materials {
-    /// The material at a path; what is not used of it is noted.
+    /// Reads a material prim; inputs that are not used are noted. A material without a supported surface shader leaves
+    /// the colour to the mesh.
     pub fn read(&mut self, material: &At, files: &mut Files<'_>, notes: &mut Vec<String>) -> Bound {
         let path = material.prim.path().to_string();
         if let Some(known) = self.known.get(&path) {
@@ -131,7 +134,7 @@ impl Materials {
         let mut bound = Bound { is_painted: false, ..Bound::painted() };
         let (holder, color_name) = held(&shader, inputs.color);
         let color = holder.vector(&color_name).map_or([0.18; 3], |color| color.as_vec3().to_array());
-        // MDL materials have an opacity that counts only when it is switched on.
+        // The opacity of OmniPBR applies only if `enable_opacity` is true.
         let is_clear = inputs.texture.is_empty() || shader.flag("inputs:enable_opacity") == Some(true);
         bound.material = Material {
             roughness: number(inputs.roughness, 0.5).clamp(0.05, 1.0),
@@ -162,7 +165,7 @@ impl Materials {
         Some(bound)
     }
 
-    /// The colour that another shader gives: a texture, or the colours of the mesh.
+    /// Reads the base colour from a connected shader: a texture, or the mesh's `displayColor`.
     fn color_source(&mut self, shader: &At, bound: &mut Bound, files: &mut Files<'_>, notes: &mut Vec<String>) {
         match shader.text("info:id").unwrap_or_default().as_str() {
             "UsdUVTexture" => {
@@ -183,7 +186,7 @@ impl Materials {
                     if id.is_empty() { "code" } else { id }
                 ));
             }
-            // An input of the material itself, whose value is already read.
+            // The connection ends at an input of the material or a node graph, whose value has been read.
             _ => {}
         }
     }
@@ -224,7 +227,7 @@ impl Materials {
     }
 }
 
-/// Reads which texture coordinates a texture uses, and where they are moved.
+/// Reads the primvar and the UsdTransform2d of the texture coordinates of a texture reader.
 fn coordinates(texture: &At, bound: &mut Bound) {
     let (mut shader, _) = held(texture, "inputs:st");
     if shader.text("info:id").as_deref() == Some("UsdTransform2d") {
@@ -242,7 +245,8 @@ fn coordinates(texture: &At, bound: &mut Bound) {
     }
 }
 
-/// The prim and property that hold the value of an attribute, through inputs and outputs of groups.
+/// Prim and property that hold the value of an attribute, after following its connections through the inputs and
+/// outputs of node graphs.
 fn held(prim: &At, name: &str) -> (At, String) {
     let (mut holder, mut held) = (prim.clone(), name.to_owned());
     for _ in 0..MAX_HOPS {

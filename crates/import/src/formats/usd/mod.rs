@@ -1,8 +1,8 @@
-//! OpenUSD, as text (usda), binary (usdc) or archive (usdz), through the composed stage: one object of meshes and shapes
-//! with UsdPreviewSurface materials, and with rigid bodies, colliders, masses and joints of UsdPhysics.
+//! OpenUSD, as text (usda), binary (usdc) or archive (usdz), through the composed stage: one object of meshes and
+//! shapes with UsdPreviewSurface materials, and with rigid bodies, colliders, masses and joints of UsdPhysics.
 //!
-//! Lengths become metres by `metersPerUnit`, masses kilograms by `kilogramsPerUnit`. What is animated is read at the start
-//! of the stage. Everything that a stage contains beyond an object is noted.
+//! Lengths become metres by `metersPerUnit`, masses kilograms by `kilogramsPerUnit`. Animated values are read at the
+//! stage's start time. Contents that an object cannot represent are listed in its notes.
 
 mod binary;
 mod bodies;
@@ -25,17 +25,17 @@ use bodies::{Units, contents};
 
 pub use stage::is_layer;
 
-/// Metres per unit of a stage that does not state it, by the standard.
+/// Default of `metersPerUnit` in the USD specification.
 const CENTIMETRE: f64 = 0.01;
-/// Longest side below which an object in those units is more likely in metres, m.
+/// Longest side below which an object without `metersPerUnit`, read as centimetres, is read as metres instead, m.
 const SMALLEST_M: f64 = 0.02;
-/// Names of prims that say nothing about what is in them.
+/// Names of root prims that do not describe their contents, so that they do not become the object's name.
 const PLACES: [&str; 4] = ["World", "world", "Scene", "geometry"];
 
-/// Reads the object of a stage.
+/// Reads the only object of a stage, in metres and kilograms; its up axis is that of the stage.
 ///
 /// # Errors
-/// If a layer is damaged, a mesh is inconsistent, or the stage contains several objects.
+/// If a layer is damaged, a mesh is inconsistent, or the stage contains no geometry or several objects.
 pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError> {
     guarded(path, || {
         let stage::Opened { stage, mut notes } = stage::open(path, files)?;
@@ -44,14 +44,14 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     })
 }
 
-/// Layers that a stage is composed of besides its own file, by their paths; those of one that cannot be opened are none.
+/// Paths of the layers that a stage is composed of besides its root layer; empty if it cannot be opened.
 pub fn layers(path: &str, files: &mut Files<'_>) -> Vec<String> {
     let opened = guarded(path, || stage::open(path, files));
     let names = opened.map(|opened| opened.stage.layer_identifiers()).unwrap_or_default();
     names.into_iter().filter(|name| name != path).collect()
 }
 
-/// Reports a panic of the library as an error about the file; among others it panics on indices beyond a table.
+/// Reports a panic of the `openusd` library, e.g. on an index beyond a table, as an error about the file.
 fn guarded<T>(path: &str, read: impl FnOnce() -> Result<T, ImportError>) -> Result<T, ImportError> {
     panics::caught(read).unwrap_or_else(|reason| {
         let reason = stage::plain(&reason);
@@ -86,7 +86,7 @@ fn object(path: &str, stage: &Stage, files: &mut Files<'_>, notes: &mut Vec<Stri
     raw.links = std::mem::take(&mut links);
     let longest = bounds(&raw).size().max_element();
     if stated.is_none() && longest < SMALLEST_M {
-        // The same once more: lengths, masses and densities depend on the unit.
+        // Read the stage again, since lengths, inertia and densities depend on the unit.
         own_notes.clear();
         let units = Units { metres: 1.0, ..units };
         let found = contents(stage, &roots, units, files, &mut own_notes).map_err(wrong)?;
@@ -123,7 +123,7 @@ fn roots(stage: &Stage, notes: &mut Vec<String>) -> Result<Vec<Path>, String> {
     Ok(vec![path(chosen.as_str())?])
 }
 
-/// Name of the only root prim; empty if it says nothing.
+/// Name of the only root prim; empty for several roots or a name in [`PLACES`].
 fn name(roots: &[Path]) -> String {
     let [root] = roots else { return String::new() };
     let name = root.name().unwrap_or_default();
@@ -134,7 +134,7 @@ fn up(stage: &Stage) -> Up {
     let value = stage.stage_metadata("upAxis").ok().flatten();
     match value.as_ref().and_then(Value::as_str) {
         Some("Z") => Up::Z,
-        // The standard's own.
+        // Default of `upAxis` in the USD specification.
         _ => Up::Y,
     }
 }

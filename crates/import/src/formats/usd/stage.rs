@@ -1,7 +1,7 @@
-//! Opening a stage: the layers that it is composed of come from the import's files, archives are unpacked in memory.
+//! Opening a stage: its layers come from the import's files, and archives (usdz) are unpacked in memory.
 //!
-//! The library asks for layers while it composes. It is given those that are known; what it asked for in vain is read,
-//! and the stage is opened again until nothing new is found.
+//! The library requests layers while it composes. Requested layers that are not loaded yet are recorded and loaded, and
+//! the stage is opened again, until no further layer is found.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -19,22 +19,22 @@ use crate::ImportError;
 use crate::files::{Files, beside, shortened};
 use crate::formats::extension;
 
-/// Maximum number of times that a stage is opened: references of references.
+/// Maximum number of times that a stage is opened, which bounds the depth of references to other layers.
 const MAX_ROUNDS: usize = 32;
 /// Maximum number of prims of a stage.
 const MAX_PRIMS: usize = 50_000;
-/// Extensions of layers.
+/// File name extensions of layers.
 const LAYERS: [&str; 4] = ["usd", "usda", "usdc", "usdz"];
 
-/// A composed stage, and the layers that it needs but that are missing or damaged, as notes.
+/// A composed stage with notes on what is missing from it.
 pub struct Opened {
-    /// The stage.
+    /// The composed stage.
     pub stage: Stage,
-    /// One note per missing or damaged layer.
+    /// Notes on missing or damaged layers, other composition errors, and prims that are empty.
     pub notes: Vec<String>,
 }
 
-/// True for a file that the library reads.
+/// True for a path with the extension of a USD layer: usd, usda, usdc or usdz.
 pub fn is_layer(path: &str) -> bool {
     LAYERS.contains(&extension(path).as_str())
 }
@@ -42,7 +42,7 @@ pub fn is_layer(path: &str) -> bool {
 /// Opens a stage with everything that it refers to.
 ///
 /// # Errors
-/// If the file itself cannot be read, an archive is damaged, or there are too many prims.
+/// If the root layer cannot be read, there are too many prims, or layers refer to each other too deeply.
 pub fn open(path: &str, files: &mut Files<'_>) -> Result<Opened, ImportError> {
     let known = Rc::new(RefCell::new(Known::default()));
     known.borrow_mut().add(path, files)?;
@@ -67,7 +67,7 @@ pub fn open(path: &str, files: &mut Files<'_>) -> Result<Opened, ImportError> {
         if found == 0 {
             let mut notes: Vec<String> =
                 stage.composition_errors().iter().map(|error| about(error, &refused)).collect();
-            // The library says nothing of references to prims that do not exist.
+            // The library reports no error for references to prims that do not exist.
             notes.extend(
                 empty
                     .iter()
@@ -83,13 +83,14 @@ pub fn open(path: &str, files: &mut Files<'_>) -> Result<Opened, ImportError> {
     Err(ImportError::new(path, format!("refers to layers that refer to layers, more than {MAX_ROUNDS} deep")))
 }
 
-/// Composes every prim, and so asks for every layer; gives the paths of those that could be placed but contain nothing.
+/// Composes every prim, which requests every layer; returns the paths of prims without type or of type `Xform` that
+/// have no children.
 fn compose(path: &str, stage: &Stage) -> Result<Vec<String>, ImportError> {
     let wrong = |error: &dyn std::fmt::Display| ImportError::new(path, format!("cannot be composed: {}", plain(error)));
     let (mut open, mut count, mut empty) = (vec![stage.prim(Path::abs_root())], 0_usize, Vec::new());
     while let Some(prim) = open.pop() {
         let status = stage.prim_status(prim.path().clone()).map_err(|error| wrong(&error))?;
-        // Those below a prim that is not read are not read either.
+        // Children of a skipped prim are skipped as well.
         if count > 0 && !PrimPredicate::DEFAULT_PROXIES.matches(status) {
             continue;
         }
@@ -108,7 +109,7 @@ fn compose(path: &str, stage: &Stage) -> Result<Vec<String>, ImportError> {
     Ok(empty)
 }
 
-/// Note on what a stage lacks.
+/// Note on a composition error. `refused` maps the paths of layers that could not be loaded to the reason.
 fn about(error: &openusd::pcp::Error, refused: &BTreeMap<String, String>) -> String {
     use openusd::pcp::Error;
     let (layer, place) = match error {
@@ -120,14 +121,14 @@ fn about(error: &openusd::pcp::Error, refused: &BTreeMap<String, String>) -> Str
         }
         other => return format!("left out: {}", shortened_note(&other.to_string())),
     };
-    // The library says what is written, not the place that it means.
+    // The library reports the path as authored, not the resolved one.
     let bare = layer.trim_start_matches("./");
     let why = refused.iter().find(|(known, _)| known.ends_with(bare)).map(|(_, why)| why);
     let why = why.map_or("no path within the imported folder", String::as_str);
     format!("left out: {}, a {place}: {}", shortened(layer), shortened_note(why))
 }
 
-/// The causes of an error of the library, in one line.
+/// Message of an error of the library with its causes, in one line of at most 200 characters.
 pub fn plain(error: &dyn std::fmt::Display) -> String {
     shortened_note(&format!("{error:#}"))
 }
@@ -137,12 +138,13 @@ fn shortened_note(text: &str) -> String {
     words.chars().filter(|c| !c.is_control()).take(200).collect()
 }
 
-/// Layers by their path relative to the root; those of an archive lie in it as in a folder.
+/// Loaded layers by their path relative to the import's folder; layers in an archive have the archive as a folder.
 #[derive(Default)]
 struct Known {
     bytes: BTreeMap<String, Arc<Vec<u8>>>,
-    /// First layer of each archive.
+    /// Path of the first layer of each archive, by the archive's path.
     first: BTreeMap<String, String>,
+    /// Paths of layers that the library requested but that are not loaded.
     wanted: BTreeSet<String>,
 }
 
@@ -157,7 +159,7 @@ impl Known {
         Ok(())
     }
 
-    /// Adds the files of an archive, whose first layer is the one that is opened.
+    /// Adds the files of an archive; its first layer becomes the one that the archive's path refers to.
     fn unpack(&mut self, path: &str, bytes: &[u8], files: &mut Files<'_>) -> Result<(), ImportError> {
         let damaged = |error: &dyn std::fmt::Display| {
             ImportError::new(path, format!("not a readable USDZ archive: {error}")).hint("copy or export it again")
@@ -185,7 +187,7 @@ impl Known {
     }
 }
 
-/// Refuses layers whose reading would exhaust the stack or the memory.
+/// Refuses layers that are neither usda nor usdc, or whose parsing would exhaust stack or memory.
 fn check(path: &str, bytes: &[u8]) -> Result<(), ImportError> {
     let wrong = |message: String| ImportError::new(path, message);
     if bytes.starts_with(binary::MAGIC) {
@@ -197,12 +199,12 @@ fn check(path: &str, bytes: &[u8]) -> Result<(), ImportError> {
     text::check(bytes).map_err(wrong)
 }
 
-/// The library's access to the layers.
+/// Resolver that gives the library access to the loaded layers.
 struct Layers(Rc<RefCell<Known>>);
 
 impl Resolver for Layers {
     fn create_identifier(&self, asset_path: &str, anchor: Option<&ResolvedPath>) -> String {
-        // Files in an archive: `a.usdz[b.usd]`.
+        // `a.usdz[b.usd]` is a file in an archive.
         let inside = asset_path.strip_suffix(']').map(|path| path.replacen('[', "/", 1));
         let named = inside.as_deref().unwrap_or(asset_path);
         let Some(anchor) = anchor else { return named.to_owned() };
@@ -217,7 +219,7 @@ impl Resolver for Layers {
         if let Some(first) = known.first.get(asset_path) {
             return Some(ResolvedPath::new(first));
         }
-        // Absolute paths were not made relative.
+        // False for absolute paths and those that leave the import's folder.
         let is_inside = beside("", asset_path).is_ok_and(|inside| inside == asset_path);
         if !is_layer(asset_path) {
             return is_inside.then(|| ResolvedPath::new(asset_path));

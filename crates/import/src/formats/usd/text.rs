@@ -1,8 +1,8 @@
-//! Bounds of a text layer: its parser is recursive, so nesting is checked before.
+//! Limits of a text layer (usda): its parser is recursive, so the nesting depth is checked before parsing.
 
-/// Maximum nesting depth of brackets, and of the functions of an expression.
+/// Maximum nesting depth of brackets, and maximum number of opening brackets in a variable expression.
 const MAX_NESTING: usize = 128;
-/// First character of an expression that is evaluated.
+/// First character of a string that is a variable expression.
 const EXPRESSION: u8 = b'`';
 
 /// Checks the nesting of a text layer.
@@ -13,7 +13,7 @@ pub fn check(bytes: &[u8]) -> Result<(), String> {
     let (mut depth, mut place) = (0_usize, 0);
     while let Some(&byte) = bytes.get(place) {
         let rest = &bytes[place..];
-        // Brackets in comments, texts, paths and names of files do not count.
+        // Brackets in comments, strings, paths and asset paths do not count.
         let skipped = match byte {
             b'#' => to(rest, 1, b"\n"),
             b'/' if rest.starts_with(b"/*") => to(rest, 2, b"*/"),
@@ -36,10 +36,10 @@ pub fn check(bytes: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-/// Checks the nesting of an expression; other texts have none.
+/// Checks the number of brackets in a variable expression; other strings are accepted.
 ///
 /// # Errors
-/// If it is nested too deeply.
+/// If there are more than [`MAX_NESTING`].
 pub fn check_expression(text: &[u8]) -> Result<(), String> {
     let is_bracket = |byte: &&u8| matches!(**byte, b'(' | b'[');
     if text.first() == Some(&EXPRESSION) && text.iter().filter(is_bracket).count() > MAX_NESTING {
@@ -48,13 +48,16 @@ pub fn check_expression(text: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-/// Length up to the end of a part that starts here and ends with `end`, not before `from`.
+/// Length of the part of `rest` up to and including the first `end` at or after `from`; `None` without `end`.
 fn to(rest: &[u8], from: usize, end: &[u8]) -> Option<usize> {
     let found = rest.get(from..)?.windows(end.len()).position(|window| window == end)?;
     Some(from + found + end.len())
 }
 
-/// Length of a text in one or three quotation marks.
+/// Length of a string literal in one or three quotation marks, its marks included; `None` if it is not closed.
+///
+/// # Errors
+/// As [`check_expression`].
 fn text(rest: &[u8], mark: u8) -> Result<Option<usize>, String> {
     if let Some(length) = rest.starts_with(&[mark; 3]).then(|| to(rest, 3, &[mark; 3])).flatten() {
         check_expression(rest.get(3..length - 3).unwrap_or_default())?;
@@ -95,7 +98,7 @@ mod tests {
             assert_eq!(check(deep(open).as_bytes()).is_ok(), is_fine, "{open}");
         }
         assert!(check(format!("\"`{}`\"", "if(".repeat(200)).as_bytes()).is_err(), "an expression");
-        // Marks without an end.
+        // Opening marks that are never closed.
         for open in ["\"", "'''", "@", "@@@", "<", "/*", "\\"] {
             assert!(check(open.as_bytes()).is_ok());
         }

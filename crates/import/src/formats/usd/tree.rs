@@ -1,5 +1,5 @@
-//! The tree of links of a stage's bodies: bodies that are fixed to each other become one link, and a link's frame is that
-//! of its joint.
+//! Tree of links from the bodies of a stage: bodies that are fixed to each other are merged into one link, and the
+//! frame of a link is that of its joint.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -11,15 +11,16 @@ use crate::files::shortened;
 use crate::formats::urdf;
 use crate::raw::{MAX_LINKS, RawLink};
 
-/// Damping and dry friction of a joint without any, N·m·s/rad and N·m, or N·s/m and N.
+/// Damping of a joint whose drive states none, and dry friction of all joints: N·m·s/rad and N·m, or N·s/m and N.
 const DAMPING: f64 = 0.1;
 const FRICTION_LOSS: f64 = 0.05;
-/// Range of a joint without limits: rad, m.
+/// Half range of a joint without limits: revolute (rad), prismatic (m).
 const UNLIMITED: [f64; 2] = [std::f64::consts::PI, 0.2];
-/// Distance and angle between the frames of a joint from which its bodies are said to be apart, m and rad.
+/// Distance (m) and angle (rad) between the two frames of a joint above which a note says that its bodies are apart.
 const APART: [f64; 2] = [1e-3, 1e-2];
 
-/// The motion of a joint: kind, axis in the joint's frame, range and drive.
+/// Motion of a joint: kind, axis in the joint's frame, range (rad or m), and damping, stiffness and rest position of
+/// its drive (per rad or m).
 struct Motion {
     kind: JointKind,
     axis: DVec3,
@@ -29,14 +30,15 @@ struct Motion {
     target: f64,
 }
 
-/// Links of the one object of a stage, parents first.
+/// Links of the only object of a stage, parents first; the fixed surroundings of an object that moves freely are
+/// dropped with a note.
 ///
 /// # Errors
-/// If several bodies move freely, or there are too many.
+/// If there are several objects (groups of joined bodies), or too many moving bodies.
 pub fn links(mut contents: Contents, units: Units, notes: &mut Vec<String>) -> Result<Vec<RawLink>, String> {
     let motions: Vec<Option<Motion>> = contents.joints.iter().map(|joint| motion(joint, units, notes)).collect();
     let count = contents.bodies.len();
-    // Joints by body: index of the joint, index of the other end.
+    // By body: index of each of its joints, and the end (0 or 1) at which the other body is.
     let mut around: Vec<Vec<(usize, usize)>> = vec![Vec::new(); count];
     for (index, joint) in contents.joints.iter().enumerate() {
         let [(a, _), (b, _)] = joint.ends;
@@ -56,7 +58,7 @@ pub fn links(mut contents: Contents, units: Units, notes: &mut Vec<String>) -> R
     let root = match free.as_slice() {
         [] => 0,
         [group] if is_still => {
-            // If exactly one body moves freely, it is the object.
+            // The only group of bodies that moves freely is the object.
             let parts =
                 |&body: &usize| contents.bodies[body].held.surfaces.len() + contents.bodies[body].held.collision.len();
             let parts: usize = fixed.iter().map(parts).sum();
@@ -78,7 +80,7 @@ pub fn links(mut contents: Contents, units: Units, notes: &mut Vec<String>) -> R
     grow(root, &mut contents, &motions, &around, notes)
 }
 
-/// Bodies that are joined, the first group with the world.
+/// Groups of bodies connected by joints; the first group is connected to the world and has all kinematic bodies.
 fn components(contents: &Contents, around: &[Vec<(usize, usize)>]) -> Vec<Vec<usize>> {
     let mut group_of = vec![None; around.len()];
     let mut groups = Vec::new();
@@ -102,7 +104,8 @@ fn components(contents: &Contents, around: &[Vec<(usize, usize)>]) -> Vec<Vec<us
     groups
 }
 
-/// The root of a group's articulation, or the body that no joint has as its second, or the first.
+/// Base body of a group: its articulation root, or else the first body that is not the second body of any joint, or
+/// else the first body.
 fn base(group: &[usize], contents: &Contents) -> usize {
     let is_child = |body: usize| contents.joints.iter().any(|joint| joint.ends[1].0 == body);
     let root = group.iter().copied().find(|&body| contents.bodies[body].is_root);
@@ -119,7 +122,7 @@ fn grow(
     let Contents { bodies, joints, .. } = contents;
     let take = |body: &mut Body| std::mem::take(&mut body.held);
     let mut made = vec![RawLink { name: "body".into(), ..RawLink::default() }];
-    // Link of each body, and the link's frame from where the file has the body.
+    // By body: index of its link, and `link_from_world` for the body's geometry as placed in the file.
     let mut places: BTreeMap<usize, (usize, Pose)> = BTreeMap::new();
     let mut open = VecDeque::from([(root, 0, Pose::IDENTITY)]);
     if root == 0 {
@@ -165,7 +168,7 @@ fn grow(
                 parent: link,
                 kind: motion.kind,
                 parent_from_joint: link_from_joint,
-                // From the second body, the first moves the other way.
+                // The axis moves the second body relative to the first; with the first as the child, it is reversed.
                 axis: if end == 1 { motion.axis } else { -motion.axis },
                 range: motion.range,
                 damping: motion.damping,
@@ -180,7 +183,7 @@ fn grow(
     Ok(made)
 }
 
-/// The motion of a joint; `None` if it is fixed or is treated as such.
+/// Motion of a joint in rad or m; `None` if it is fixed, or treated as fixed with a note.
 fn motion(joint: &JointPrim, units: Units, notes: &mut Vec<String>) -> Option<Motion> {
     let at = &joint.at;
     let (kind, drive) = match at.kind().as_str() {
@@ -203,7 +206,8 @@ fn motion(joint: &JointPrim, units: Units, notes: &mut Vec<String>) -> Option<Mo
         notes.push(format!("joint {}: its range is empty, so it is treated as fixed", path(joint)));
         return None;
     }
-    // Torque per degree, or force per unit of length.
+    // Drive gains are given per degree or per unit of length: torques in kg·m²/s², forces in kg·m/s² of the stage's
+    // units.
     let force = if is_revolute { units.kilograms * units.metres.powi(2) } else { units.kilograms * units.metres };
     let stated = |name: &str| at.positive(&format!("{drive}:{name}")).map(|value| value * force / unit);
     let axis = match at.text("physics:axis").as_deref() {
@@ -221,7 +225,7 @@ fn motion(joint: &JointPrim, units: Units, notes: &mut Vec<String>) -> Option<Mo
     })
 }
 
-/// Notes bodies that are not where their joint holds them.
+/// Adds a note if the two frames of a joint differ by more than the joint's motion allows.
 fn say_apart(joint: &JointPrim, motion: Option<&Motion>, notes: &mut Vec<String>) {
     let [(_, first), (_, second)] = joint.ends;
     let between = first.inverse() * second;
@@ -246,7 +250,7 @@ fn path(joint: &JointPrim) -> String {
     shortened(joint.at.prim.path().as_str())
 }
 
-/// A name, or another if it is empty.
+/// `name`, or `otherwise` if it is empty.
 fn or<'a>(name: &'a str, otherwise: &'a str) -> &'a str {
     if name.is_empty() { otherwise } else { name }
 }

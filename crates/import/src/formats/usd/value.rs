@@ -1,26 +1,26 @@
-//! Values of a prim at the start of its stage: numbers, vectors, tokens, targets, and its own transform.
+//! Values of a prim at one time code: numbers, vectors, tokens, relationship targets, and its local transform.
 
 use glam::{DMat4, DQuat, DVec3, Vec2};
 use openusd::schemas::geom::{Imageable, Xformable};
 use openusd::sdf::{AssetPath, Path, Value};
 use openusd::usd::{Attribute, Prim, SchemaBase, SchemaKind, TimeCode};
 
-/// Value of an attribute at a time; `None` if it has none or it is blocked.
+/// Value of an attribute at a time code; `None` if it has none or is blocked.
 fn value(attribute: &Attribute, time: TimeCode) -> Option<Value> {
     attribute.get_at::<Value>(time).ok().flatten().filter(|value| !matches!(value, Value::ValueBlock | Value::None))
 }
 
-/// A prim whose attributes are read at one time.
+/// A prim whose attributes are read at one time code.
 #[derive(Clone)]
 pub struct At {
     /// The prim.
     pub prim: Prim,
-    /// The time.
+    /// Time code at which its attributes are read.
     pub time: TimeCode,
 }
 
 impl At {
-    /// Another prim at the same time.
+    /// Another prim of the stage at the same time code.
     pub fn other(&self, path: &Path) -> Self {
         Self { prim: self.prim.stage().prim(path.clone()), time: self.time }
     }
@@ -30,38 +30,38 @@ impl At {
         self.prim.path().name().unwrap_or_default().to_owned()
     }
 
-    /// Type name; empty if there is none.
+    /// Type name, e.g. `Mesh`; empty if there is none.
     pub fn kind(&self) -> String {
         self.prim.type_name().ok().flatten().map(|name| name.as_str().to_owned()).unwrap_or_default()
     }
 
-    /// Names of the applied schemas.
+    /// Names of the applied API schemas, e.g. `PhysicsMassAPI`.
     pub fn schemas(&self) -> Vec<String> {
         let names = self.prim.api_schemas().unwrap_or_default();
         names.iter().map(|name| name.as_str().to_owned()).collect()
     }
 
-    /// Value of an attribute.
+    /// Value of an attribute; `None` if it has none or is blocked.
     pub fn value(&self, name: &str) -> Option<Value> {
         value(&self.prim.attribute(name), self.time)
     }
 
-    /// Number.
+    /// Value of a numeric attribute; it may be infinite or NaN.
     pub fn number(&self, name: &str) -> Option<f64> {
         self.value(name)?.cast::<f64>().ok()
     }
 
-    /// Finite number that is larger than 0.
+    /// Value of a numeric attribute if it is finite and larger than 0.
     pub fn positive(&self, name: &str) -> Option<f64> {
         self.number(name).filter(|value| value.is_finite() && *value > 0.0)
     }
 
-    /// Truth value.
+    /// Value of a Boolean attribute.
     pub fn flag(&self, name: &str) -> Option<bool> {
         self.value(name)?.cast::<bool>().ok()
     }
 
-    /// Text or token.
+    /// Value of a string or token attribute; of a list of tokens, the first.
     pub fn text(&self, name: &str) -> Option<String> {
         let value = self.value(name)?;
         if let Value::TokenVec(all) = &value {
@@ -70,20 +70,20 @@ impl At {
         value.cast::<String>().ok()
     }
 
-    /// Vector of finite numbers.
+    /// Value of an attribute with three components, if all are finite.
     pub fn vector(&self, name: &str) -> Option<DVec3> {
         let vector = DVec3::from_array(self.value(name)?.cast::<[f64; 3]>().ok()?);
         vector.is_finite().then_some(vector)
     }
 
-    /// Rotation; a quaternion of length 0 is none.
+    /// Value of a quaternion attribute (real part first), normalised; `None` for a length of about 0.
     pub fn rotation(&self, name: &str) -> Option<DQuat> {
         let [w, x, y, z] = self.value(name)?.cast::<[f64; 4]>().ok()?;
         let rotation = DQuat::from_xyzw(x, y, z, w);
         (rotation.is_finite() && rotation.length() > 1e-9).then(|| rotation.normalize())
     }
 
-    /// List of vectors; empty if there is none.
+    /// Array of vectors with three components; empty if there is none.
     pub fn vectors(&self, name: &str) -> Vec<DVec3> {
         match self.value(name) {
             Some(Value::Vec3fVec(all)) => all.iter().map(|v| DVec3::new(v.x.into(), v.y.into(), v.z.into())).collect(),
@@ -93,7 +93,7 @@ impl At {
         }
     }
 
-    /// List of pairs; empty if there is none.
+    /// Array of vectors with two components, such as texture coordinates; empty if there is none.
     pub fn pairs(&self, name: &str) -> Vec<Vec2> {
         match self.value(name) {
             Some(Value::Vec2fVec(all)) => all.iter().map(|v| Vec2::new(v.x, v.y)).collect(),
@@ -103,7 +103,7 @@ impl At {
         }
     }
 
-    /// List of indices; empty if there is none, negative ones become the largest.
+    /// Array of indices; empty if there is none. Negative ones become `u32::MAX`, so that they are out of range.
     pub fn indices(&self, name: &str) -> Vec<u32> {
         match self.value(name) {
             Some(Value::IntVec(all)) => all.iter().map(|&index| u32::try_from(index).unwrap_or(u32::MAX)).collect(),
@@ -111,43 +111,45 @@ impl At {
         }
     }
 
-    /// Path of a file: what is written, and the place in the import's files if it is inside them.
+    /// Value of an asset attribute: the path as authored, and the resolved path within the import's files, if it lies
+    /// inside them.
     pub fn file(&self, name: &str) -> Option<(String, Option<String>)> {
         let asset = self.prim.attribute(name).get::<AssetPath>().ok().flatten()?;
         (!asset.is_empty()).then(|| (asset.asset_path().to_owned(), asset.resolved_path().map(str::to_owned)))
     }
 
-    /// Parts of a mesh to which the values of a list belong: `constant`, `uniform`, `vertex`, `varying` or `faceVarying`.
+    /// Interpolation of a primvar: `constant` (default), `uniform`, `vertex`, `varying` or `faceVarying`.
     pub fn interpolation(&self, name: &str) -> String {
         let value = self.prim.attribute(name).get_metadata::<Value>("interpolation").ok().flatten();
         value.and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_else(|| "constant".into())
     }
 
-    /// Targets of a relationship, or of its forwards.
+    /// Targets of a relationship, with forwarding through other relationships resolved; empty if there are none.
     pub fn targets(&self, name: &str) -> Vec<Path> {
         self.prim.relationship(name).forwarded_targets().unwrap_or_default()
     }
 
-    /// Property that an attribute is connected to.
+    /// Path of the property that an attribute is connected to, the first of several.
     pub fn source(&self, name: &str) -> Option<Path> {
         self.prim.attribute(name).connections().ok()?.into_iter().next()
     }
 
-    /// Names of the properties that start like this.
+    /// Names of the prim's properties that start with `start`.
     pub fn properties(&self, start: &str) -> Vec<String> {
         let names = self.prim.property_names().unwrap_or_default();
         names.iter().map(|name| name.as_str()).filter(|name| name.starts_with(start)).map(str::to_owned).collect()
     }
 
-    /// `parent_from_prim`, and true if it is `world_from_prim` instead.
+    /// `parent_from_prim` in the stage's unit of length, and true if the prim resets the transform stack, so that the
+    /// matrix is `world_from_prim`.
     ///
     /// # Errors
-    /// If an operation is inverted that has no inverse.
+    /// If the transform is not finite, or an operation is inverted that has no inverse.
     pub fn transform(&self) -> Result<(DMat4, bool), String> {
         let placed = Placed(self.prim.clone());
         let wrong = |error| format!("{}: {}", self.prim.path(), super::stage::plain(&error));
         let matrix = placed.local_to_parent_transform(self.time).map_err(wrong)?;
-        // The library multiplies rows from the left.
+        // The library's matrices are row-major and multiply row vectors, which is the same memory layout as glam's.
         let matrix = DMat4::from_cols_array(&matrix.0);
         if !matrix.is_finite() {
             return Err(format!("{}: its transform is not finite", self.prim.path()));
@@ -156,7 +158,7 @@ impl At {
     }
 }
 
-/// Any prim as one with a transform.
+/// Adapter that treats any prim as `Xformable`.
 struct Placed(Prim);
 
 impl SchemaBase for Placed {

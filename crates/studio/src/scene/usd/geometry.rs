@@ -1,4 +1,4 @@
-//! Geometry: drawn meshes, and colliders, which are not drawn.
+//! Geometry: visual meshes, and colliders, which are invisible by their purpose `guide`.
 
 use genmanip_core::glam::{DVec3, Vec3};
 use genmanip_core::{Piece, Shape, VisualPart};
@@ -41,7 +41,7 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// Convex pieces, which are not drawn.
+    /// Writes convex pieces as colliders with a sliding friction coefficient.
     pub(super) fn pieces(&mut self, pieces: &[Piece], friction: f64) {
         if pieces.is_empty() {
             return;
@@ -71,7 +71,7 @@ impl Writer<'_> {
     }
 }
 
-/// Type and attributes of a shape, and its scale.
+/// Prim type, attribute lines and scale of a shape; the scale is `None` where the attributes hold the size.
 fn shape(shape: &Shape) -> (&'static str, Vec<String>, Option<DVec3>) {
     let round = |kind: &'static str, radius: f64, height: f64| {
         let axis = "uniform token axis = \"Z\"".to_owned();
@@ -87,7 +87,7 @@ fn shape(shape: &Shape) -> (&'static str, Vec<String>, Option<DVec3>) {
     }
 }
 
-/// Attributes of a mesh of the convex hull of points.
+/// Attribute lines of a mesh that is the convex hull of the points.
 fn hull(points: &[DVec3]) -> Vec<String> {
     let (corners, triangles) = convex_hull(points).unwrap_or_default();
     vec![

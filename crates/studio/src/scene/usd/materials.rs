@@ -9,7 +9,10 @@ use genmanip_render::encode::{EncodeError, png_rgb};
 use super::text::Writer;
 
 impl Writer<'_> {
-    /// Name of a material, which is written at the end.
+    /// Name of the prim of a material, which [`Writer::materials`] writes at the end; equal materials share one prim.
+    ///
+    /// # Errors
+    /// When the number of pixels of its texture does not match the size.
     pub(super) fn material(&mut self, material: &Material) -> Result<String, EncodeError> {
         if let Some(texture) = &material.texture
             && !self.textures.iter().any(|known| Arc::ptr_eq(known, texture))

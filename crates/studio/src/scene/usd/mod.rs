@@ -1,7 +1,8 @@
-//! Writer of OpenUSD text (usda) with UsdPhysics: a whole scenario for programs of scene graphs and simulators.
+//! Writer of OpenUSD text (usda) with UsdPhysics: a whole scenario for scene graph tools and simulators.
 //!
-//! Metres, kilograms, z up, as in the project. Links of robot and articulated objects are rigid bodies with colliders,
-//! masses and joints; UsdPhysics knows joints about x, y or z alone, so that their frames are turned to x.
+//! Units are metres and kilograms, and z points up. All links of the robot and of objects are rigid bodies with
+//! colliders and masses, connected by joints. UsdPhysics supports joint axes along x, y or z only, so each joint frame
+//! is rotated to have its x along the axis.
 
 mod geometry;
 mod materials;
@@ -17,27 +18,29 @@ use genmanip_render::encode::EncodeError;
 use genmanip_render::internals::fixtures;
 use text::{Writer, quat, quoted, triple};
 
-/// Width of the sensor of a camera, tenths of a unit as USD has it; focal length and aperture only matter as a ratio.
+/// Horizontal aperture of all cameras, in USD's tenths of a scene unit (its default). Only the ratio of focal length to
+/// aperture affects the image.
 const APERTURE: f64 = 20.955;
-/// Half a turn about x: from the optical axes of OpenCV (y down, z ahead) to those of USD (y up, z back).
+/// Pose of a USD camera frame (y up, z backward) in the optical frame of OpenCV (y down, z forward): half a turn about
+/// x.
 const OPTICAL_FROM_USD: Pose = Pose { position: DVec3::ZERO, rotation: DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0) };
 
-/// A stage as text, and the textures that it names.
+/// A stage as text, and the textures that it refers to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stage {
     /// Contents of the usda file.
     pub text: String,
-    /// Texture files, PNG, by their name in the folder of textures.
+    /// Texture files: name in the folder of textures, and content as PNG.
     pub textures: Vec<(String, Vec<u8>)>,
 }
 
-/// Scenario at its start: surfaces, robot, objects with bodies and joints, cameras. `textures` is the folder in which the
-/// textures will lie, relative to the file.
+/// USD stage of a scenario in its initial state: support surfaces, robot, objects with bodies and joints, and cameras.
 ///
-/// `models` are those of the scenario's objects, in their order.
+/// `models` are those of the scenario's objects, in the same order. `textures` is the folder of the texture files,
+/// relative to the usda file; this function writes no file.
 ///
 /// # Errors
-/// When a texture has not as many pixels as its size says.
+/// When the number of pixels of a texture does not match its size.
 pub fn scenario_usd(
     scenario: &Scenario,
     models: &[Arc<ObjectModel>],
@@ -83,10 +86,10 @@ pub fn scenario_usd(
     Ok(Stage { text: usd.text, textures: usd.files })
 }
 
-/// A link with what UsdPhysics needs.
+/// Properties of a link that UsdPhysics needs.
 struct Body<'a> {
     name: &'a str,
-    /// Pose in the frame of its group.
+    /// Pose of the link in the frame of its robot or object.
     pose: Pose,
     visual: &'a [VisualPart],
     pieces: &'a [Piece],
@@ -98,11 +101,11 @@ struct Body<'a> {
 /// A joint of a body to its parent.
 struct Connection<'a> {
     name: &'a str,
-    /// Frame of the joint in the parent's frame; that of the body at position 0.
+    /// Frame of the joint in the parent link, which is the frame of the child link at joint position 0.
     parent_from_joint: Pose,
-    /// Kind, axis and range; `None` for a fixed one.
+    /// Kind, axis in the joint frame, and range (rad or m); `None` for a fixed joint.
     motion: Option<(JointKind, DVec3, [f64; 2])>,
-    /// Damping and stiffness per radian or metre, and the spring's rest position.
+    /// Damping (N·m·s/rad or N·s/m), stiffness (N·m/rad or N/m), and rest position of the spring (rad or m).
     drive: [f64; 3],
 }
 
@@ -183,7 +186,8 @@ impl Writer<'_> {
         self.group(id, pose, &facts, &bodies, model.friction, false)
     }
 
-    /// Bodies of a robot or object and their joints.
+    /// Writes the bodies of a robot or object and their joints. `facts` become custom attributes; `is_fixed` fixes the
+    /// first body to the world.
     fn group(
         &mut self,
         name: &str,
@@ -252,7 +256,7 @@ impl Writer<'_> {
         self.line(&format!("quatf physics:localRot0 = {}", quat(frame.rotation)));
         self.line(&format!("quatf physics:localRot1 = {}", quat(turn)));
         if let (Some((kind, _, range)), Some(drive)) = (joint.motion, drive) {
-            // Angles are in degrees, and so are gains.
+            // UsdPhysics has revolute joints in degrees, and their drive gains per degree.
             let unit = if kind == JointKind::Revolute { 1_f64.to_degrees() } else { 1.0 };
             self.line("uniform token physics:axis = \"X\"");
             self.line(&format!("float physics:lowerLimit = {}", range[0] * unit));
@@ -266,7 +270,8 @@ impl Writer<'_> {
         self.close();
     }
 
-    /// A pinhole camera of the same field of view; distortion is left out.
+    /// Writes a pinhole camera with the same vertical field of view; distortion and an off-centre principal point are
+    /// left out.
     fn camera(&mut self, camera: &Camera, world_from_camera: &Pose) {
         let seen = &camera.intrinsics;
         let (width, height) = (f64::from(seen.width), f64::from(seen.height));
@@ -281,7 +286,7 @@ impl Writer<'_> {
     }
 }
 
-/// Principal moments of an inertia and the rotation to its principal axes, by Jacobi rotations.
+/// Principal moments of an inertia tensor, and the rotation `body_from_principal`, by Jacobi rotations.
 fn principal(inertia: DMat3) -> (DVec3, DQuat) {
     let (mut m, mut axes) = (inertia, DMat3::IDENTITY);
     for sweep in 0..60 {

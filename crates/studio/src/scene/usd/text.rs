@@ -1,4 +1,4 @@
-//! Text of a stage: prims, their names and values.
+//! Text of a stage: nested prims with unique names, and the notation of values.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -7,17 +7,21 @@ use std::sync::Arc;
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Material, Pose, Texture};
 
-/// A file under construction.
+/// A usda file under construction.
 #[derive(Default)]
 pub(super) struct Writer<'a> {
     pub(super) text: String,
-    /// Names that are taken in each prim that is open.
+    /// Names of the children of each open prim, outermost first.
     pub(super) taken: Vec<BTreeSet<String>>,
+    /// Folder of the texture files, relative to the usda file.
     pub(super) folder: &'a str,
+    /// Materials used so far, each written once at the end.
     pub(super) surfaces: Vec<Material>,
+    /// Textures used so far; the position is the name of the file.
     pub(super) textures: Vec<Arc<Texture>>,
+    /// Name and content (PNG) of the texture files.
     pub(super) files: Vec<(String, Vec<u8>)>,
-    /// Friction coefficients of colliders, by their text.
+    /// Friction coefficients of the colliders, as text; each becomes a physics material.
     pub(super) frictions: BTreeSet<String>,
 }
 
@@ -30,7 +34,8 @@ impl Writer<'_> {
         self.text.push('\n');
     }
 
-    /// Opens a prim with metadata and applied schemas; gives its name, which is made a unique identifier.
+    /// Opens a prim of type `kind` with metadata and applied schemas; returns its name, which is `name` made a valid
+    /// identifier that is unique among its siblings.
     pub(super) fn open(&mut self, kind: &str, name: &str, metadata: &[(&str, &str)], schemas: &[&str]) -> String {
         let mut own: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
         if !own.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_') {
