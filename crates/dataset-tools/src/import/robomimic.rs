@@ -180,7 +180,9 @@ impl Robomimic {
         if let Ok(rewards) = demonstration.dataset("rewards")
             && let Some(column) = columns.numbers("next.reward", &rewards)?
         {
-            succeeded = Some(column.numbers().iter().any(|reward| *reward > 0.0));
+            // Sparse rewards mark success; shaped ones say nothing about it.
+            let is_sparse = column.numbers().iter().all(|reward| [0.0, 1.0].contains(reward));
+            succeeded = is_sparse.then(|| column.numbers().iter().any(|reward| *reward == 1.0));
             features.push(column);
         }
         if let Ok(dones) = demonstration.dataset("dones")

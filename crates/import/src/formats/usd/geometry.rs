@@ -45,8 +45,9 @@ impl Geometry {
             _ => DVec3::Z,
         };
         let turn = DQuat::from_rotation_arc(DVec3::Z, axis);
-        let (low, high) = (size("radiusBottom", 1.0), size("radiusTop", 1.0));
         let kind = at.kind();
+        let default_radius = if kind == "Capsule_1" { 0.5 } else { 1.0 };
+        let (low, high) = (size("radiusBottom", default_radius), size("radiusTop", default_radius));
         if kind.ends_with("_1") && low != high {
             notes.push(format!("{}: its two radii are read as their mean", at.prim.path()));
         }
@@ -58,11 +59,7 @@ impl Geometry {
                 Self::Shape(Shape::Cylinder { radius, half_height: size("height", 2.0) / 2.0 }, turn)
             }
             "Capsule" | "Capsule_1" => {
-                let radius = if kind == "Capsule" {
-                    size("radius", 0.5)
-                } else {
-                    (size("radiusBottom", 0.5) + size("radiusTop", 0.5)) / 2.0
-                };
+                let radius = if kind == "Capsule" { size("radius", 0.5) } else { (low + high) / 2.0 };
                 Self::Shape(Shape::Capsule { radius, half_length: size("height", 1.0) / 2.0 }, turn)
             }
             "Cone" => {

@@ -207,6 +207,7 @@ impl Materials {
         };
         if self.textures == MAX_TEXTURES {
             notes.push(format!("texture {name} is left out: more than {MAX_TEXTURES} textures"));
+            bound.material.base_color = PLAIN;
             return;
         }
         self.textures += 1;

@@ -123,7 +123,7 @@ fn about(error: &openusd::pcp::Error, refused: &BTreeMap<String, String>) -> Str
     };
     // The library reports the path as authored, not the resolved one.
     let bare = layer.trim_start_matches("./");
-    let why = refused.iter().find(|(known, _)| known.ends_with(bare)).map(|(_, why)| why);
+    let why = refused.iter().find(|(known, _)| std::path::Path::new(known).ends_with(bare)).map(|(_, why)| why);
     let why = why.map_or("no path within the imported folder", String::as_str);
     format!("left out: {}, a {place}: {}", shortened(layer), shortened_note(why))
 }
