@@ -28,7 +28,7 @@ pub struct ControlArguments {
     pub layouts: usize,
     /// Names of the controls to evaluate; all if empty.
     pub only: Vec<String>,
-    /// Number of cores to use.
+    /// Number of worker threads.
     pub workers: usize,
 }
 

@@ -1,11 +1,11 @@
-//! Keyboard: keys by their place, so that every layout of letters works alike.
+//! Key bindings of the keyboard, by physical key position (`KeyboardEvent.code`): independent of the keyboard layout.
 
 use super::Control;
 
-/// Most keys that count as held at once.
+/// Maximum number of keys held at once; further ones are ignored.
 pub(super) const MAX_HELD: usize = 32;
 
-/// Axis and direction of a key.
+/// Keys that deflect an axis: code, index of the axis (forward, left, up, roll, pitch, yaw) and deflection (-1 or 1).
 pub(super) const AXIS_KEYS: &[(&str, usize, f64)] = &[
     ("KeyW", 0, 1.0),
     ("KeyS", 0, -1.0),
