@@ -17,7 +17,7 @@ use super::split::SplitArguments;
 pub enum Part {
     /// Part of the appearance.
     Appearance(AppearanceFactor),
-    /// Friction, mass, bouncing.
+    /// Friction, mass, contact damping and joint friction.
     Physics,
 }
 

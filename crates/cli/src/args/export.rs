@@ -27,7 +27,7 @@ pub struct ExportArguments {
     /// cameras at the start, with materials and textures; needs --out
     #[arg(long, conflicts_with = "dataset", requires = "out")]
     pub glb: bool,
-    /// The scenario as OpenUSD text (usda) with UsdPhysics: surfaces, robot and objects as rigid bodies with colliders,
+    /// Export the scenario as OpenUSD text (usda) with UsdPhysics: surfaces, robot and objects as rigid bodies with colliders,
     /// masses and joints, materials, cameras; textures lie in a folder beside it; needs --out
     #[arg(long, conflicts_with = "dataset", requires = "out")]
     pub usd: bool,

@@ -24,7 +24,7 @@ pub enum WorldCommand {
 /// Arguments of `world init`.
 #[derive(Debug, Args)]
 pub struct WorldInitArguments {
-    /// File to write instead of printing; an existing file is refused
+    /// File to write instead of printing; must not exist yet
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
     /// Robot instead of the Panda
@@ -49,7 +49,7 @@ pub struct WorldShowArguments {
     pub picture: Option<PathBuf>,
 }
 
-/// Verbs for the cameras of worlds and scenarios.
+/// Subcommands of `camera`.
 #[derive(Debug, Subcommand)]
 pub enum CameraCommand {
     /// List the cameras of a world or scenario; without a file, the presets
@@ -89,10 +89,10 @@ pub struct CameraEditArguments {
     /// Image size and field of view of a commercial camera, see `genmanip camera list`
     #[arg(long, value_name = "PRESET")]
     pub preset: Option<String>,
-    /// Image width and height, pixels
+    /// Image width and height, 1 to 8192 pixels each
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<[u32; 2]>,
-    /// Vertical field of view, degrees
+    /// Vertical field of view, degrees, between 0 and 180
     #[arg(long, value_parser = parse_angle)]
     pub fov_deg: Option<f64>,
     /// Camera position: x,y,z in metres, in the robot's base frame; for a camera on the hand, in the hand's frame
@@ -107,10 +107,10 @@ pub struct CameraEditArguments {
     /// Noise, missing pixels and depth quantisation of a device's sensors, or `none`
     #[arg(long, value_name = "DEVICE", value_parser = sensor_names())]
     pub sensor: Option<String>,
-    /// Shutter time for motion blur, seconds; 0 for no blur
+    /// Shutter time for motion blur, 0 to 0.1 seconds; 0 for no blur
     #[arg(long, value_name = "SECONDS", value_parser = parse_shutter)]
     pub shutter: Option<f64>,
-    /// Brown-Conrady lens distortion, coefficients in OpenCV's order; zeros for none
+    /// Coefficients of the Brown-Conrady lens distortion in OpenCV's order; zeros for none
     #[arg(long, value_name = "K1,K2,P1,P2[,K3]", allow_hyphen_values = true, value_parser = parse_distortion)]
     pub distortion: Option<Distortion>,
 }
@@ -134,7 +134,7 @@ pub struct CameraPreviewArguments {
     /// A picture (.png, .jpg) of all views, or a folder that gets NAME.png of each
     #[arg(long, value_name = "PNG|DIR")]
     pub out: PathBuf,
-    /// Width and height of each view, pixels [default: the camera's]; another ratio crops the view at two sides
+    /// Width and height of each view, pixels [default: the camera's]; another aspect ratio crops two sides of the view
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<[u32; 2]>,
 }
