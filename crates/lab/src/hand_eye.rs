@@ -46,7 +46,7 @@ pub struct SetupReport {
     pub mounting: &'static str,
     /// Noise of images and robot, by name.
     pub noise: &'static str,
-    /// Number of calibrated sets.
+    /// Number of sets, refused ones included.
     pub sets: usize,
     /// Reasons of refused calibrations, one per refused set.
     pub refused: Vec<String>,
