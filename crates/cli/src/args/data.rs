@@ -80,11 +80,11 @@ pub enum DataCommand {
 /// Arguments of `data push`.
 #[derive(Debug, Args)]
 pub struct DataPushArguments {
-    /// Folder to send
+    /// Folder to upload
     pub folder: PathBuf,
     /// Destination: s3://BUCKET/PREFIX
     pub address: String,
-    /// Number of files sent at the same time
+    /// Number of files uploaded at the same time
     #[arg(long, default_value_t = 4, value_name = "N")]
     pub at_once: usize,
 }
@@ -94,9 +94,9 @@ pub struct DataPushArguments {
 pub struct DataPullArguments {
     /// Source: s3://BUCKET/PREFIX
     pub address: String,
-    /// Folder to fetch into
+    /// Folder to download into
     pub folder: PathBuf,
-    /// Number of files fetched at the same time
+    /// Number of files downloaded at the same time
     #[arg(long, default_value_t = 4, value_name = "N")]
     pub at_once: usize,
 }
@@ -138,7 +138,7 @@ pub struct DataRerenderArguments {
     /// Cameras of the scenarios [default: those of the dataset]
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     pub cameras: Vec<String>,
-    /// Worker threads; the bytes do not depend on it [default: all cores]
+    /// Worker threads; the result does not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
 }

@@ -68,7 +68,7 @@ pub struct DatasetArguments {
     /// Also export recorded failed attempts, labelled as such
     #[arg(long)]
     pub keep_failed: bool,
-    /// Worker threads; the bytes do not depend on it [default: all cores]
+    /// Worker threads; the result does not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
 }

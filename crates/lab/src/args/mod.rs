@@ -315,7 +315,8 @@ pub struct EnvironmentArguments {
     /// Step through the episodes stored here instead: a run, its episodes, or one of them
     #[arg(long, value_name = "DIR")]
     pub store: Option<PathBuf>,
-    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    /// Objects: `builtin` (64 made by hand), `full` (with those that families make, 1,120 in all), `imported` (of
+    /// --packs) or `all`
     #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
 }
@@ -445,7 +446,8 @@ pub struct ExpertArguments {
     /// Tasks of your own instead of designed ones: files or folders
     #[arg(long, value_name = "PATH")]
     pub tasks: Vec<PathBuf>,
-    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    /// Objects: `builtin` (64 made by hand), `full` (with those that families make, 1,120 in all), `imported` (of
+    /// --packs) or `all`
     #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
 }
@@ -549,7 +551,8 @@ pub struct LabLayoutArguments {
     /// Number of objects to add to each scene that the instruction does not mention
     #[arg(long, default_value_t = 0)]
     pub distractors: usize,
-    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    /// Objects: `builtin` (64 made by hand), `full` (with those that families make, 1,120 in all), `imported` (of
+    /// --packs) or `all`
     #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
 }
