@@ -66,7 +66,8 @@ pub struct Arguments {
 /// Subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// The whole loop on recorded language-model answers: tasks, layouts, demonstrations, dataset, evaluation, report
+    /// Run the whole pipeline on recorded language-model answers: tasks, layouts, demonstrations, dataset, evaluation,
+    /// report
     #[command(after_help = "Example:\n  genmanip demo --out out/demo")]
     Demo(DemoArguments),
     /// Invent, check and show tasks
@@ -121,7 +122,7 @@ pub enum Command {
                       several episodes. docs/guides/evaluate.md says how."
     )]
     Compare(CompareArguments),
-    /// Agreement of success rates in simulation and in reality: MMRV, correlations, rank violations, intervals
+    /// Measure the agreement of success rates in simulation and in reality: MMRV, correlations, rank violations, intervals
     #[command(
         name = "sim2real",
         after_help = "Examples:\n  genmanip sim2real examples/sim2real/rates.csv --svg out/agreement.svg\n  \
@@ -143,13 +144,13 @@ pub enum Command {
     #[command(after_help = "Example:\n  genmanip leaderboard out --html out/leaderboard.html > leaderboard.md\n\n\
                       Policies that read simulator truth stand in a table of their own.")]
     Leaderboard(LeaderboardArguments),
-    /// Let the agent plan from images of files, without a simulator
+    /// Let the agent plan from image files, without a simulator
     Agent {
         /// Subcommand
         #[command(subcommand)]
         command: AgentCommand,
     },
-    /// Compare the agent as it is with itself, one setting changed at a time, on the scenarios of a run
+    /// Compare the agent with variants that differ in one setting (ablation), on the scenarios of a run
     #[command(after_help = "Examples:\n  \
                       genmanip ablate out/run --agent vlm=model.toml,masks=rgbd --at-once 16\n  \
                       genmanip ablate out/run --vary path,loop --json\n\n\
@@ -194,7 +195,7 @@ pub enum Command {
         #[command(subcommand)]
         command: DataCommand,
     },
-    /// Try grasps of the catalogue's objects in physics beforehand, and show them
+    /// Test grasps of the catalogue's objects in physics in advance, and show them
     Grasps {
         /// Subcommand
         #[command(subcommand)]
@@ -206,7 +207,7 @@ pub enum Command {
         #[command(subcommand)]
         command: AssetsCommand,
     },
-    /// Robots from their URDF
+    /// Add robots from their URDF
     Robot {
         /// Subcommand
         #[command(subcommand)]
@@ -279,7 +280,8 @@ pub enum TaskCommand {
 /// Subcommands of `grasps`.
 #[derive(Debug, Subcommand)]
 pub enum GraspsCommand {
-    /// Try candidates of every object that can be grasped, each several times, a little off, and keep how often it held
+    /// Test grasp candidates of every graspable object in several physics trials with small pose errors, and store how
+    /// often each held
     #[command(
         after_help = "An interrupted run continues where it stopped: start the same command again.\n\nExamples:\n  \
                       genmanip grasps bake --out crates/assets/data/grasps.json\n  \
@@ -287,7 +289,7 @@ pub enum GraspsCommand {
                       genmanip grasps bake --out out/cartons.json --catalog full --objects egg-carton-1,egg-carton-2 --brief"
     )]
     Bake(BakeArguments),
-    /// Show the tried grasps of an object; with --json also as rows of the GraspNet convention
+    /// Show the tested grasps of an object; with --json also as rows in GraspNet's convention
     #[command(after_help = "Example:\n  genmanip grasps show 001 --json")]
     Show(ShowGraspsArguments),
 }
@@ -357,8 +359,7 @@ pub struct NewArguments {
     /// Share of scenes with a second copy of something, 0 to 1; only with --designer rules
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     pub copies: f64,
-    /// If the designer finds no further tasks of a kind, make tasks of the other kinds instead; only with --designer
-    /// rules
+    /// Make tasks of the other kinds if the designer finds no further task of a kind; only with --designer rules
     #[arg(long)]
     pub fill: bool,
     /// Print a row per task even if there are more than 30

@@ -33,7 +33,7 @@ pub struct CalibrateArguments {
 /// Subcommands of `calibrate`.
 #[derive(Debug, Subcommand)]
 pub enum CalibrateCommand {
-    /// Propose poses of the arm that are reachable, free and well-conditioned, and the accuracy to expect
+    /// Propose reachable, collision-free and well-conditioned poses of the hand, and predict the accuracy
     #[command(after_help = "Examples:\n  genmanip calibrate plan --camera wrist --board-at 0.5,0,0 --json\n  \
                       genmanip calibrate plan --world world.toml --camera static --board-at 0,0,0.1 --count 20\n\n\
                       --board-at is the middle of the board: on the table, in the robot's base, for a camera on the hand;\n\

@@ -9,13 +9,13 @@ use clap::{Args, Subcommand};
 /// Services for other programs.
 #[derive(Debug, Subcommand)]
 pub enum ServeCommand {
-    /// Masks of the things in an image, from colour and depth
+    /// Segmentation masks of the objects in an image, from colour and depth
     #[command(
         after_help = "Examples:\n  genmanip serve segment\n  genmanip serve segment --openapi > segment.json\n  \
                       curl http://127.0.0.1:8091/health"
     )]
     Segment(ServeArguments),
-    /// Grasps of a thing that is known by its points, for the Panda's hand
+    /// Grasps of an object given by its point cloud, for the Panda's hand
     #[command(after_help = "Example:\n  genmanip serve grasp --address 127.0.0.1:8092")]
     Grasp(ServeArguments),
     /// Motions from an RGB-D image, the arm's joints and an instruction, for a real camera and arm; nothing is moved
@@ -24,7 +24,7 @@ pub enum ServeCommand {
                       job; docs/guides/services.md says how it is asked about."
     )]
     Agent(ServeAgentArguments),
-    /// Environments: a program drives the simulator, an action per request
+    /// Simulation environments that a program steps through, one action per request
     #[command(
         after_help = "Examples:\n  genmanip serve env suites/mine --address 127.0.0.1:8094\n  genmanip serve env --tasks \
                       examples/tasks\n\nexamples/python/env_client.py is a program that drives one; \

@@ -18,7 +18,7 @@ pub enum SuiteCommand {
                       five times of five. An interrupted build continues: start the same command again."
     )]
     Build(SuiteBuildArguments),
-    /// Change every scenario of a suite in one respect, by a stated amount; the suite itself is the control arm
+    /// Perturb one property of every scenario of a suite, with a given strength; the unchanged suite is the baseline
     #[command(
         after_help = "Example:\n  genmanip suite perturb suites/mine --axis camera --dial 0.5 --out suites/mine-camera\n  \
                       genmanip evaluate --suite suites/mine-camera --policy expert --out out/camera\n  \
@@ -29,7 +29,7 @@ pub enum SuiteCommand {
                       the oracle's answers and masks does not solve it."
     )]
     Perturb(SuitePerturbArguments),
-    /// Design tasks to train on for a suite: no sentence, scene graph or unseen object is shared
+    /// Design training tasks for a suite that share no instruction, scene graph or unseen object with it
     #[command(after_help = "Example:\n  genmanip suite train suites/mine --per-kind 250 --seed 1 --out train\n  \
                       genmanip collect train/tasks --episodes 4 --out out/train\n\n\
                       Tasks of the suite's four kinds about the objects for training; --check names what given tasks\n\

@@ -13,7 +13,7 @@ pub enum WorldCommand {
     #[command(after_help = "Examples:\n  genmanip world init --out my_world.toml\n  \
                       genmanip world init --robot ur5e_2f85 --out ur5e.toml")]
     Init(WorldInitArguments),
-    /// List everything that is wrong with a world file; exit 1 when anything is
+    /// List all faults of a world file; exit 1 if there are any
     #[command(after_help = "Example:\n  genmanip world check my_world.toml")]
     Check(WorldFileArguments),
     /// Show a world, or the world of a scenario: surfaces, workspace, robot, cameras, hashes
@@ -44,7 +44,7 @@ pub struct WorldFileArguments {
 pub struct WorldShowArguments {
     /// World (TOML or JSON) or scenario
     pub file: PathBuf,
-    /// Also draw it from above into this PNG file
+    /// Also write a top view to this PNG file
     #[arg(long, value_name = "FILE.png")]
     pub picture: Option<PathBuf>,
 }
@@ -66,7 +66,7 @@ pub enum CameraCommand {
     /// Remove a camera from a file
     #[command(after_help = "Example:\n  genmanip camera remove my_world.toml front")]
     Remove(CameraRemoveArguments),
-    /// Draw what cameras see: the robot at home, and the objects of a scenario
+    /// Render the views of cameras: the robot at home, and the objects of a scenario
     #[command(after_help = "Examples:\n  genmanip camera preview my_world.toml front --out front.png\n  \
                       genmanip camera preview SCENARIO --size 640x360 --out views/")]
     Preview(CameraPreviewArguments),

@@ -58,7 +58,7 @@ pub enum LabCommand {
                       genmanip-lab agent --seed 7 --count 60 --relation between\n\n\
                       One thread; CPU time covers perception, questions, planning and physics, not the layout.")]
     Agent(AgentArguments),
-    /// Inject one error per episode, and test if the failure analysis attributes the failure to it
+    /// Inject one error per episode, and measure how often the failure analysis attributes the failure to it
     #[command(after_help = "Examples:\n  \
                       genmanip-lab blame --seed 7 --per-class 30 --json\n  \
                       genmanip-lab blame --seed 7 --classes plan_location --per-class 10 --natural 0\n\n\
@@ -80,7 +80,7 @@ pub enum LabCommand {
     /// Compose tasks with the rule-based designer and check validity, variety, quotas and references
     #[command(after_help = "Example:\n  genmanip-lab design --seed 7 --count 2000 --json")]
     Design(DesignArguments),
-    /// Mismatches between sentence and goal planted in designed tasks, and how many are named
+    /// Plant mismatches of sentence and goal in designed tasks, and count those that the answer check reports
     Wording(DesignArguments),
     /// Plan motion problems, check every path again, and time planning, time parameterisation and kinematics
     #[command(after_help = "Examples:\n  genmanip-lab motion --problems problems.json --json\n  \
