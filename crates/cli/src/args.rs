@@ -213,7 +213,7 @@ pub enum Command {
         #[command(subcommand)]
         command: RobotCommand,
     },
-    /// Write, check and show worlds: support surfaces, robot, cameras, how things move and are judged
+    /// Write, check and show worlds: support surfaces, robot, cameras, physics and relation settings
     World {
         /// Subcommand
         #[command(subcommand)]

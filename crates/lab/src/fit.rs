@@ -54,7 +54,7 @@ pub(crate) type Sample = (Vec<f64>, bool);
 /// Fits the weights to trials (with `constant` only the constant), and tests them on others.
 ///
 /// # Errors
-/// If a file does not hold trials, or all trials ended alike.
+/// If a file does not hold trials, or the grasp held in all trials or in none.
 pub fn measure(trials: &[PathBuf], test: &[PathBuf], constant: bool) -> Result<Report, LabError> {
     let names = names();
     let samples = read(trials, &names)?;

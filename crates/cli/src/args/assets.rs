@@ -74,7 +74,7 @@ pub struct SearchArguments {
 pub struct ShowAssetArguments {
     /// Uid of the object
     pub uid: String,
-    /// Write a picture of it from four sides, PNG or JPEG
+    /// Write an image of the object from four sides, PNG or JPEG
     #[arg(long, value_name = "FILE")]
     pub picture: Option<PathBuf>,
 }

@@ -15,8 +15,8 @@ pub struct AskingArguments {
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
-    /// Number of episodes in progress at once; one that waits for a model needs no core [default: at least 16 if a
-    /// model is asked, else the number of workers]
+    /// Maximum number of episodes in progress at the same time; an episode that waits for a model needs no core
+    /// [default: at least 16 if a model is asked, else the number of workers]
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub at_once: Option<usize>,
     /// Stop asking the model once its answers have cost this much, in the currency of its settings

@@ -61,16 +61,16 @@ pub struct RenderArguments {
     /// Image rate of the video of an episode or of a turntable, Hz: 10, 15, 20, 30 or 60
     #[arg(long, alias = "fps", value_name = "HZ", default_value_t = 15, value_parser = super::parse_values::parse_rate)]
     pub rate: u32,
-    /// `fast` is the rasteriser; `reference` is the path tracer that it is compared with, thousands of times slower
+    /// Renderer: `fast` is the rasteriser, `reference` a path tracer for comparison, thousands of times slower
     #[arg(long, default_value = "fast", value_parser = ["fast", "reference"])]
     pub quality: String,
-    /// Light paths per pixel of `--quality reference`
+    /// Number of light paths per pixel of `--quality reference`
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub paths: u32,
     /// Refuse scenarios that were laid out for another robot than this
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
-    /// Worker threads; pictures do not depend on it [default: all cores]
+    /// Worker threads; the images do not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
 }

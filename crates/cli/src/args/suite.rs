@@ -69,7 +69,7 @@ pub struct SuiteFreezeArguments {
     /// Suite and threads
     #[command(flatten)]
     pub work: SuiteWorkArguments,
-    /// Hash the images of a frozen suite anew and keep its objects: after a change of the renderer
+    /// Recompute the image hashes of a frozen suite, after a change of the renderer; its objects are kept
     #[arg(long)]
     pub images: bool,
 }
@@ -80,7 +80,7 @@ pub struct SuiteCheckArguments {
     /// Suite and threads
     #[command(flatten)]
     pub work: SuiteWorkArguments,
-    /// Make every layout of a suite of task distributions anew, instead of a sample; other suites are always checked in
+    /// Recreate every layout of a suite of task distributions, instead of a sample; other suites are always checked in
     /// full
     #[arg(long)]
     pub all: bool,

@@ -131,7 +131,7 @@ pub struct CameraPreviewArguments {
     pub file: PathBuf,
     /// Names of cameras [default: all]
     pub names: Vec<String>,
-    /// A picture (.png, .jpg) of all views, or a folder that gets NAME.png of each
+    /// Image file (.png, .jpg) with all views, or folder for one file NAME.png per camera
     #[arg(long, value_name = "PNG|DIR")]
     pub out: PathBuf,
     /// Width and height of each view, pixels [default: the camera's]; another aspect ratio crops two sides of the view
@@ -148,7 +148,7 @@ pub(super) fn parse_size(text: &str) -> Result<[u32; 2], String> {
     Ok([side(sides.0)?, side(sides.1)?])
 }
 
-/// The devices whose sensors are known, and `none`.
+/// Names of the devices with a sensor model, and `none`.
 fn sensor_names() -> clap::builder::PossibleValuesParser {
     SensorPreset::names().into_iter().chain(["none"]).collect::<Vec<_>>().into()
 }

@@ -443,7 +443,7 @@ pub struct ExpertArguments {
     /// Choices of the expert, as `genmanip collect --expert`
     #[arg(long, value_name = "STYLE", default_value = "default", value_parser = parse::variant(ExpertStyle::ALL, ExpertStyle::name))]
     pub expert: ExpertStyle,
-    /// Tasks of your own instead of designed ones: files or folders
+    /// Task files, or folders of them, instead of designed tasks
     #[arg(long, value_name = "PATH")]
     pub tasks: Vec<PathBuf>,
     /// Objects: `builtin` (64 made by hand), `full` (with those that families make, 1,120 in all), `imported` (of
