@@ -62,7 +62,7 @@ const TIMINGS: usize = 5;
 pub struct Measured {
     /// Number of objects generated or read.
     pub objects: usize,
-    /// Objects that could not be made, compiled or brought to rest.
+    /// Number of objects that could not be made or simulated, or that did not rest in one of their stable poses.
     pub failed: usize,
     /// CPU time of generating them with their textures, s.
     pub build_cpu_s: f64,
