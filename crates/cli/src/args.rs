@@ -122,7 +122,8 @@ pub enum Command {
                       several episodes. docs/guides/evaluate.md says how."
     )]
     Compare(CompareArguments),
-    /// Measure the agreement of success rates in simulation and in reality: MMRV, correlations, rank violations, intervals
+    /// Measure the agreement of success rates in simulation and in reality: MMRV, correlations, rank violations,
+    /// intervals
     #[command(
         name = "sim2real",
         after_help = "Examples:\n  genmanip sim2real examples/sim2real/rates.csv --svg out/agreement.svg\n  \
@@ -180,7 +181,8 @@ pub enum Command {
                       Pictures of another rate are drawn from the recorded states; docs/formats/lerobot-dataset.md\n\
                       says what the columns mean.")]
     Export(ExportArguments),
-    /// Train a policy on the demonstrations of a run or a suite; needs a build with learned policies: cargo xtask install --learn
+    /// Train a policy on the demonstrations of a run or a suite; needs a build with learned policies: cargo xtask
+    /// install --learn
     #[command(after_help = "Examples:\n  genmanip train out/run --preset state --check\n  \
                       genmanip train out/run --preset state --budget 15m --out out/policy\n  \
                       genmanip evaluate out/unseen --policy learned:out/policy\n  \

@@ -206,8 +206,9 @@ impl Scene {
         (scene, views)
     }
 
-    /// Position errors (m) of a grid of points on the table (z = 0 in the base frame), per visible point and pose of the
-    /// camera: exact positions in the camera's frame, transformed to the base frame with the calibrated camera pose.
+    /// Position errors (m) of a grid of points on the table (z = 0 in the base frame), per visible point and pose of
+    /// the camera: exact positions in the camera's frame, transformed to the base frame with the calibrated camera
+    /// pose.
     pub fn table_errors_m(&self, mount_from_camera: &Pose) -> Vec<f64> {
         let table: Vec<DVec3> = (0..25)
             .map(|index| DVec3::new(0.3 + 0.1 * f64::from(index % 5), -0.2 + 0.1 * f64::from(index / 5), 0.0))

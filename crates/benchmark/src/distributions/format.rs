@@ -142,8 +142,8 @@ impl DistributionsFile {
 
     /// First fault of the document, with its JSON path or the name of the distribution; `None` if there is none.
     ///
-    /// Checked are sizes, names, uids and roles, that the given object sets fit their splits, and that `relation` has no
-    /// goal of `train`. Not checked are that some role has a set of its own for `instance` and `category`, and that
+    /// Checked are sizes, names, uids and roles, that the given object sets fit their splits, and that `relation` has
+    /// no goal of `train`. Not checked are that some role has a set of its own for `instance` and `category`, and that
     /// objects can be placed.
     pub fn fault(&self) -> Option<String> {
         let missing = Split::ALL.into_iter().find(|split| self.size(*split) == 0);

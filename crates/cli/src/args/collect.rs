@@ -93,8 +93,8 @@ pub struct CollectArguments {
         help = format!("What differs: {}, {PHYSICS} [default: all but {PHYSICS}]", super::render::looks())
     )]
     pub vary: Vec<Part>,
-    /// Grasp source of the expert: `mesh` (the objects' geometry), `rgbd` (depth images of the fixed cameras), or a server
-    /// that receives the point cloud
+    /// Grasp source of the expert: `mesh` (the objects' geometry), `rgbd` (depth images of the fixed cameras), or a
+    /// server that receives the point cloud
     #[arg(long, value_name = "mesh|rgbd|http:URL", default_value = "mesh")]
     pub grasps: String,
     /// Choices of the expert where several solve the task: `consistent` takes the grasp nearest to the gripper's

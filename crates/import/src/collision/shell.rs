@@ -1,6 +1,6 @@
 //! Collision shells of objects that are open at the top: convex wedges around a cavity, a base, and protrusions. The
-//! object stays hollow. A wall of a closed mesh keeps its thickness, at least 1.5 mm; a single surface, or a wall thicker
-//! than `MAX_WALL_M`, gets the thickness `SHEET_M`.
+//! object stays hollow. A wall of a closed mesh keeps its thickness, at least 1.5 mm; a single surface, or a wall
+//! thicker than `MAX_WALL_M`, gets the thickness `SHEET_M`.
 
 use std::f64::consts::TAU;
 

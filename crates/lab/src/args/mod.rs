@@ -164,8 +164,8 @@ pub enum LabCommand {
                       expert's median. Evaluation is no part of CPU times."
     )]
     Learn(LabLearnArguments),
-    /// Compare a learned policy with itself without images, with those of another layout, with other numbers of executed
-    /// actions, and with the replay of the nearest demonstration
+    /// Compare a learned policy with itself without images, with those of another layout, with other numbers of
+    /// executed actions, and with the replay of the nearest demonstration
     #[command(
         after_help = "Example:\n  genmanip-lab learned-controls out/policy --run out/run --distribution into --json"
     )]

@@ -68,8 +68,8 @@ pub struct LabCalibrateArguments {
     /// Number of sets of each mounting and noise, and number of degenerate sets
     #[arg(long, default_value_t = 50, value_parser = parse::count)]
     pub count: usize,
-    /// Number of sets of each mounting and noise from rendered images of a board, about 2 s each; if above 0, the detector
-    /// is also run on 100 images without a board
+    /// Number of sets of each mounting and noise from rendered images of a board, about 2 s each; if above 0, the
+    /// detector is also run on 100 images without a board
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub rendered: usize,
     /// Folder to write all sound sets to, rendered images included, in the format of `genmanip calibrate`, with their

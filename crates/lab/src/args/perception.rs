@@ -17,7 +17,8 @@ pub struct SegmentArguments {
     /// Depth camera whose noise is simulated [default: exact depth]
     #[arg(long, value_parser = ["d435"])]
     pub noise: Option<String>,
-    /// Source of the masks: `rgbd` (built in, from colour and depth), `oracle` (the renderer's ground truth) or a server
+    /// Source of the masks: `rgbd` (built in, from colour and depth), `oracle` (the renderer's ground truth) or a
+    /// server
     #[arg(long, default_value = "rgbd", value_name = "rgbd|oracle|http:URL")]
     pub masks: String,
     /// Locate the objects from the depth of the agent's three cameras, and compare centres and sizes with the truth

@@ -1,8 +1,8 @@
-//! Teleoperation through the real input path: directions and gains, cross-talk, return, latency, faults, and episodes of
-//! a scripted operator that are stored and replayed.
+//! Teleoperation through the real input path: directions and gains, cross-talk, return, latency, faults, and episodes
+//! of a scripted operator that are stored and replayed.
 //!
-//! Poses are commanded tool poses (forward kinematics of the current joint targets) unless stated otherwise. The browser
-//! page and its images are not measured: their figures are null.
+//! Poses are commanded tool poses (forward kinematics of the current joint targets) unless stated otherwise. The
+//! browser page and its images are not measured: their figures are null.
 
 mod input;
 mod script;
@@ -326,8 +326,8 @@ struct CrossTalk {
 
 /// Pure translations by 0.3 m and pure rotations by 90 degrees, from the start, in every direction of the world.
 ///
-/// Motions that end early at a limit of the arm or of the workspace contribute their cross-talk and lag, but do not count
-/// as completed.
+/// Motions that end early at a limit of the arm or of the workspace contribute their cross-talk and lag, but do not
+/// count as completed.
 fn cross_talk(stage: &Stage) -> Result<CrossTalk, LabError> {
     let settings = in_frame(OperatorFrame::World, None);
     let period_s = 1.0 / stage.control_rate_hz();
@@ -442,7 +442,8 @@ fn faults(stage: &Stage) -> Result<f64, LabError> {
             let driven = drive(stage, &settings, events, last + FAULT_STEPS)?;
             let moved = driven.commanded.windows(2).rposition(is_moving);
             let hold = moved.map_or(0, |moved| moved + 2);
-            // In the worst case the event arrived at the start of the control step before the one that it changed first.
+            // In the worst case the event arrived at the start of the control step before the one that it changed
+            // first.
             longest_ms = longest_ms.max((hold as f64 - (last as f64 - 1.0)) * period_ms);
         }
     }
@@ -556,8 +557,8 @@ fn episode(
     })
 }
 
-/// True if a stored episode's commands replay to the same states, and its raw events to the same frames and final state,
-/// bit for bit.
+/// True if a stored episode's commands replay to the same states, and its raw events to the same frames and final
+/// state, bit for bit.
 fn is_replayed(stage: &Stage, store: &EpisodeStore, id: &str) -> Result<bool, LabError> {
     let unread = |error| LabError::broken(format!("episode {id} cannot be read back"), error);
     let episode = store.read(id).map_err(unread)?;

@@ -20,7 +20,8 @@ const FINGER_M: f64 = 0.05;
 const HAND_MARGIN_M: f64 = 0.035;
 /// Maximum angle between the approach direction and straight down, rad.
 const STEEP_RAD: f64 = 0.3;
-/// Tolerances (m, rad) within which the operator accepts a waypoint: where precision matters, and (`COARSE`) on the way.
+/// Tolerances (m, rad) within which the operator accepts a waypoint: where precision matters, and (`COARSE`) on the
+/// way.
 const PRECISE: (f64, f64) = (0.004, 0.06);
 const COARSE: (f64, f64) = (0.015, 0.12);
 

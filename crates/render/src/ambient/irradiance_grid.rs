@@ -1,7 +1,8 @@
 //! Irradiance grids on support surfaces: ambient occlusion and coloured bounce light of the bodies on them.
 //!
 //! Each body is an ellipsoid ([`super::proxies`]), lit by the sky and by the key light on its bright side. Irradiance
-//! is computed at grid points and interpolated bilinearly: it varies slowly and does not depend on the viewing direction.
+//! is computed at grid points and interpolated bilinearly: it varies slowly and does not depend on the viewing
+//! direction.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -27,7 +28,8 @@ const RUN: usize = 16;
 /// Factor on a body's form factor that gives the share of ambient light it occludes. This constant and the following
 /// ones marked as fitted were fitted to path-traced images.
 const STRENGTH: f32 = 1.7;
-/// Share of the ambient light that comes from the key light's side, from the direction `to_light + LAMP_UP * z`. Fitted.
+/// Share of the ambient light that comes from the key light's side, from the direction `to_light + LAMP_UP * z`.
+/// Fitted.
 const LAMP: f32 = 0.32;
 const LAMP_UP: f32 = 1.065;
 /// Light that a white body reflects per form factor, as a multiple of the ambient irradiance (`AMBIENT_BACK`), and of
