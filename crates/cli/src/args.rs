@@ -66,7 +66,8 @@ pub struct Arguments {
 /// Subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// The whole loop on recorded language-model answers: tasks, layouts, demonstrations, dataset, evaluation, report
+    /// Run the whole pipeline on recorded language-model answers: tasks, layouts, demonstrations, dataset, evaluation,
+    /// report
     #[command(after_help = "Example:\n  genmanip demo --out out/demo")]
     Demo(DemoArguments),
     /// Invent, check and show tasks
@@ -121,7 +122,8 @@ pub enum Command {
                       several episodes. docs/guides/evaluate.md says how."
     )]
     Compare(CompareArguments),
-    /// Agreement of success rates in simulation and in reality: MMRV, correlations, rank violations, intervals
+    /// Measure the agreement of success rates in simulation and in reality: MMRV, correlations, rank violations,
+    /// intervals
     #[command(
         name = "sim2real",
         after_help = "Examples:\n  genmanip sim2real examples/sim2real/rates.csv --svg out/agreement.svg\n  \
@@ -143,13 +145,13 @@ pub enum Command {
     #[command(after_help = "Example:\n  genmanip leaderboard out --html out/leaderboard.html > leaderboard.md\n\n\
                       Policies that read simulator truth stand in a table of their own.")]
     Leaderboard(LeaderboardArguments),
-    /// Let the agent plan from images of files, without a simulator
+    /// Let the agent plan from image files, without a simulator
     Agent {
         /// Subcommand
         #[command(subcommand)]
         command: AgentCommand,
     },
-    /// Compare the agent as it is with itself, one setting changed at a time, on the scenarios of a run
+    /// Compare the agent with variants that differ in one setting (ablation), on the scenarios of a run
     #[command(after_help = "Examples:\n  \
                       genmanip ablate out/run --agent vlm=model.toml,masks=rgbd --at-once 16\n  \
                       genmanip ablate out/run --vary path,loop --json\n\n\
@@ -179,7 +181,8 @@ pub enum Command {
                       Pictures of another rate are drawn from the recorded states; docs/formats/lerobot-dataset.md\n\
                       says what the columns mean.")]
     Export(ExportArguments),
-    /// Train a policy on the demonstrations of a run or a suite; needs a build with learned policies: cargo xtask install --learn
+    /// Train a policy on the demonstrations of a run or a suite; needs a build with learned policies: cargo xtask
+    /// install --learn
     #[command(after_help = "Examples:\n  genmanip train out/run --preset state --check\n  \
                       genmanip train out/run --preset state --budget 15m --out out/policy\n  \
                       genmanip evaluate out/unseen --policy learned:out/policy\n  \
@@ -194,7 +197,7 @@ pub enum Command {
         #[command(subcommand)]
         command: DataCommand,
     },
-    /// Try grasps of the catalogue's objects in physics beforehand, and show them
+    /// Test grasps of the catalogue's objects in physics in advance, and show them
     Grasps {
         /// Subcommand
         #[command(subcommand)]
@@ -206,13 +209,13 @@ pub enum Command {
         #[command(subcommand)]
         command: AssetsCommand,
     },
-    /// Robots from their URDF
+    /// Add robots from their URDF
     Robot {
         /// Subcommand
         #[command(subcommand)]
         command: RobotCommand,
     },
-    /// Write, check and show worlds: support surfaces, robot, cameras, how things move and are judged
+    /// Write, check and show worlds: support surfaces, robot, cameras, physics and relation settings
     World {
         /// Subcommand
         #[command(subcommand)]
@@ -231,7 +234,7 @@ pub enum Command {
     /// Moved: measurements are the program `genmanip-lab`
     #[command(hide = true, disable_help_flag = true)]
     Lab {
-        /// Ignored
+        /// Ignored arguments
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         rest: Vec<String>,
     },
@@ -279,7 +282,8 @@ pub enum TaskCommand {
 /// Subcommands of `grasps`.
 #[derive(Debug, Subcommand)]
 pub enum GraspsCommand {
-    /// Try candidates of every object that can be grasped, each several times, a little off, and keep how often it held
+    /// Test grasp candidates of every graspable object in several physics trials with small pose errors, and store how
+    /// often each held
     #[command(
         after_help = "An interrupted run continues where it stopped: start the same command again.\n\nExamples:\n  \
                       genmanip grasps bake --out crates/assets/data/grasps.json\n  \
@@ -287,7 +291,7 @@ pub enum GraspsCommand {
                       genmanip grasps bake --out out/cartons.json --catalog full --objects egg-carton-1,egg-carton-2 --brief"
     )]
     Bake(BakeArguments),
-    /// Show the tried grasps of an object; with --json also as rows of the GraspNet convention
+    /// Show the tested grasps of an object; with --json also as rows in GraspNet's convention
     #[command(after_help = "Example:\n  genmanip grasps show 001 --json")]
     Show(ShowGraspsArguments),
 }
@@ -295,23 +299,24 @@ pub enum GraspsCommand {
 /// Arguments of `grasps bake`.
 #[derive(Debug, Args)]
 pub struct BakeArguments {
-    /// File to write; what it holds already is kept, if it was made alike
+    /// File to write; objects already in it are kept if they were tried with the same settings
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
     /// Seed of candidates and trials
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Candidates per object, at most
+    /// Maximum number of grasp candidates per object
     #[arg(long, default_value_t = 24, value_parser = parse::count)]
     pub count: usize,
-    /// Trials per candidate
+    /// Number of trials per candidate, 1 to 1000
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub trials: u32,
-    /// Four grasps per object that held in three trials, with mass and friction changed by up to 20 %: about 2 s of
-    /// processor time each
+    /// Keep four grasps per object that held in all of three trials with mass and friction changed by up to 20 %: about
+    /// 2 s of CPU time per object
     #[arg(long, conflicts_with_all = ["count", "trials"])]
     pub brief: bool,
-    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    /// Objects: `builtin` (64 made by hand), `full` (with those that families make, 1,120 in all), `imported` (of
+    /// --packs) or `all`
     #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
     #[arg(long, value_name = "UID,…|QUERY", help = format!("{OBJECTS} [default: all that can be grasped]"))]
@@ -327,7 +332,7 @@ pub struct BakeArguments {
 /// Arguments of `grasps show`.
 #[derive(Debug, Args)]
 pub struct ShowGraspsArguments {
-    /// Object
+    /// Uid of the object
     pub uid: String,
     /// File of `grasps bake` instead of the grasps that come with the program
     #[arg(long, value_name = "FILE")]
@@ -338,41 +343,42 @@ pub struct ShowGraspsArguments {
 #[derive(Debug, Args)]
 pub struct NewArguments {
     /// A request in plain words, such as "put the red mug to the left of the bowl": its objects are taken from the
-    /// catalogue and a scene is composed for it; directions are the robot's
+    /// catalogue and a scene is composed for it; directions are as seen from the robot
     #[arg(long, value_name = "SENTENCE", conflicts_with_all = ["kind", "copies", "fill", "include", "world"])]
     pub text: Option<String>,
-    /// pick_and_place, spatial, appearance, common_sense, long_horizon, articulated, or all in turn
+    /// Kind of tasks: pick_and_place, spatial, appearance, common_sense, long_horizon, articulated, or all in turn
     #[arg(long, default_value = "all")]
     pub kind: String,
     /// Number of tasks; of scenes for the sentence of --text [default for --text: 1]
     #[arg(long, default_value_t = 12, default_value_if("text", ArgPredicate::IsPresent, "1"), value_parser = parse::count)]
     pub count: usize,
-    /// Seed
+    /// Seed of the tasks
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Task designer: rules, or llm (a language model)
+    /// Task designer: `rules` (rule-based), or `llm` (a language model)
     #[arg(long, default_value = "rules")]
     pub designer: String,
     /// Share of scenes with a second copy of something, 0 to 1; only with --designer rules
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     pub copies: f64,
-    /// Take the place of tasks whose kind has run out with tasks of the other kinds; only with --designer rules
+    /// Make tasks of the other kinds if the designer finds no further task of a kind; only with --designer rules
     #[arg(long)]
     pub fill: bool,
-    /// Print a row per task also where there are more than 30
+    /// Print a row per task even if there are more than 30
     #[arg(long)]
     pub each: bool,
     /// Settings of the language model, TOML; only with --designer llm
     #[arg(long, value_name = "FILE")]
     pub settings: Option<PathBuf>,
-    /// Ask the model, record it or replay it instead of what the settings say: live, record or replay
+    /// Source of the model's answers, instead of that in the settings: `live` (ask the model), `record` (also store its
+    /// answers) or `replay` (use stored answers only)
     #[arg(long, value_name = "MODE")]
     pub cassettes: Option<String>,
     /// Answer the questions yourself: they are written into this folder, and an answer.json is awaited beside each
     #[arg(long, value_name = "DIR")]
     pub folder: Option<PathBuf>,
-    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
-    /// [default for --text: full]
+    /// Objects: `builtin` (64 made by hand), `full` (with those that families make, 1,120 in all), `imported` (of
+    /// --packs) or `all` [default for --text: full]
     #[arg(
         long,
         value_name = "NAME",
@@ -401,7 +407,7 @@ pub struct CheckArguments {
     /// answers together with --objects
     #[arg(required = true)]
     pub files: Vec<PathBuf>,
-    /// Print valid ones too where there are more than 30
+    /// Print a row per answer even if there are more than 30, valid ones included
     #[arg(long)]
     pub each: bool,
     #[arg(long, value_name = "UID,…|QUERY", help = format!("{OBJECTS}; those that were offered, for a bare answer"))]
@@ -412,7 +418,7 @@ pub struct CheckArguments {
     /// Kind of task that was asked for, for a bare answer
     #[arg(long, default_value = "pick_and_place")]
     pub kind: String,
-    /// Fewest objects that were asked for, for a bare answer [default: 2, or 1 if one was offered]
+    /// Minimum number of objects that was asked for, for a bare answer [default: 2, or 1 if one was offered]
     #[arg(long, value_name = "N")]
     pub min_objects: Option<usize>,
     /// File for the checked task, repaired if need be; needs a single answer or document
@@ -425,7 +431,7 @@ pub struct CheckArguments {
 pub struct ShowArguments {
     /// A recorded answer or a task document
     pub file: PathBuf,
-    /// Also write the scene graph as an image
+    /// Also write the scene graph to this SVG file
     #[arg(long)]
     pub svg: Option<PathBuf>,
 }
@@ -441,7 +447,7 @@ pub struct LayoutArguments {
     pub suite: Option<PathBuf>,
     #[command(flatten)]
     pub layouts: SplitArguments,
-    /// Layouts per task
+    /// Number of layouts per task
     #[arg(long, default_value_t = 1, value_parser = parse::count)]
     pub count: usize,
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
@@ -450,19 +456,20 @@ pub struct LayoutArguments {
     /// Robot instead of the world's
     #[arg(long, value_name = "NAME", help = genmanip_terminal::robot_help("Robot instead of the world's"))]
     pub robot: Option<String>,
-    /// Seed
+    /// Seed of the layouts
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Folder for the scenario files
     #[arg(long)]
     pub out: PathBuf,
-    /// Unmentioned objects to add to each scene; they make no instruction ambiguous
+    /// Number of objects to add to each scene, 0 to 20, that the instruction does not mention and that do not make it
+    /// ambiguous
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=20).map(usize::from))]
     pub distractors: usize,
-    /// Also draw each scene graph beside its layout as SVG, or why there is none
+    /// Also write an SVG per layout: the scene graph beside the layout, or the reason why there is none
     #[arg(long)]
     pub explain: bool,
-    /// Print a row per layout also where there are more than 30
+    /// Print a row per layout even if there are more than 30
     #[arg(long)]
     pub each: bool,
     /// Worker threads; results do not depend on it [default: all cores]
@@ -470,7 +477,7 @@ pub struct LayoutArguments {
     pub workers: Option<usize>,
 }
 
-/// The policies of the registry, and an example.
+/// Help after the options of `evaluate`: the policies of the registry, and examples.
 fn evaluate_help() -> String {
     let policies: String = policies::describe().lines().map(|line| format!("  {line}\n")).collect();
     format!(
@@ -484,22 +491,22 @@ fn evaluate_help() -> String {
 /// Arguments of `demo`.
 #[derive(Debug, Args)]
 pub struct DemoArguments {
-    /// Folder of the run
+    /// Folder to write the run to
     #[arg(long, default_value = "out/demo")]
     pub out: PathBuf,
-    /// Tasks instead of the built-in examples
+    /// Task files, or folders of them, instead of the built-in examples
     #[arg(long)]
     pub tasks: Vec<PathBuf>,
-    /// Attempts per task
+    /// Number of attempts per task
     #[arg(long, default_value_t = 2, value_parser = parse::count)]
     pub episodes: usize,
-    /// Seed
+    /// Seed of layouts and motion planning
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
-    /// Frames per second of images and dataset
+    /// Rate of images and dataset rows, Hz: 10, 15, 20, 30 or 60
     #[arg(long, alias = "fps", value_name = "HZ", default_value_t = 15, value_parser = parse_values::parse_rate)]
     pub rate: u32,
 }
@@ -518,7 +525,7 @@ pub struct ReplayArguments {
     /// Worker threads; results do not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
-    /// Print a row per episode also where there are more than 30
+    /// Print a row per episode even if there are more than 30
     #[arg(long)]
     pub each: bool,
 }
@@ -528,16 +535,16 @@ pub struct ReplayArguments {
 pub struct ReportArguments {
     /// Folder of a run made by `collect`
     pub run: PathBuf,
-    /// One task or episode of it, by its id, into RUN/report-ID.html
+    /// Report only this task or episode of the run, given by its id, in RUN/report-ID.html
     #[arg(long, value_name = "ID")]
     pub only: Option<String>,
-    /// A folder with a page for every episode, RUN/report; what is there is kept, only new episodes are drawn
+    /// Write a folder with a page per episode, RUN/report; existing pages are kept, only those of new episodes are made
     #[arg(long, conflicts_with = "only")]
     pub full: bool,
     /// Output path [default: RUN/report.html; with --full: RUN/report]
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Worker threads of --full; the bytes do not depend on it [default: all cores]
+    /// Worker threads of --full; the result does not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
 }

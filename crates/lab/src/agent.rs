@@ -33,7 +33,7 @@ pub struct Measured {
     pub vlm: String,
     /// Service that segments the images; `oracle` reads simulator truth.
     pub masks: String,
-    /// Prompt and action path of the agent: `p2p` or `grid`.
+    /// Form of the model's answer for a placement: one grid cell (`p2p`), or a path over the grid (`grid`).
     pub path: String,
     /// Preset of the agent's settings: `full` or `paper`.
     pub preset: String,
@@ -41,7 +41,7 @@ pub struct Measured {
     pub oracle: bool,
     /// Totals by kind of task.
     pub kinds: BTreeMap<&'static str, Counted>,
-    /// Episodes by relation: every one whose goal has a condition of this relation.
+    /// Totals by relation; an episode counts for every relation among the conditions of its goal.
     pub relations: BTreeMap<&'static str, Counted>,
     /// Totals of all kinds but `long_horizon`.
     pub single_step: Counted,
@@ -49,7 +49,7 @@ pub struct Measured {
     pub total: Counted,
     /// Number of tasks for which no layout was found; they count as no episode.
     pub not_laid_out: usize,
-    /// Episodes without a result because the model could not be reached.
+    /// Number of episodes without a result because the model could not be reached.
     pub not_run: usize,
 }
 

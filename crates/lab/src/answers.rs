@@ -42,7 +42,7 @@ pub struct Timed {
     pub bytes: usize,
     /// Verdict of the answer check on the text.
     pub verdict: &'static str,
-    /// CPU time of the check, ms.
+    /// CPU time of the check, fastest of five runs, ms.
     pub cpu_ms: f64,
 }
 
@@ -53,9 +53,9 @@ pub struct Fuzzed {
     pub executions: u64,
     /// Number of texts with new behaviour, kept in the corpus for further mutation.
     pub kept: usize,
-    /// CPU time of all checks, s.
+    /// CPU time of fuzzing, mutations included, s.
     pub cpu_s: f64,
-    /// CPU time of the slowest check, ms.
+    /// CPU time of the slowest check, fastest of its repetitions, ms.
     pub slowest_ms: f64,
     /// Length of the slowest text, bytes.
     pub slowest_bytes: usize,

@@ -62,7 +62,7 @@ const TIMINGS: usize = 5;
 pub struct Measured {
     /// Number of objects generated or read.
     pub objects: usize,
-    /// Objects that could not be made, compiled or brought to rest.
+    /// Number of objects that could not be made or simulated, or that did not rest in one of their stable poses.
     pub failed: usize,
     /// CPU time of generating them with their textures, s.
     pub build_cpu_s: f64,
@@ -103,7 +103,7 @@ pub struct Measured {
 /// A problem of one object.
 #[derive(Clone, Debug, Serialize)]
 pub struct Problem {
-    /// Uid, which contains family and seed.
+    /// Uid of the object; that of a generated one contains family and seed.
     pub uid: String,
     /// Description of the problem, for people.
     pub what: String,
@@ -202,7 +202,7 @@ pub fn measure(
     })
 }
 
-/// New objects: `count` of consecutive seeds, from the chosen family or from all families in turn.
+/// `count` new objects, each with its own random stream, from the chosen family or from all families in turn.
 fn made(
     families: &Families,
     chosen: Option<&str>,
@@ -417,7 +417,7 @@ struct Timing {
     mujoco_steps_per_s: f64,
 }
 
-/// The first object of each of twelve families in rows on the table, with the robot.
+/// Times a scene with the robot and, in rows on the table, the first small object of each of up to twelve families.
 fn time_scene(models: &[Arc<ObjectModel>], trials: &GraspTrials, world: &World) -> Result<Timing, LabError> {
     let mut families = BTreeSet::new();
     let small = |model: &&Arc<ObjectModel>| model.card.size_m.x.max(model.card.size_m.y) < 0.2;
@@ -472,7 +472,8 @@ fn time_scene(models: &[Arc<ObjectModel>], trials: &GraspTrials, world: &World) 
     })
 }
 
-/// CPU time of the slowest search, ms: each family of the catalogue by its name, by its colour and by a negation.
+/// CPU time of the slowest query, ms. The queries are, for each category of the catalogue, its name, its name with a
+/// colour, and its name with this colour negated.
 fn search_ms() -> f64 {
     let cards = Catalogue::full().cards();
     let copies = (0..SEARCHED).map(|copy| {
@@ -501,7 +502,7 @@ fn search_ms() -> f64 {
     slowest
 }
 
-/// Wall time of `genmanip assets search` on the whole catalogue, ms; 0 if it cannot be started.
+/// Wall time of `genmanip assets search` in the full catalogue, best of five, ms; 0 if the program cannot be started.
 fn start_ms() -> f64 {
     let Ok(program) = crate::program() else { return 0.0 };
     let runs = (0..5).filter_map(|_| {

@@ -32,7 +32,7 @@ const TIMEOUT_S: f64 = 5.0;
 /// Load and faults of the measurement.
 #[derive(Clone, Debug)]
 pub struct BatchArguments {
-    /// Number of tasks; pick-and-place kinds alternate.
+    /// Number of tasks; the kinds in turn, without articulated tasks.
     pub count: usize,
     /// Maximum number of concurrent episodes.
     pub at_once: usize,

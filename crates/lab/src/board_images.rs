@@ -28,7 +28,7 @@ const BOARD: Charuco = Charuco { columns: 9, rows: 6, square_m: 0.03, tag_m: 0.0
 /// Texels per edge of a chessboard square. A power of two: markers have a whole number of texels per cell, and every
 /// mip level halves exactly.
 const TEXELS: f64 = 128.0;
-/// sRGB of ink and paper.
+/// Grey levels (8-bit sRGB) of ink and paper.
 const PRINT: [u8; 2] = [30, 235];
 /// Thickness of the board, m.
 const THICKNESS_M: f32 = 0.003;
@@ -55,7 +55,7 @@ pub struct RenderedSetup {
     pub mounting: &'static str,
     /// Noise of sensor and robot.
     pub noise: &'static str,
-    /// Number of calibrated sets.
+    /// Number of sets, refused ones included.
     pub sets: usize,
     /// Reasons of refused calibrations, one per refused set.
     pub refused: Vec<String>,
@@ -75,7 +75,7 @@ pub struct RenderedSetup {
 
 /// Number, views and noise of the sets, and output folder.
 pub struct Settings<'a> {
-    /// Sets of each mounting and noise.
+    /// Number of sets of each mounting and noise.
     pub count: usize,
     /// Minimum and maximum number of views of a set.
     pub views: [usize; 2],

@@ -130,8 +130,8 @@ fn begin(stage: &Stage, episode: &Episode) -> Environment {
     environment
 }
 
-/// Applies the commands from frame `from` on. What settles after the last one is cut off: the recording contains its own
-/// settling.
+/// Applies the commands from frame `from` on. The frames of settling after the last command are cut off, since the
+/// recording contains its own.
 fn run_through(mut environment: Environment, episode: &Episode, from: usize) -> Result<Episode, RolloutError> {
     for frame in &episode.frames[from..] {
         environment.step(&frame.command)?;

@@ -56,7 +56,7 @@ pub struct Yield {
     pub worst_stray_contact_n: f64,
     /// Number of attempts with a stray contact force above 5 N.
     pub episodes_above_5_n: usize,
-    /// Number of these whose only stray contact above 5 N was with the object being released.
+    /// Number of these whose largest stray contact was with an object that the gripper had held within the last second.
     pub above_5_n_letting_go: usize,
     /// Attempts with a stray contact force above 5 N, largest force first.
     pub stray_contacts: Vec<Stray>,

@@ -13,9 +13,10 @@ use genmanip_core::{json, limits};
 use genmanip_workspace::documents;
 use genmanip_workspace::text_table;
 
-/// Ridge penalty of every weight, relative to the log-likelihood of one trial.
+/// Ridge penalty of every weight but the constant, relative to the log-likelihood of one trial.
 const RIDGE: f64 = 1.0;
-/// Newton steps; the log-likelihood is concave, so ten would suffice.
+/// Maximum number of Newton steps, and number of bisection steps for the constant. Since the log-likelihood is concave,
+/// about ten Newton steps suffice.
 const STEPS: usize = 50;
 /// Bins of the reliability table.
 const BINS: usize = 5;
@@ -42,7 +43,7 @@ pub struct Reliability {
     pub trials: usize,
     /// Share of trials whose grasp held.
     pub held: f64,
-    /// Reliability table and calibration errors of the predictions.
+    /// Brier scores and reliability bins of the predictions.
     #[serde(flatten)]
     pub calibration: Calibration,
 }
@@ -53,7 +54,7 @@ pub(crate) type Sample = (Vec<f64>, bool);
 /// Fits the weights to trials (with `constant` only the constant), and tests them on others.
 ///
 /// # Errors
-/// If a file does not hold trials, or all trials ended alike.
+/// If a file does not hold trials, or the grasp held in all trials or in none.
 pub fn measure(trials: &[PathBuf], test: &[PathBuf], constant: bool) -> Result<Report, LabError> {
     let names = names();
     let samples = read(trials, &names)?;

@@ -18,6 +18,7 @@ use genmanip_workspace::Progress;
 const ALONE_S: f64 = 2.0;
 /// Number of slowest tasks reported. Chosen by hand.
 const MAX_SLOW: usize = 20;
+/// Names of the layout's phases, in the order of [`Phase`].
 const PHASES: [&str; 6] = ["preparing", "placing", "settling", "judging", "reaching", "seeing"];
 
 /// Success, cost and faults of the layouts. Times include tasks without a layout.

@@ -37,7 +37,7 @@ pub struct LearnArguments {
     pub labels: bool,
     /// Number of unseen layouts to evaluate on.
     pub layouts: usize,
-    /// Number of cores to use.
+    /// Number of worker threads.
     pub workers: usize,
 }
 

@@ -1,4 +1,5 @@
-//! Controls of a learned policy: success with one thing changed, compared with the policy on the same unseen layouts.
+//! Controls of a learned policy: variants that differ from it in one respect, compared with it by success on the same
+//! unseen layouts.
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -28,7 +29,7 @@ pub struct ControlArguments {
     pub layouts: usize,
     /// Names of the controls to evaluate; all if empty.
     pub only: Vec<String>,
-    /// Number of cores to use.
+    /// Number of worker threads.
     pub workers: usize,
 }
 

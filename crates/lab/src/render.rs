@@ -52,7 +52,7 @@ pub struct Report {
     pub episode_frames_per_s: f64,
     /// Share of the static camera's pixels reused from the previous frame, at the first size.
     pub reuse_share: f64,
-    /// True if every image has the bytes of one rendered from scratch.
+    /// True if every image of the first size has the bytes of one rendered from scratch.
     pub identical_with_reuse: bool,
     /// Comparison with other renderers on a more crowded table; `None` unless requested.
     pub vs: Option<Baselines>,

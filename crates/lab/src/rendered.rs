@@ -72,7 +72,8 @@ struct Bench {
     shapes: ShapeCache,
 }
 
-/// Lays out and renders `count` scenes of the tasks, in turn, and judges the clouds of three cameras.
+/// Makes `count` layouts, of the tasks in turn; renders each before and after the goal's moves, and judges the point
+/// clouds of three cameras.
 ///
 /// # Errors
 /// If a scene cannot be rendered.

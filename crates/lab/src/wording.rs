@@ -13,7 +13,7 @@ use crate::LabError;
 pub struct WordingReport {
     /// Number of answers with a changed goal, which the sentence does not ask for.
     pub planted: usize,
-    /// Number of these that were rejected for this mismatch.
+    /// Number of these for which the answer check reported a mismatch of sentence and goal.
     pub named: usize,
     /// Number of unchanged answers.
     pub sound: usize,
@@ -23,7 +23,8 @@ pub struct WordingReport {
     pub missed: Vec<String>,
 }
 
-/// Designs `count` tasks, and changes the goal of each in one of these: the object, the place, or the relation.
+/// Designs `count` tasks, and changes one condition of each task's goal: its object, its reference, its relation or its
+/// state.
 ///
 /// # Errors
 /// If the designer finds no further task within its limit of draws.

@@ -1,4 +1,4 @@
-//! Test doubles of language models: a script, and a loopback server that can fail in every known way.
+//! Test doubles of language models: a script, and a loopback server with the faults of [`Behaviour`].
 //!
 //! Neither is a language model; their answers must never be reported as a model's.
 
@@ -34,7 +34,7 @@ impl ScriptedChat {
         Self { answers: answers.into_iter().map(Into::into).collect(), seen: Mutex::default() }
     }
 
-    /// Requests received so far, in order.
+    /// Requests answered so far, in order; those after the last prepared answer fail and are not recorded.
     pub fn seen(&self) -> Vec<ChatRequest> {
         self.seen.lock().map(|seen| seen.clone()).unwrap_or_default()
     }

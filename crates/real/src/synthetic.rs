@@ -34,7 +34,7 @@ pub enum Degeneracy {
     ParallelAxes,
     /// All relative rotations below 10 degrees.
     SmallTurns,
-    /// Tiny board far away, whose pose is ambiguous.
+    /// Tiny board (6 × 4 mm) at the usual distances, whose pose is ambiguous.
     PlanarFlip,
     /// Board that is larger than its description says.
     WrongScale,
@@ -206,8 +206,9 @@ impl Scene {
         (scene, views)
     }
 
-    /// Position errors (m) of points on the table that are projected by the true camera and located with the calibrated
-    /// one.
+    /// Position errors (m) of a grid of points on the table (z = 0 in the base frame), per visible point and pose of
+    /// the camera: exact positions in the camera's frame, transformed to the base frame with the calibrated camera
+    /// pose.
     pub fn table_errors_m(&self, mount_from_camera: &Pose) -> Vec<f64> {
         let table: Vec<DVec3> = (0..25)
             .map(|index| DVec3::new(0.3 + 0.1 * f64::from(index % 5), -0.2 + 0.1 * f64::from(index / 5), 0.0))

@@ -140,8 +140,11 @@ impl DistributionsFile {
         self.layouts.get(&split).copied().unwrap_or_default()
     }
 
-    /// First fault of the document, with its JSON path; `None` if every layout can be drawn and every split is new in
-    /// the way that its name says.
+    /// First fault of the document, with its JSON path or the name of the distribution; `None` if there is none.
+    ///
+    /// Checked are sizes, names, uids and roles, that the given object sets fit their splits, and that `relation` has
+    /// no goal of `train`. Not checked are that some role has a set of its own for `instance` and `category`, and that
+    /// objects can be placed.
     pub fn fault(&self) -> Option<String> {
         let missing = Split::ALL.into_iter().find(|split| self.size(*split) == 0);
         if let Some(split) = missing {

@@ -37,16 +37,16 @@ pub struct ActArguments {
     /// Intrinsics of the camera and its pose in the frame of the robot's base: JSON
     #[arg(long, value_name = "FILE")]
     pub camera: PathBuf,
-    /// Current joint positions of the arm, rad
+    /// Current joint positions of the arm from base to tool, rad
     #[arg(long, value_delimiter = ',', value_name = "Q1,Q2,…", allow_hyphen_values = true, required = true)]
     pub joints: Vec<f64>,
-    /// Current opening of the gripper, m
+    /// Current opening width of the gripper, m
     #[arg(long, value_name = "M", default_value_t = 0.08)]
     pub gripper: f64,
-    /// Task instruction
+    /// Task instruction in natural language
     #[arg(long, value_name = "TEXT")]
     pub instruction: String,
-    /// Settings file of the model that answers: see docs/guides/agent.md
+    /// Settings file of the vision-language model (TOML), see docs/guides/agent.md
     #[arg(long, value_name = "FILE")]
     pub vlm: String,
     /// Segmentation source: `rgbd` (built in, from colour and depth) or a server
@@ -62,10 +62,10 @@ pub struct ActArguments {
     /// rotations (`grid`)
     #[arg(long, default_value = "p2p", value_parser = ["p2p", "grid"])]
     pub path: String,
-    /// Seed of the searches
+    /// Seed of grasp search and motion planning
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Folder for images, transcript and motions
+    /// Output folder for the images of each stage, the transcript and the motions
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
 }
@@ -76,10 +76,10 @@ pub struct AblateArguments {
     /// Folder of a run made by `collect`
     #[arg(value_name = "RUN")]
     pub run: PathBuf,
-    /// Unchanged agent, to compare with: arguments of the policy `agent`, see `genmanip evaluate --help`
+    /// Baseline agent, to compare with: arguments of the policy `agent`, see `genmanip evaluate --help`
     #[arg(long, value_name = "KEY=VALUE,…", default_value = "vlm=oracle,masks=rgbd")]
     pub agent: String,
-    /// Settings to change, one at a time [default: all]
+    /// Settings to change, one at a time: ctof, path, loop, reasoning, camera, preset [default: all]
     #[arg(long, value_delimiter = ',', value_name = "SETTING")]
     pub vary: Vec<String>,
     #[command(flatten)]

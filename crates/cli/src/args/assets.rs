@@ -61,7 +61,7 @@ pub struct SearchArguments {
     /// Words and filters, such as `color:red`
     #[arg(value_name = "QUERY")]
     pub query: Vec<String>,
-    /// Maximum number of objects to list
+    /// Maximum number of objects to list [default: 20 for `search`, all for `list`]
     #[arg(long, value_name = "N")]
     pub limit: Option<usize>,
     /// Catalogue
@@ -74,7 +74,7 @@ pub struct SearchArguments {
 pub struct ShowAssetArguments {
     /// Uid of the object
     pub uid: String,
-    /// Write a picture of it from four sides, PNG or JPEG
+    /// Write an image of the object from four sides, PNG or JPEG
     #[arg(long, value_name = "FILE")]
     pub picture: Option<PathBuf>,
 }
@@ -118,7 +118,7 @@ pub struct SheetArguments {
 pub struct ExportAssetArguments {
     /// Uid of the object
     pub uid: String,
-    /// Folder to write to
+    /// Folder to write the files to
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
 }
@@ -144,10 +144,10 @@ pub struct ImportArguments {
     /// PATH, or that of the file]
     #[arg(long, value_name = "DIR")]
     pub root: Option<PathBuf>,
-    /// Pack to put the objects into
+    /// Name of the pack that the objects are added to
     #[arg(long, value_name = "NAME", default_value = "imported")]
     pub pack: String,
-    /// Metres per unit of the files, instead of a guess
+    /// Length unit of the files in metres, 1e-6 to 1e6, instead of a guess
     #[arg(long, value_name = "METRES", value_parser = super::parse_values::parse_scale)]
     pub scale: Option<f64>,
     /// Up axis of the files, instead of a guess
@@ -162,14 +162,14 @@ pub struct ImportArguments {
     /// Skip the grasp trials
     #[arg(long)]
     pub no_grasps: bool,
-    /// Robot whose gripper tries the objects
+    /// Robot whose gripper is used in the grasp trials
     #[arg(long, value_name = "NAME", default_value = "panda")]
     pub robot: String,
-    /// Seed of the trials
+    /// Seed of the grasp trials
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Worker threads [default: all cores]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = parse::count)]
     pub workers: Option<usize>,
 }
 
@@ -182,10 +182,10 @@ pub struct FreezeArguments {
     /// Folder with the data files of families that replace the built-in ones
     #[arg(long, value_name = "DIR")]
     pub families: Option<PathBuf>,
-    /// Rigid objects, the built-in ones included
+    /// Number of rigid objects, the built-in ones included
     #[arg(long, default_value_t = 1000)]
     pub rigid: usize,
-    /// Articulated objects, the built-in ones included
+    /// Number of articulated objects, the built-in ones included
     #[arg(long, default_value_t = 120)]
     pub articulated: usize,
 }

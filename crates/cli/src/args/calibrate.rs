@@ -33,7 +33,7 @@ pub struct CalibrateArguments {
 /// Subcommands of `calibrate`.
 #[derive(Debug, Subcommand)]
 pub enum CalibrateCommand {
-    /// Propose poses of the arm that are reachable, free and well-conditioned, and the accuracy to expect
+    /// Propose reachable, collision-free and well-conditioned poses of the hand, and predict the accuracy
     #[command(after_help = "Examples:\n  genmanip calibrate plan --camera wrist --board-at 0.5,0,0 --json\n  \
                       genmanip calibrate plan --world world.toml --camera static --board-at 0,0,0.1 --count 20\n\n\
                       --board-at is the middle of the board: on the table, in the robot's base, for a camera on the hand;\n\
@@ -57,22 +57,22 @@ pub struct CalibrateBoardArguments {
     /// Pattern: chessboard with tags, or tags alone
     #[arg(long, default_value = "charuco", value_parser = ["charuco", "tags"])]
     pub pattern: String,
-    /// Squares in a row
+    /// Number of squares per row; of tags with --pattern tags
     #[arg(long, default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=100))]
     pub columns: u32,
-    /// Rows of squares
+    /// Number of rows of squares; of tags with --pattern tags
     #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u32).range(1..=100))]
     pub rows: u32,
-    /// Side of a square, or distance of neighbouring tags, mm
+    /// Side length of a square, or centre distance of neighbouring tags with --pattern tags, mm
     #[arg(long, value_name = "MM", default_value_t = 30.0, value_parser = parse::number)]
     pub square_mm: f64,
-    /// Side of a tag with its black border, mm
+    /// Side length of a tag with its black border, mm
     #[arg(long, value_name = "MM", default_value_t = 22.5, value_parser = parse::number)]
     pub tag_mm: f64,
     /// Id of the first tag; different ids distinguish boards
     #[arg(long, value_name = "ID", default_value_t = 0)]
     pub first_id: u32,
-    /// Page size of an SVG
+    /// Paper size of an SVG
     #[arg(long, default_value = "a4", value_parser = ["a4", "a3", "letter"])]
     pub page: String,
 }
@@ -91,13 +91,13 @@ pub struct CalibratePlanArguments {
     #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_hyphen_values = true, value_parser = parse::number,
           num_args = 1)]
     pub board_at: Vec<f64>,
-    /// Corners in a row of the board
+    /// Number of corners per row of the board
     #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(2..=100))]
     pub columns: u32,
-    /// Rows of corners
+    /// Number of rows of corners
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(2..=100))]
     pub rows: u32,
-    /// Distance of neighbouring corners, metres
+    /// Spacing of neighbouring corners, metres
     #[arg(long, value_name = "M", default_value_t = 0.025, value_parser = parse::number)]
     pub spacing: f64,
     /// Number of poses to propose

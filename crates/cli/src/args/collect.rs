@@ -17,7 +17,7 @@ use super::split::SplitArguments;
 pub enum Part {
     /// Part of the appearance.
     Appearance(AppearanceFactor),
-    /// Friction, mass, bouncing.
+    /// Friction, mass, contact damping and joint friction.
     Physics,
 }
 
@@ -47,7 +47,7 @@ pub struct CollectArguments {
     /// Folder of the run
     #[arg(long)]
     pub out: PathBuf,
-    /// Attempts per task, each on its own layout [default: 2; of a suite 1, on the frozen layout]
+    /// Number of attempts per task, each on its own layout [default: 2; with --suite: 1, on the frozen layout]
     #[arg(long, value_parser = parse::count)]
     pub episodes: Option<usize>,
     /// Instead of a number of attempts: make attempts of all tasks in turn until exactly N are verified. A larger N
@@ -66,7 +66,7 @@ pub struct CollectArguments {
     /// Worker threads; results do not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
-    /// Images and dataset rows per second; states are always recorded at 60 Hz
+    /// Rate of images and dataset rows, Hz: 10, 15, 20, 30 or 60; states are always recorded at 60 Hz
     #[arg(long, alias = "fps", value_name = "HZ", default_value_t = 15, value_parser = parse_rate)]
     pub rate: u32,
     /// Cameras of the world whose images are rendered and exported
@@ -93,8 +93,8 @@ pub struct CollectArguments {
         help = format!("What differs: {}, {PHYSICS} [default: all but {PHYSICS}]", super::render::looks())
     )]
     pub vary: Vec<Part>,
-    /// Grasp source of the expert: the geometry of objects, depth images of the fixed cameras, or a server that
-    /// receives the point cloud
+    /// Grasp source of the expert: `mesh` (the objects' geometry), `rgbd` (depth images of the fixed cameras), or a
+    /// server that receives the point cloud
     #[arg(long, value_name = "mesh|rgbd|http:URL", default_value = "mesh")]
     pub grasps: String,
     /// Choices of the expert where several solve the task: `consistent` takes the grasp nearest to the gripper's
@@ -120,7 +120,7 @@ pub struct CollectArguments {
     /// task in a job array of Slurm or Kubernetes. `genmanip merge` combines the parts
     #[arg(long, value_name = "I/N")]
     pub shard: Option<ShardChoice>,
-    /// Print a row per task also where there are more than 30
+    /// Print a row per task even if there are more than 30
     #[arg(long)]
     pub each: bool,
 }
@@ -131,16 +131,16 @@ pub struct MergeArguments {
     /// Folders of shards, or folders that hold them
     #[arg(required = true, value_name = "SHARD")]
     pub shards: Vec<PathBuf>,
-    /// Folder of the whole run
+    /// Folder to write the merged run to
     #[arg(long)]
     pub out: PathBuf,
-    /// Collect here the attempts that no shard has
+    /// Make the attempts that are missing from the shards on this machine
     #[arg(long)]
     pub finish: bool,
     /// Worker threads of --finish; results do not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
-    /// Print a row per task also where there are more than 30
+    /// Print a row per task even if there are more than 30
     #[arg(long)]
     pub each: bool,
 }

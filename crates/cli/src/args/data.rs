@@ -10,19 +10,19 @@ use genmanip_viz::render::AppearanceFactor;
 /// Subcommands of `data`.
 #[derive(Debug, Subcommand)]
 pub enum DataCommand {
-    /// Read datasets to their last row and say what is wrong; exit 1 when anything is
+    /// Check datasets down to their last row and list all faults; exit 1 if there are any
     #[command(after_help = "Examples:\n  genmanip data check out/run/dataset\n  \
                       genmanip data check out/train/dataset out/test/dataset --json\n\n\
                       LeRobot v3.0 with its depth sibling, LeRobot v2.1, and zarr. Of several datasets, what the later\n\
                       share with the earlier counts as a leak: scenarios, sentences, states and actions.\n\
                       --replays 10 also simulates ten episodes of extras/record again, evenly chosen, bit for bit.")]
     Check(DataCheckArguments),
-    /// Show what is in a dataset: tasks with lengths and success, ranges of states and actions; pictures in a page
+    /// Show the contents of a dataset: tasks with lengths and success, ranges of states and actions; images with --html
     #[command(after_help = "Examples:\n  genmanip data show out/run/dataset\n  \
                       genmanip data show out/run/dataset --html dataset.html\n  \
                       genmanip data show --learnability out/run")]
     Show(DataShowArguments),
-    /// Put the episodes of several datasets into one
+    /// Merge the episodes of several datasets into one
     #[command(after_help = "Example:\n  genmanip data merge out/a/dataset out/b/dataset --out out/both\n\n\
                       LeRobot v3.0 datasets of this program with the same columns. Nothing is encoded again: pictures are\n\
                       copied frame by frame, with the depth sibling, all columns and extras/record. Episodes of two runs\n\
@@ -55,14 +55,14 @@ pub enum DataCommand {
                       Takes LeRobot v3.0 and v2.1 of any program. Columns, pictures, steps, outcomes and the action contract stay;\n\
                       depth has no place there. The way back is data import.")]
     Convert(DataConvertArguments),
-    /// Draw the pictures of a dataset again: other light, materials, background, cameras; rows and physics stay
+    /// Render the images of a dataset again with other light, materials, background or cameras; rows and physics stay
     #[command(after_help = "Examples:\n  genmanip data rerender out/run/dataset --out out/second\n  \
                       genmanip data rerender out/run/dataset --look 2 --vary light,background --out out/lights\n  \
                       genmanip data rerender out/run/dataset --plain --cameras left,wrist --out out/left\n\n\
                       Pictures are drawn from extras/record. Interrupted, the same call goes on; the seed of each episode's\n\
                       look is its variation_seed.")]
     Rerender(DataRerenderArguments),
-    /// Write the card of a dataset anew: what is in it, seeds, licences; and croissant.json for catalogues
+    /// Rewrite the card of a dataset (contents, seeds, licences) and croissant.json, its metadata for data catalogues
     #[command(after_help = "Example:\n  genmanip data card out/run/dataset")]
     Card(DataCardArguments),
     /// Upload a folder, such as a run or a dataset, to S3 storage; only files that are missing or different there
@@ -80,12 +80,12 @@ pub enum DataCommand {
 /// Arguments of `data push`.
 #[derive(Debug, Args)]
 pub struct DataPushArguments {
-    /// Folder to send
+    /// Folder to upload
     pub folder: PathBuf,
     /// Destination: s3://BUCKET/PREFIX
     pub address: String,
-    /// Number of files sent at the same time
-    #[arg(long, default_value_t = 4, value_name = "N")]
+    /// Number of files uploaded at the same time
+    #[arg(long, default_value_t = 4, value_name = "N", value_parser = parse::count)]
     pub at_once: usize,
 }
 
@@ -94,10 +94,10 @@ pub struct DataPushArguments {
 pub struct DataPullArguments {
     /// Source: s3://BUCKET/PREFIX
     pub address: String,
-    /// Folder to fetch into
+    /// Folder to download into
     pub folder: PathBuf,
-    /// Number of files fetched at the same time
-    #[arg(long, default_value_t = 4, value_name = "N")]
+    /// Number of files downloaded at the same time
+    #[arg(long, default_value_t = 4, value_name = "N", value_parser = parse::count)]
     pub at_once: usize,
 }
 
@@ -138,7 +138,7 @@ pub struct DataRerenderArguments {
     /// Cameras of the scenarios [default: those of the dataset]
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     pub cameras: Vec<String>,
-    /// Worker threads; the bytes do not depend on it [default: all cores]
+    /// Worker threads; the result does not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
 }

@@ -15,8 +15,8 @@ pub struct AskingArguments {
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
-    /// Number of episodes in progress at once; one that waits for a model needs no core [default: at least 16 if a
-    /// model is asked, else the number of workers]
+    /// Maximum number of episodes in progress at the same time; an episode that waits for a model needs no core
+    /// [default: at least 16 if a model is asked, else the number of workers]
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub at_once: Option<usize>,
     /// Stop asking the model once its answers have cost this much, in the currency of its settings
@@ -46,7 +46,7 @@ pub struct EvaluateArguments {
     /// Folder for the results and episodes of scenarios; a run keeps its own
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Keep the episodes in the run, to watch them
+    /// Store the episodes in the run, so that `replay` can show them
     #[arg(long)]
     pub keep_episodes: bool,
     /// Cameras to use instead of the scenarios': a JSON list; the results say so
@@ -96,7 +96,7 @@ pub struct SimToRealArguments {
     /// names its columns
     #[arg(value_name = "TABLE.csv")]
     pub table: PathBuf,
-    /// Also draw the policies as points, simulation to the right, reality upwards
+    /// Also write a scatter plot of the policies as SVG: results in simulation on the x axis, in reality on the y axis
     #[arg(long, value_name = "FILE")]
     pub svg: Option<PathBuf>,
     /// Seed of the bootstrap

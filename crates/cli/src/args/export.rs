@@ -27,8 +27,8 @@ pub struct ExportArguments {
     /// cameras at the start, with materials and textures; needs --out
     #[arg(long, conflicts_with = "dataset", requires = "out")]
     pub glb: bool,
-    /// The scenario as OpenUSD text (usda) with UsdPhysics: surfaces, robot and objects as rigid bodies with colliders,
-    /// masses and joints, materials, cameras; textures lie in a folder beside it; needs --out
+    /// Export the scenario as OpenUSD text (usda) with UsdPhysics: surfaces, robot and objects as rigid bodies with
+    /// colliders, masses and joints, materials, cameras; textures lie in a folder beside it; needs --out
     #[arg(long, conflicts_with = "dataset", requires = "out")]
     pub usd: bool,
     /// Output path [default: RUN/exports/…; with --mjcf stdout]
@@ -68,7 +68,7 @@ pub struct DatasetArguments {
     /// Also export recorded failed attempts, labelled as such
     #[arg(long)]
     pub keep_failed: bool,
-    /// Worker threads; the bytes do not depend on it [default: all cores]
+    /// Worker threads; the result does not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
 }

@@ -21,13 +21,13 @@ pub struct LaunchArguments {
     /// Number of shards (parts) that the work is divided into
     #[arg(long, value_parser = parse::count)]
     pub shards: usize,
-    /// Cores of each shard
+    /// Number of CPU cores of each shard
     #[arg(long, default_value_t = 2, value_parser = parse::count)]
     pub cpus: usize,
-    /// Maximum number of shards at the same time [default: all; with --local one]
+    /// Maximum number of shards that run at the same time [default: all; with --local: 1]
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub at_once: Option<usize>,
-    /// Image of the containers, with this program in it
+    /// Container image that contains this program
     #[arg(long, requires = "kubernetes")]
     pub image: Option<String>,
     /// Persistent volume claim with inputs and output

@@ -19,7 +19,8 @@ pub struct PlanArguments {
     /// Goal: a grasp of this object, given by uid or name
     #[arg(long, value_name = "OBJECT", group = "goal")]
     pub pick: Option<String>,
-    /// Goal: a point between the fingertips, metres, with the hand pointing down (for a URDF: z of the tool frame)
+    /// Goal: a point between the fingertips in the robot's base frame, metres, with the hand pointing down (for a URDF:
+    /// z of the tool frame)
     #[arg(long, value_name = "X,Y,Z", group = "goal", value_delimiter = ',', allow_hyphen_values = true,
           value_parser = parse::number)]
     pub to: Option<Vec<f64>>,
@@ -27,7 +28,7 @@ pub struct PlanArguments {
     #[arg(long, value_name = "Q1,…", group = "goal", value_delimiter = ',', allow_hyphen_values = true,
           value_parser = parse::number)]
     pub joints: Option<Vec<f64>>,
-    /// Turn of the hand about the vertical for --to, degrees
+    /// Rotation of the hand about the vertical axis for --to, degrees
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_hyphen_values = true, value_parser = parse::number)]
     pub yaw: f64,
     /// Joint positions to start from, rad [default: the robot's home]
@@ -40,7 +41,7 @@ pub struct PlanArguments {
     /// Seed of the search
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Longest edge of the RRT's search tree, rad
+    /// Maximum edge length of the RRT's search tree, rad [default: the planner's]
     #[arg(long, value_name = "RAD", value_parser = parse::edge)]
     pub rrt_range: Option<f64>,
     /// Draw the motion: the arm at several moments and the path of the hand, PNG or JPEG
@@ -52,7 +53,8 @@ pub struct PlanArguments {
     /// Camera of image and video, one of the scenario's [default: a view of the whole arm]
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
-    /// Robot without a scenario, or the URDF of any arm; scenarios laid out for another robot are refused
+    /// Name of the robot to plan for without a scenario, or URDF of any arm; a scenario laid out for another robot is
+    /// refused
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
     /// Folders of the meshes of a URDF, and choices of its reader

@@ -17,13 +17,13 @@ pub struct RenderArguments {
     /// Cameras of the scenario [default: all]
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     pub cameras: Vec<String>,
-    /// Size of the images [default: each camera's own]
+    /// Width and height of the images, pixels [default: each camera's own]
     #[arg(long, value_name = "WxH", value_parser = super::world::parse_size)]
     pub size: Option<[u32; 2]>,
     /// Seed of the appearance randomisation, or `episode` for that of `collect --variation per-episode`
     #[arg(long, value_name = "SEED", value_parser = parse_look_seed)]
     pub variation: Option<AppearanceSeed>,
-    /// Randomised parts of the appearance [default: all]
+    /// Randomised parts of the appearance: light, background, material, objects, camera [default: all]
     #[arg(long, value_name = "PART,…", value_delimiter = ',', value_parser = parse_vary, requires = "variation")]
     pub vary: Vec<AppearanceFactor>,
     /// Image channels
@@ -35,7 +35,7 @@ pub struct RenderArguments {
         value_parser = ["rgb", "depth", "ids", "normals", "boxes", "clouds"]
     )]
     pub channels: Vec<String>,
-    /// Overlays on the colour images
+    /// Overlays on the colour images: masks, grid, boxes, path, grasps, contacts, frames, numbers
     #[arg(long, value_name = "WHAT,…", value_delimiter = ',', value_parser = parse_overlay)]
     pub overlay: Vec<Overlay>,
     /// Draw instruction, step, time and outcome over the lower edge of colour images
@@ -47,10 +47,10 @@ pub struct RenderArguments {
     /// Sensor model of a device (image noise; depth noise, quantisation and holes), instead of the cameras' own
     #[arg(long, value_name = "DEVICE", value_parser = genmanip_core::sensor::SensorPreset::names())]
     pub sensor: Option<String>,
-    /// Shutter time for motion blur, seconds, in place of the cameras' own
+    /// Shutter time for motion blur, 0 to 0.1 seconds, in place of the cameras' own
     #[arg(long, value_name = "SECONDS", value_parser = super::world::parse_shutter)]
     pub shutter: Option<f64>,
-    /// Brown-Conrady lens distortion, coefficients in OpenCV's order, in place of the cameras' own
+    /// Coefficients of the Brown-Conrady lens distortion in OpenCV's order, in place of the cameras' own
     #[arg(
         long,
         value_name = "K1,K2,P1,P2[,K3]",
@@ -61,16 +61,16 @@ pub struct RenderArguments {
     /// Image rate of the video of an episode or of a turntable, Hz: 10, 15, 20, 30 or 60
     #[arg(long, alias = "fps", value_name = "HZ", default_value_t = 15, value_parser = super::parse_values::parse_rate)]
     pub rate: u32,
-    /// `fast` is the rasteriser; `reference` is the path tracer that it is compared with, thousands of times slower
+    /// Renderer: `fast` is the rasteriser, `reference` a path tracer for comparison, thousands of times slower
     #[arg(long, default_value = "fast", value_parser = ["fast", "reference"])]
     pub quality: String,
-    /// Light paths per pixel of `--quality reference`
+    /// Number of light paths per pixel of `--quality reference`
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub paths: u32,
     /// Refuse scenarios that were laid out for another robot than this
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
-    /// Worker threads; pictures do not depend on it [default: all cores]
+    /// Worker threads; the images do not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
 }

@@ -61,7 +61,8 @@ pub struct ReviewArguments {
     /// Reason of a rejection; may be repeated
     #[arg(long, value_name = "REASON", value_parser = parse::variant(Reason::ALL, Reason::name))]
     pub reason: Vec<Reason>,
-    /// Judgement of a criterion, such as `plausible=no`; may be repeated
+    /// Judgement of a criterion (instruction_clear, goal_matches, plausible, feasible, looks_right), such as
+    /// `plausible=no`; may be repeated
     #[arg(long, value_name = "NAME=yes|no", value_parser = criterion)]
     pub criterion: Vec<(Criterion, bool)>,
     /// Remark kept with the review; --send-back needs it, to say what is to be changed
@@ -71,14 +72,14 @@ pub struct ReviewArguments {
     /// repeated
     #[arg(long, value_name = "KEY|all")]
     pub certify: Vec<String>,
-    /// Agreement of the reviewers: raw share, Cohen's kappa, Gwet's AC1
+    /// Show the agreement of the reviewers: raw share, Cohen's kappa, Gwet's AC1
     #[arg(long)]
     pub agreement: bool,
     /// File with the ids of planted faulty scenarios, one per line: shows detections and false alarms of each reviewer
     #[arg(long, value_name = "FILE", requires = "agreement")]
     pub planted: Option<PathBuf>,
-    /// Distribution of the approved scenarios over the axes of balance, and the candidates that would bring it closest
-    /// to the targets
+    /// Show the distribution of the approved scenarios over the axes of balance, and the candidates that would bring it
+    /// closest to the targets
     #[arg(long)]
     pub balance: bool,
     /// Evaluation files of reference policies: their mean success is the axis `difficulty` of --balance and --build

@@ -9,13 +9,13 @@ use clap::{Args, Subcommand};
 /// Services for other programs.
 #[derive(Debug, Subcommand)]
 pub enum ServeCommand {
-    /// Masks of the things in an image, from colour and depth
+    /// Segmentation masks of the objects in an image, from colour and depth
     #[command(
         after_help = "Examples:\n  genmanip serve segment\n  genmanip serve segment --openapi > segment.json\n  \
                       curl http://127.0.0.1:8091/health"
     )]
     Segment(ServeArguments),
-    /// Grasps of a thing that is known by its points, for the Panda's hand
+    /// Grasps of an object given by its point cloud, for the Panda's hand
     #[command(after_help = "Example:\n  genmanip serve grasp --address 127.0.0.1:8092")]
     Grasp(ServeArguments),
     /// Motions from an RGB-D image, the arm's joints and an instruction, for a real camera and arm; nothing is moved
@@ -24,7 +24,7 @@ pub enum ServeCommand {
                       job; docs/guides/services.md says how it is asked about."
     )]
     Agent(ServeAgentArguments),
-    /// Environments: a program drives the simulator, an action per request
+    /// Simulation environments that a program steps through, one action per request
     #[command(
         after_help = "Examples:\n  genmanip serve env suites/mine --address 127.0.0.1:8094\n  genmanip serve env --tasks \
                       examples/tasks\n\nexamples/python/env_client.py is a program that drives one; \
@@ -59,7 +59,7 @@ pub struct ServeEnvArguments {
     /// Task files, or folders of them, instead; a new layout is made for each seed
     #[arg(long, value_name = "PATH", num_args = 1.., conflicts_with = "scenes")]
     pub tasks: Vec<PathBuf>,
-    /// Maximum number of sessions at once; each needs some 35 MB, and more with cameras
+    /// Maximum number of concurrent sessions; each needs about 35 MB of memory, more with cameras
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = parse::count)]
     pub sessions: usize,
     #[command(flatten)]
@@ -69,7 +69,7 @@ pub struct ServeEnvArguments {
 /// Arguments of the agent as a service.
 #[derive(Debug, Args)]
 pub struct ServeAgentArguments {
-    /// Settings of the model that answers: see docs/guides/agent.md
+    /// Settings file of the vision-language model (TOML), see docs/guides/agent.md
     #[arg(long, value_name = "FILE")]
     pub vlm: String,
     /// Segmentation source: `rgbd` (built in, from colour and depth) or a server
@@ -102,16 +102,16 @@ pub struct ServeArguments {
 /// Arguments of every service.
 #[derive(Debug, Args)]
 pub struct ListenArguments {
-    /// Address and port to listen at; port 0 takes a free one
+    /// IP address and TCP port to listen on; port 0 picks a free one
     #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:8091")]
     pub address: SocketAddr,
     /// Allow an address that other machines can reach; there is no authentication
     #[arg(long)]
     pub allow_others: bool,
-    /// Largest request that is read, MiB
+    /// Maximum size of a request, MiB
     #[arg(long, value_name = "MIB", default_value_t = 64, value_parser = parse::count)]
     pub max_mb: usize,
-    /// Number of requests that are computed at once [default: one per core]
+    /// Maximum number of requests processed at the same time [default: one per core]
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub workers: Option<usize>,
 }

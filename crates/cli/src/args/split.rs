@@ -9,7 +9,7 @@ use genmanip_terminal::{Failed, parse};
 /// Layouts of a suite of task distributions.
 #[derive(Clone, Debug, Args)]
 pub struct SplitArguments {
-    /// Split of a suite of task distributions
+    /// Split of the suite of task distributions given by --suite
     #[arg(long, value_name = "SPLIT", requires = "suite", value_parser = parse::variant(Split::ALL, Split::name))]
     pub split: Option<Split>,
     /// Only this distribution of the suite
@@ -28,7 +28,7 @@ impl SplitArguments {
     pub fn choose(&self, suite: Option<&Path>) -> Result<Option<(Distributions, SplitChoice)>, Failed> {
         match (suite, self.split) {
             (Some(suite), split) => Ok(distributions::choose(suite, split, self.distribution.as_deref(), self.first)?),
-            // clap does not ask for an argument that excludes one that is there.
+            // clap does not enforce `requires = "suite"` if an argument that conflicts with --suite is given.
             (None, Some(_)) => {
                 Err(Failed::misused("--split chooses layouts of a suite")
                     .hint("name the suite with --suite, and no files"))

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-/// Port of the studio unless another one is given.
+/// Default TCP port of the studio.
 const PORT: &str = "8097";
 
 /// Arguments of `studio`.
@@ -17,13 +17,13 @@ pub struct StudioArguments {
     /// Folder for layouts of tasks, and for copies of scenarios that are never edited in place: of suites and runs
     #[arg(long, default_value = "studio")]
     pub out: PathBuf,
-    /// Port to listen at; 0 takes a free one
+    /// TCP port to listen on; 0 picks a free one
     #[arg(long, default_value = PORT)]
     pub port: u16,
     /// Print the address instead of opening the page in the browser
     #[arg(long)]
     pub no_open: bool,
-    /// Listen to other machines too; each must open the printed address, which holds a secret token
+    /// Accept connections from other machines too; each must open the printed address, which contains a secret token
     #[arg(long)]
     pub allow_others: bool,
     /// A policy that the page may run beside the built-in ones, with its arguments; may be given several times.

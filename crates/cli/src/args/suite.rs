@@ -1,4 +1,4 @@
-//! Arguments of `suite` and `lab suite`.
+//! Arguments of `suite`.
 
 use genmanip_terminal::parse;
 use std::path::PathBuf;
@@ -18,7 +18,7 @@ pub enum SuiteCommand {
                       five times of five. An interrupted build continues: start the same command again."
     )]
     Build(SuiteBuildArguments),
-    /// Change every scenario of a suite in one respect, by a stated amount; the suite itself is the control arm
+    /// Perturb one property of every scenario of a suite, with a given strength; the unchanged suite is the baseline
     #[command(
         after_help = "Example:\n  genmanip suite perturb suites/mine --axis camera --dial 0.5 --out suites/mine-camera\n  \
                       genmanip evaluate --suite suites/mine-camera --policy expert --out out/camera\n  \
@@ -29,7 +29,7 @@ pub enum SuiteCommand {
                       the oracle's answers and masks does not solve it."
     )]
     Perturb(SuitePerturbArguments),
-    /// Design tasks to train on for a suite: no sentence, scene graph or unseen object is shared
+    /// Design training tasks for a suite that share no instruction, scene graph or unseen object with it
     #[command(after_help = "Example:\n  genmanip suite train suites/mine --per-kind 250 --seed 1 --out train\n  \
                       genmanip collect train/tasks --episodes 4 --out out/train\n\n\
                       Tasks of the suite's four kinds about the objects for training; --check names what given tasks\n\
@@ -69,7 +69,7 @@ pub struct SuiteFreezeArguments {
     /// Suite and threads
     #[command(flatten)]
     pub work: SuiteWorkArguments,
-    /// Hash the images of a frozen suite anew and keep its objects: after a change of the renderer
+    /// Recompute the image hashes of a frozen suite, after a change of the renderer; its objects are kept
     #[arg(long)]
     pub images: bool,
 }
@@ -80,7 +80,7 @@ pub struct SuiteCheckArguments {
     /// Suite and threads
     #[command(flatten)]
     pub work: SuiteWorkArguments,
-    /// Make every layout of a suite of task distributions anew, instead of a sample; other suites are always checked in
+    /// Recreate every layout of a suite of task distributions, instead of a sample; other suites are always checked in
     /// full
     #[arg(long)]
     pub all: bool,
@@ -89,7 +89,7 @@ pub struct SuiteCheckArguments {
 /// Arguments of `suite check` and `suite freeze`.
 #[derive(Debug, Args)]
 pub struct SuiteWorkArguments {
-    /// Folder of the suite
+    /// Folder of the suite, or its name
     #[arg(value_name = "SUITE", value_parser = suites::parse_folder)]
     pub folder: PathBuf,
     /// Worker threads [default: all cores]
@@ -102,10 +102,10 @@ pub struct SuiteWorkArguments {
 pub struct SuiteBuildArguments {
     /// Tasks that are taken before designed ones: recorded answers, task documents or folders of them
     pub tasks: Vec<PathBuf>,
-    /// Folder of the suite
+    /// Folder to write the suite to
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Name of the new suite [default: that of the folder]
+    /// Name of the new suite [default: name of the folder]
     #[arg(long)]
     pub name: Option<String>,
     /// Seed of tasks, layouts and trials
@@ -114,7 +114,7 @@ pub struct SuiteBuildArguments {
     /// Number of scenarios of each of the four kinds
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = parse::count)]
     pub per_kind: usize,
-    /// Number of candidates for each scenario, from which the most balanced are taken
+    /// Number of candidates per scenario of the suite; those that balance it best are selected
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = parse::count)]
     pub candidates: usize,
     /// Worker threads [default: all cores]
@@ -127,7 +127,7 @@ pub struct SuiteBuildArguments {
 /// Arguments of `suite train`.
 #[derive(Debug, Args)]
 pub struct SuiteTrainArguments {
-    /// Folder of the suite that is tested on
+    /// Folder of the test suite, or its name
     #[arg(value_name = "SUITE", value_parser = suites::parse_folder)]
     pub folder: PathBuf,
     /// Folder to write the tasks to
@@ -147,22 +147,22 @@ pub struct SuiteTrainArguments {
 /// Arguments of `suite perturb`.
 #[derive(Debug, Args)]
 pub struct SuitePerturbArguments {
-    /// Folder of the suite that is changed
+    /// Folder of the suite to perturb, or its name
     #[arg(value_name = "SUITE", value_parser = suites::parse_folder)]
     pub folder: PathBuf,
-    /// Perturbation axis
+    /// Property to perturb
     #[arg(long, value_name = "AXIS", value_parser = parse::variant(Axis::ALL, Axis::name))]
     pub axis: Axis,
-    /// Perturbation strength: above 0, up to 1 for the largest that is meant to be solvable
+    /// Perturbation strength, above 0 and at most 1, the largest that is meant to be solvable
     #[arg(long, value_name = "D", default_value_t = 1.0)]
     pub dial: f64,
-    /// Seed of random changes
+    /// Seed of the random perturbations
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Folder of the new suite
+    /// Folder to write the new suite to
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Name of the new suite [default: that of the folder]
+    /// Name of the new suite [default: name of the folder]
     #[arg(long)]
     pub name: Option<String>,
     /// Worker threads [default: all cores]
@@ -173,7 +173,7 @@ pub struct SuitePerturbArguments {
 /// Arguments of `suite review`.
 #[derive(Debug, Args)]
 pub struct SuiteReviewArguments {
-    /// Folder of the suite
+    /// Folder of the suite, or its name
     #[arg(value_name = "SUITE", value_parser = suites::parse_folder)]
     pub folder: PathBuf,
     /// Id of the scenario
@@ -199,7 +199,7 @@ fn parse_verdict(text: &str) -> Result<ReviewVerdict, String> {
 /// A suite.
 #[derive(Clone, Debug, Args)]
 pub struct SuiteArguments {
-    /// Folder of the suite
+    /// Folder of the suite, or its name
     #[arg(value_name = "SUITE", value_parser = suites::parse_folder)]
     pub folder: PathBuf,
 }
@@ -207,10 +207,10 @@ pub struct SuiteArguments {
 /// Two suites.
 #[derive(Clone, Debug, Args)]
 pub struct SuiteDiffArguments {
-    /// Folder of the first suite
+    /// Folder of the first suite, or its name
     #[arg(value_name = "SUITE", value_parser = suites::parse_folder)]
     pub first: PathBuf,
-    /// Folder of the second suite
+    /// Folder of the second suite, or its name
     #[arg(value_name = "OTHER", value_parser = suites::parse_folder)]
     pub second: PathBuf,
 }

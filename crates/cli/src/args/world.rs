@@ -13,7 +13,7 @@ pub enum WorldCommand {
     #[command(after_help = "Examples:\n  genmanip world init --out my_world.toml\n  \
                       genmanip world init --robot ur5e_2f85 --out ur5e.toml")]
     Init(WorldInitArguments),
-    /// List everything that is wrong with a world file; exit 1 when anything is
+    /// List all faults of a world file; exit 1 if there are any
     #[command(after_help = "Example:\n  genmanip world check my_world.toml")]
     Check(WorldFileArguments),
     /// Show a world, or the world of a scenario: surfaces, workspace, robot, cameras, hashes
@@ -24,7 +24,7 @@ pub enum WorldCommand {
 /// Arguments of `world init`.
 #[derive(Debug, Args)]
 pub struct WorldInitArguments {
-    /// File to write instead of printing; an existing file is refused
+    /// File to write instead of printing; must not exist yet
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
     /// Robot instead of the Panda
@@ -44,12 +44,12 @@ pub struct WorldFileArguments {
 pub struct WorldShowArguments {
     /// World (TOML or JSON) or scenario
     pub file: PathBuf,
-    /// Also draw it from above into this PNG file
+    /// Also write a top view to this PNG file
     #[arg(long, value_name = "FILE.png")]
     pub picture: Option<PathBuf>,
 }
 
-/// Verbs for the cameras of worlds and scenarios.
+/// Subcommands of `camera`.
 #[derive(Debug, Subcommand)]
 pub enum CameraCommand {
     /// List the cameras of a world or scenario; without a file, the presets
@@ -66,7 +66,7 @@ pub enum CameraCommand {
     /// Remove a camera from a file
     #[command(after_help = "Example:\n  genmanip camera remove my_world.toml front")]
     Remove(CameraRemoveArguments),
-    /// Draw what cameras see: the robot at home, and the objects of a scenario
+    /// Render the views of cameras: the robot at home, and the objects of a scenario
     #[command(after_help = "Examples:\n  genmanip camera preview my_world.toml front --out front.png\n  \
                       genmanip camera preview SCENARIO --size 640x360 --out views/")]
     Preview(CameraPreviewArguments),
@@ -89,10 +89,10 @@ pub struct CameraEditArguments {
     /// Image size and field of view of a commercial camera, see `genmanip camera list`
     #[arg(long, value_name = "PRESET")]
     pub preset: Option<String>,
-    /// Image width and height, pixels
+    /// Image width and height, 1 to 8192 pixels each
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<[u32; 2]>,
-    /// Vertical field of view, degrees
+    /// Vertical field of view, degrees, between 0 and 180
     #[arg(long, value_parser = parse_angle)]
     pub fov_deg: Option<f64>,
     /// Camera position: x,y,z in metres, in the robot's base frame; for a camera on the hand, in the hand's frame
@@ -107,10 +107,10 @@ pub struct CameraEditArguments {
     /// Noise, missing pixels and depth quantisation of a device's sensors, or `none`
     #[arg(long, value_name = "DEVICE", value_parser = sensor_names())]
     pub sensor: Option<String>,
-    /// Shutter time for motion blur, seconds; 0 for no blur
+    /// Shutter time for motion blur, 0 to 0.1 seconds; 0 for no blur
     #[arg(long, value_name = "SECONDS", value_parser = parse_shutter)]
     pub shutter: Option<f64>,
-    /// Brown-Conrady lens distortion, coefficients in OpenCV's order; zeros for none
+    /// Coefficients of the Brown-Conrady lens distortion in OpenCV's order; zeros for none
     #[arg(long, value_name = "K1,K2,P1,P2[,K3]", allow_hyphen_values = true, value_parser = parse_distortion)]
     pub distortion: Option<Distortion>,
 }
@@ -131,10 +131,10 @@ pub struct CameraPreviewArguments {
     pub file: PathBuf,
     /// Names of cameras [default: all]
     pub names: Vec<String>,
-    /// A picture (.png, .jpg) of all views, or a folder that gets NAME.png of each
+    /// Image file (.png, .jpg) with all views, or folder for one file NAME.png per camera
     #[arg(long, value_name = "PNG|DIR")]
     pub out: PathBuf,
-    /// Width and height of each view, pixels [default: the camera's]; another ratio crops the view at two sides
+    /// Width and height of each view, pixels [default: the camera's]; another aspect ratio crops two sides of the view
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<[u32; 2]>,
 }
@@ -148,7 +148,7 @@ pub(super) fn parse_size(text: &str) -> Result<[u32; 2], String> {
     Ok([side(sides.0)?, side(sides.1)?])
 }
 
-/// The devices whose sensors are known, and `none`.
+/// Names of the devices with a sensor model, and `none`.
 fn sensor_names() -> clap::builder::PossibleValuesParser {
     SensorPreset::names().into_iter().chain(["none"]).collect::<Vec<_>>().into()
 }

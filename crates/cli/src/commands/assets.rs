@@ -134,8 +134,8 @@ fn show(arguments: &ShowAssetArguments, printer: &Printer) -> Result<ExitStatus,
     Ok(ExitStatus::Done)
 }
 
-/// Images of an object from the robot's left and right, from behind and above with all joints at 0, and one of each
-/// named state.
+/// Images of an object with all joints at 0, from the robot's side (left and right), from the far side and from above,
+/// and one image of each named state.
 fn views(model: &Arc<ObjectModel>, path: &Path) -> Result<Vec<u8>, WorkspaceError> {
     let at = Pose::from_position(DVec3::new(0.5, 0.0, 0.0));
     let closed = vec![0.0; model.joint_count()];
@@ -183,8 +183,8 @@ fn sheet(arguments: &SheetArguments, printer: &Printer) -> Result<ExitStatus, Fa
     Ok(ExitStatus::Done)
 }
 
-/// New objects: `count` consecutive seeds from `seed` of the named family, or of every family for `all`; for `random`
-/// as many of families and seeds drawn by chance.
+/// New objects: of the named family, or of every family for `all`, those of `count` consecutive seeds from `seed` on;
+/// for `random`, `count` objects of random families with random seeds.
 fn new_objects(families: &Families, name: &str, seed: u64, count: usize) -> Result<Vec<Arc<ObjectModel>>, Failed> {
     let wanted = families.all().filter(|family| name == "all" || family.family == name).collect::<Vec<_>>();
     let consecutive = || (seed..seed + count as u64).map(Seed::new);

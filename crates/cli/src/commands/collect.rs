@@ -21,9 +21,9 @@ use crate::args::{CollectArguments, MergeArguments, Part};
 use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
 
-/// Attempts per task by default.
+/// Default number of attempts per task.
 const ATTEMPTS_PER_TASK: usize = 2;
-/// Attempts per layout of a suite by default: only the first attempt uses the frozen layout.
+/// Default number of attempts per layout of a suite: only the first attempt uses the frozen layout.
 const ATTEMPTS_PER_LAYOUT: usize = 1;
 
 pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus, Failed> {

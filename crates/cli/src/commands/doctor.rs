@@ -45,7 +45,7 @@ fn processor() -> Finding {
     processor_with(std::thread::available_parallelism().map_or(1, usize::from), has_fused_products())
 }
 
-/// Finding on the processor. Rendering times without fused multiply-add were measured in emulation, see
+/// Finding on the processor. Rendering times without AVX2 or fused multiply-add were measured in emulation, see
 /// docs/benchmark.md.
 fn processor_with(cores: usize, has_fused_products: bool) -> Finding {
     let found = format!("{cores} cores, {} {}", std::env::consts::ARCH, std::env::consts::OS);
@@ -59,7 +59,7 @@ fn processor_with(cores: usize, has_fused_products: bool) -> Finding {
     Finding { what: "processor", ok: has_fused_products, needed: false, found, mend }
 }
 
-/// True if the processor has fused multiply-add instructions, which rendering uses.
+/// True if the processor has fused multiply-add instructions (on x86-64 also AVX2), which rendering uses.
 fn has_fused_products() -> bool {
     #[cfg(target_arch = "x86_64")]
     {

@@ -1,4 +1,4 @@
-//! `genmanip evaluate`: success of a policy on a suite.
+//! `genmanip evaluate`: success of policies on a run, scenario files or a suite.
 
 use std::sync::atomic::Ordering;
 

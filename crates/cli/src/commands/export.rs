@@ -1,4 +1,4 @@
-//! `genmanip export`: a dataset from a run, or a scenario as a 3-D file.
+//! `genmanip export`: a dataset from a run, or a scenario as MJCF, glTF or OpenUSD.
 
 use std::path::Path;
 

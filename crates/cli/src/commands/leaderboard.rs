@@ -1,4 +1,4 @@
-//! `genmanip leaderboard`: tables of the evaluations below folders.
+//! `genmanip leaderboard`: tables of the evaluations below a folder, one per suite.
 
 use genmanip_benchmark::leaderboard_files::evaluations_below;
 use genmanip_benchmark::{boards, leaderboard_html, leaderboard_markdown};

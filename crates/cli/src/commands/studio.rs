@@ -1,4 +1,4 @@
-//! `genmanip studio`: editor for scenarios in the browser, which judges every change at once.
+//! `genmanip studio`: scenario editor in the browser, which validates every change immediately.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::process::{Command, Stdio};

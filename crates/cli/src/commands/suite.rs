@@ -1,4 +1,5 @@
-//! `genmanip suite`: build, check, freeze, perturb and show suites.
+//! `genmanip suite`: build, perturb, review, check, freeze, show and compare suites, and design training tasks for
+//! them.
 
 use std::path::Path;
 

@@ -1,5 +1,6 @@
 //! Collision shells of objects that are open at the top: convex wedges around a cavity, a base, and protrusions. The
-//! object stays hollow, with walls of their true thickness.
+//! object stays hollow. A wall of a closed mesh keeps its thickness, at least 1.5 mm; a single surface, or a wall
+//! thicker than `MAX_WALL_M`, gets the thickness `SHEET_M`.
 
 use std::f64::consts::TAU;
 
@@ -18,7 +19,8 @@ const LEVELS: [f64; 5] = [0.9, 0.75, 0.6, 0.45, 0.3];
 /// height. Chosen by hand.
 const MIN_AREA: f64 = 0.12;
 const MIN_DEPTH: f64 = 0.2;
-/// Number of directions in which the wall is measured, and (`SECTORS`) number of wedges. Chosen by hand.
+/// Number of directions in which the wall is measured, and (`SECTORS`) minimum number of wedges: corners of the outline
+/// add more. Chosen by hand.
 const DIRECTIONS: usize = 96;
 const SECTORS: usize = 24;
 /// Heights at which the wall is measured, as fractions of the cavity's depth from the floor. Chosen by hand.
@@ -75,7 +77,8 @@ pub fn shell(mesh: &RawMesh) -> Option<Shell> {
             pieces.extend(hull::piece(&corners, 16));
         }
     }
-    // Base: all vertices below the floor that are not outside the wall.
+    // Base: convex hull of the vertices below the floor that are not outside the wall, and of the wall's outer ring at
+    // the floor and halfway down to the bottom.
     let mut base: Vec<DVec3> = edges.iter().map(|&edge| ring(outer, 0, edge, floor)).collect();
     let reach = base.iter().map(|corner| corner.truncate().distance(middle)).fold(0.0, f64::max);
     base.extend(mesh.positions.iter().filter(|p| p.z <= floor && p.truncate().distance(middle) <= reach + 1e-3));

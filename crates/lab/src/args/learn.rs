@@ -1,4 +1,4 @@
-//! Arguments of the measurement of learned policies.
+//! Arguments of the measurements of learned policies.
 
 use std::path::PathBuf;
 
@@ -14,25 +14,25 @@ pub struct LabLearnArguments {
     /// Distribution of genmanip-learn-10, whose split `train` is demonstrated and whose split `familiar` is the test
     #[arg(long, value_name = "NAME", default_value = "into")]
     pub distribution: String,
-    /// Seed of the training
+    /// Seed of initial weights and samples
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Inputs and sizes of the policy
+    /// Preset of inputs and network size
     #[arg(long, value_name = "PRESET", value_parser = parse::variant(Preset::ALL, Preset::name))]
     pub preset: Preset,
-    /// Verified demonstrations
+    /// Number of verified demonstrations
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub demos: usize,
-    /// Steps of the training
+    /// Number of optimiser steps
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub steps: Option<usize>,
-    /// Time of the training, such as 90s, 30m or 2h
+    /// Wall-clock time of the training instead of a number of steps, such as 90s, 30m or 2h
     #[arg(long, value_name = "TIME", value_parser = parse::time)]
     pub budget: Option<u64>,
     /// Train without simulator labels, as `genmanip train --no-labels`
     #[arg(long)]
     pub no_labels: bool,
-    /// Unseen layouts, the first of the split
+    /// Number of unseen layouts to evaluate on, the first of the split
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = parse::count)]
     pub layouts: usize,
     /// New folder for run, policy and layouts [default: a temporary one, which is removed]
@@ -49,7 +49,7 @@ pub struct LabControlArguments {
     /// Folder of a policy made by `genmanip train`
     #[arg(value_name = "POLICY")]
     pub policy: PathBuf,
-    /// Run that it was trained on
+    /// Folder of the run that the policy was trained on
     #[arg(long, value_name = "RUN")]
     pub run: PathBuf,
     /// Suite of task distributions, folder or name, whose split `familiar` has the layouts
@@ -58,10 +58,10 @@ pub struct LabControlArguments {
     /// Only this distribution of the suite
     #[arg(long, value_name = "NAME")]
     pub distribution: Option<String>,
-    /// Unseen layouts of each distribution, the first of the split
+    /// Number of unseen layouts of each distribution, the first of the split
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = parse::count)]
     pub layouts: usize,
-    /// Only these controls
+    /// Evaluate only these controls, such as no_images or execute_4 [default: all]
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     pub only: Vec<String>,
     /// Worker threads [default: all cores]

@@ -58,7 +58,7 @@ pub enum LabCommand {
                       genmanip-lab agent --seed 7 --count 60 --relation between\n\n\
                       One thread; CPU time covers perception, questions, planning and physics, not the layout.")]
     Agent(AgentArguments),
-    /// Inject one error per episode, and test if the failure analysis attributes the failure to it
+    /// Inject one error per episode, and measure how often the failure analysis attributes the failure to it
     #[command(after_help = "Examples:\n  \
                       genmanip-lab blame --seed 7 --per-class 30 --json\n  \
                       genmanip-lab blame --seed 7 --classes plan_location --per-class 10 --natural 0\n\n\
@@ -80,7 +80,7 @@ pub enum LabCommand {
     /// Compose tasks with the rule-based designer and check validity, variety, quotas and references
     #[command(after_help = "Example:\n  genmanip-lab design --seed 7 --count 2000 --json")]
     Design(DesignArguments),
-    /// Mismatches between sentence and goal planted in designed tasks, and how many are named
+    /// Plant mismatches of sentence and goal in designed tasks, and count those that the answer check reports
     Wording(DesignArguments),
     /// Plan motion problems, check every path again, and time planning, time parameterisation and kinematics
     #[command(after_help = "Examples:\n  genmanip-lab motion --problems problems.json --json\n  \
@@ -164,8 +164,8 @@ pub enum LabCommand {
                       expert's median. Evaluation is no part of CPU times."
     )]
     Learn(LabLearnArguments),
-    /// Compare a learned policy with itself without images, with those of another layout, with other numbers of executed
-    /// actions, and with the replay of the nearest demonstration
+    /// Compare a learned policy with itself without images, with those of another layout, with other numbers of
+    /// executed actions, and with the replay of the nearest demonstration
     #[command(
         after_help = "Example:\n  genmanip-lab learned-controls out/policy --run out/run --distribution into --json"
     )]
@@ -198,7 +198,7 @@ pub struct LabStatisticsArguments {
     /// Seed of the simulation
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Evaluations per setting
+    /// Number of simulated evaluations per setting
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = parse::count)]
     pub repetitions: usize,
 }
@@ -209,10 +209,10 @@ pub struct HostileArguments {
     /// Seed of the mutations
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// CPU time of all calls together, minutes
+    /// Total CPU time of all calls, minutes, 0 to 10000
     #[arg(long, default_value_t = 1.0, value_parser = parse_minutes)]
     pub minutes: f64,
-    /// Mutate only this kind
+    /// Mutate only inputs of this kind [default: all kinds]
     #[arg(long, value_parser = genmanip_lab::hostile::KINDS)]
     pub kind: Option<String>,
     /// Write all messages to this file
@@ -224,13 +224,13 @@ pub struct HostileArguments {
     /// Also measure every reader on files at its size limit
     #[arg(long)]
     pub readers: bool,
-    /// Also race N pairs of starts with different seeds for one folder
+    /// Also start N pairs of runs with different seeds at the same time in one folder
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_few)]
     pub races: usize,
     /// Also kill N runs at random moments, continue them and compare the bytes
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_few)]
     pub kills: usize,
-    /// The project's folder, for its examples
+    /// Folder of the project's sources, for its examples
     #[arg(long, value_name = "DIR", default_value = ".")]
     pub project: PathBuf,
 }
@@ -258,16 +258,16 @@ pub struct BatchArguments {
     /// Seed of tasks, layouts, episodes and faults
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Episodes, the kinds in turn, without articulated tasks
+    /// Number of episodes; the kinds of tasks in turn, without articulated ones
     #[arg(long, default_value_t = 64, value_parser = parse::count)]
     pub count: usize,
-    /// Concurrent episodes
+    /// Maximum number of concurrent episodes
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = parse::count)]
     pub at_once: usize,
-    /// Cores that they share [default: all]
+    /// Number of CPU cores that the episodes share [default: all]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
-    /// Response time of the server, s
+    /// Response time of the server, 0 to 60 s
     #[arg(long, default_value_t = 2.0, value_name = "S", value_parser = parse_minute)]
     pub latency: f64,
     /// Share of requests with a fault, 0 to 1
@@ -292,13 +292,13 @@ fn parse_share(text: &str) -> Result<f64, String> {
 /// Arguments of `genmanip-lab fit`.
 #[derive(Debug, Args)]
 pub struct FitArguments {
-    /// Trials to fit to
+    /// Files of trials to fit to, as written by `genmanip-lab grasp --out`
     #[arg(required = true, value_name = "FILE")]
     pub trials: Vec<PathBuf>,
-    /// Keep the current weights and ranking; fit only the constant
+    /// Fit only the constant (bias); the other weights, and with them the ranking of grasps, stay as they are
     #[arg(long)]
     pub constant: bool,
-    /// Other trials, to test the calibration
+    /// Files of other trials, to test the calibration
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub test: Vec<PathBuf>,
 }
@@ -309,13 +309,14 @@ pub struct EnvironmentArguments {
     /// Seed of tasks, layouts and attempts
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Designed tasks, one attempt of the expert each
+    /// Number of designed tasks; the expert attempts each once
     #[arg(long, default_value_t = 10, value_parser = parse::count)]
     pub count: usize,
     /// Step through the episodes stored here instead: a run, its episodes, or one of them
     #[arg(long, value_name = "DIR")]
     pub store: Option<PathBuf>,
-    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    /// Objects: `builtin` (64 made by hand), `full` (with those that families make, 1,120 in all), `imported` (of
+    /// --packs) or `all`
     #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
 }
@@ -326,10 +327,10 @@ pub struct TeleopArguments {
     /// Seed of tasks, layouts and operators
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Episodes of the scripted operator, the devices in turn
+    /// Number of episodes of the scripted operator, the devices in turn
     #[arg(long, default_value_t = 20, value_parser = parse::count)]
     pub episodes: usize,
-    /// Random commands whose opposites follow in reverse order, both together
+    /// Number of random commands; the second half are the opposites of the first half in reverse order
     #[arg(long, default_value_t = 10_000, value_parser = parse::count)]
     pub commands: usize,
     /// Keep the episodes in this new folder, an episode store
@@ -343,10 +344,11 @@ pub struct LabDataArguments {
     /// Seed of tasks, layouts and attempts
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Designed tasks, one attempt of the expert each; with --synthetic episodes
+    /// Number of designed tasks, each attempted once by the expert; with --synthetic: number of episodes
     #[arg(long, default_value_t = 60, value_parser = parse::count)]
     pub episodes: usize,
-    /// Synthetic episodes of 30 rows with images of 64x64, to measure the cost of checking and opening a large dataset
+    /// Write synthetic episodes of 30 rows with images of 64x64 pixels instead, to measure the cost of checking and
+    /// opening a large dataset
     #[arg(long)]
     pub synthetic: bool,
     /// Also write the synthetic episodes as N datasets, and merge them
@@ -363,19 +365,19 @@ pub struct LabRenderArguments {
     /// Seed of objects, layout and episode
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Scenes whose image is also compared with a path-traced one (LDR-FLIP)
+    /// Number of scenes whose image is also compared with a path-traced one (LDR-FLIP)
     #[arg(long, value_name = "SCENES", default_value_t = 0)]
     pub flip: usize,
-    /// Light paths per pixel of the traced images
+    /// Number of light paths per pixel of the path-traced images
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub paths: u32,
-    /// Folder for both images of each scene
+    /// Folder to write both images of each scene to
     #[arg(long, value_name = "DIR", requires = "flip")]
     pub out: Option<PathBuf>,
-    /// Also render a table of 150,000 triangles with MuJoCo's and PyBullet's renderers
+    /// Also render a table of at least 150,000 triangles with MuJoCo's and PyBullet's renderers
     #[arg(long)]
     pub baselines: bool,
-    /// Python with the packages mujoco, pybullet and numpy
+    /// Python interpreter with the packages mujoco, pybullet and numpy
     #[arg(long, value_name = "PROGRAM", requires = "baselines", default_value = ".python/bin/python")]
     pub python: PathBuf,
 }
@@ -389,7 +391,7 @@ pub struct AnswersArguments {
     /// Number of mutated texts
     #[arg(long, default_value_t = 10_000, value_parser = parse::count)]
     pub count: usize,
-    /// CPU time of the fuzzer instead, minutes
+    /// CPU time of the fuzzer, minutes, instead of a number of texts
     #[arg(long, conflicts_with = "count")]
     pub minutes: Option<f64>,
     /// Recorded answers to check and to start from: a file or a folder
@@ -403,7 +405,7 @@ pub struct RelationsArguments {
     /// Recorded cases; their clouds are in the .npz archive beside the file
     #[arg(long, value_name = "FILE", required_unless_present = "rendered")]
     pub cases: Option<PathBuf>,
-    /// Judge: genmanip-0.9, suite-0.2.3 or seed
+    /// Relation profile that judges: genmanip-0.9, suite-0.2.3, or seed (the relations of this project)
     #[arg(long, required_unless_present = "rendered")]
     pub profile: Option<String>,
     /// Compare clouds from rendered depth and ids with posed geometry
@@ -412,7 +414,7 @@ pub struct RelationsArguments {
     /// Seed of the layouts
     #[arg(long, default_value_t = 0, value_parser = parse::seed, requires = "rendered")]
     pub seed: u64,
-    /// Number of scenes
+    /// Number of layouts; each gives up to two scenes, before and after the moves that the goal asks for
     #[arg(long, default_value_t = 500, requires = "rendered", value_parser = parse::count)]
     pub count: usize,
     /// Tasks to lay out in turn: a file or a folder
@@ -432,19 +434,20 @@ pub struct ExpertArguments {
     /// Seed of tasks, layouts and attempts
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Tasks of the rule-based designer, the six kinds in turn
+    /// Number of tasks of the rule-based designer, the six kinds in turn
     #[arg(long, default_value_t = 60, value_parser = parse::count)]
     pub count: usize,
-    /// Attempts at a task before it counts as unsolved
-    #[arg(long, default_value_t = 5)]
+    /// Maximum number of attempts at a task before it counts as unsolved
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..))]
     pub tries: u64,
     /// Choices of the expert, as `genmanip collect --expert`
     #[arg(long, value_name = "STYLE", default_value = "default", value_parser = parse::variant(ExpertStyle::ALL, ExpertStyle::name))]
     pub expert: ExpertStyle,
-    /// Tasks of your own instead of designed ones: files or folders
+    /// Task files, or folders of them, instead of designed tasks
     #[arg(long, value_name = "PATH")]
     pub tasks: Vec<PathBuf>,
-    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    /// Objects: `builtin` (64 made by hand), `full` (with those that families make, 1,120 in all), `imported` (of
+    /// --packs) or `all`
     #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
 }
@@ -458,13 +461,14 @@ pub struct AgentChoiceArguments {
     /// Source of the answers: `oracle` (simulator truth), or the settings file of a model
     #[arg(long, default_value = "oracle", value_name = "oracle|FILE")]
     pub vlm: String,
-    /// Source of the masks
+    /// Source of the masks: `rgbd` (built in, from colour and depth), `oracle` (simulator truth) or a server
     #[arg(long, default_value = "rgbd", value_name = "rgbd|oracle|http:URL")]
     pub masks: String,
-    /// One cell for the placement, or a path over the grid
+    /// Form of the model's answer for a placement: one grid cell (`p2p`), or a path over the grid with heights and
+    /// rotations (`grid`)
     #[arg(long, default_value = "p2p", value_parser = ["p2p", "grid"])]
     pub path: String,
-    /// `paper` as published, `full` with all robustness features
+    /// Preset of the agent: `paper` as published, `full` with all robustness features
     #[arg(long, default_value = "full", value_parser = ["full", "paper"])]
     pub preset: String,
 }
@@ -478,7 +482,7 @@ pub struct AgentArguments {
     /// Seed of tasks, layouts and episodes
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Episodes, the kinds in turn
+    /// Number of episodes, the kinds in turn
     #[arg(long, default_value_t = 60, value_parser = parse::count)]
     pub count: usize,
     #[command(flatten)]
@@ -486,7 +490,7 @@ pub struct AgentArguments {
     /// Only tasks whose goal has a condition of this relation
     #[arg(long, value_name = "RELATION")]
     pub relation: Option<String>,
-    /// Also ask for the part to hold
+    /// Also ask which part of the object to grasp (coarse-to-fine grasping)
     #[arg(long)]
     pub ctof: bool,
     /// Inject errors into a share of the oracle's answers to one kind of question, and test the failure analysis
@@ -509,18 +513,19 @@ pub struct BlameArguments {
     /// Seed of tasks, layouts and episodes
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Failed episodes of each class
+    /// Number of failed episodes of each class
     #[arg(long, default_value_t = 30, value_parser = parse::count)]
     pub per_class: usize,
     /// Classes of injected errors [default: all but `service`]
     #[arg(long, value_delimiter = ',', value_name = "CLASS")]
     pub classes: Vec<String>,
-    /// Episodes without injected errors; failed ones are repeated too
+    /// Number of episodes without injected errors; failed ones are repeated too
     #[arg(long, default_value_t = 60)]
     pub natural: usize,
     #[command(flatten)]
     pub agent: AgentChoiceArguments,
-    /// `open` decomposes the task and picks each object once, so that errors are rarely corrected
+    /// Control loop of the agent: `open` decomposes the task and picks each object once, so that errors are rarely
+    /// corrected; `closed` checks the outcome and tries again
     #[arg(long = "loop", default_value = "open", value_name = "open|closed", value_parser = ["open", "closed"])]
     pub closed_loop: String,
 }
@@ -537,16 +542,17 @@ pub struct LabLayoutArguments {
     /// Seed of tasks and layouts
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Tasks to design and lay out; with --tasks: layouts of each
+    /// Number of tasks to design and lay out; with --tasks: number of layouts of each
     #[arg(long, default_value_t = 100, value_parser = parse::count)]
     pub count: usize,
     /// Tasks instead of designed ones: recorded answers, task documents or folders of them
     #[arg(long, value_name = "PATH")]
     pub tasks: Vec<PathBuf>,
-    /// Unmentioned objects to add to each scene
+    /// Number of objects to add to each scene that the instruction does not mention
     #[arg(long, default_value_t = 0)]
     pub distractors: usize,
-    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    /// Objects: `builtin` (64 made by hand), `full` (with those that families make, 1,120 in all), `imported` (of
+    /// --packs) or `all`
     #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
 }
@@ -557,10 +563,10 @@ pub struct LabAssetsArguments {
     /// Seed of the objects
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Objects to generate, the families in turn
+    /// Number of objects to generate, the families in turn
     #[arg(long, default_value_t = 100, value_parser = parse::count)]
     pub count: usize,
-    /// Only this family
+    /// Generate objects of this family only
     #[arg(long, value_name = "NAME")]
     pub family: Option<String>,
     /// Take the families from the data files of this folder
@@ -569,7 +575,7 @@ pub struct LabAssetsArguments {
     /// Test the imported objects of the packs in this folder instead
     #[arg(long, value_name = "DIR", conflicts_with_all = ["count", "family", "families"])]
     pub imported: Option<PathBuf>,
-    /// Worker threads; CPU times are those of one
+    /// Worker threads; reported CPU times are those of a single thread [default: all cores]
     #[arg(long, value_name = "N")]
     pub workers: Option<usize>,
 }

@@ -12,7 +12,7 @@ pub struct LabSuiteArguments {
     /// Folder of the suite, or its name
     #[arg(long, value_name = "NAME|DIR", value_parser = suites::parse_folder)]
     pub suite: PathBuf,
-    /// Episodes per scenario
+    /// Number of episodes per scenario
     #[arg(long, value_name = "K", default_value_t = 5, value_parser = parse::count)]
     pub episodes: usize,
     /// Seed of the episodes
@@ -37,7 +37,7 @@ pub struct LabReadersArguments {
     /// Number of episodes, half of them successes if possible
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = parse::count)]
     pub count: usize,
-    /// Folder for the cards
+    /// Folder to write the cards to
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Answers of readers, one file each
@@ -51,13 +51,13 @@ pub struct LabReadersArguments {
 /// Arguments of `genmanip-lab scale`.
 #[derive(Debug, Args)]
 pub struct ScaleArguments {
-    /// Finished run to copy
+    /// Folder of the run whose finished episodes are copied
     #[arg(long, value_name = "DIR")]
     pub run: PathBuf,
-    /// Total number of episodes
+    /// Total number of copies
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub episodes: usize,
-    /// Empty folder for the copies: 0.5 MB per episode
+    /// Empty or new folder for the copies; about 0.5 MB per episode
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
 }
@@ -71,13 +71,13 @@ pub struct LabStudioArguments {
     /// Seed of tasks, layouts and operations
     #[arg(long, default_value_t = 1, value_parser = parse::seed)]
     pub seed: u64,
-    /// Random operations of two authors
+    /// Number of random operations, by two authors
     #[arg(long, value_name = "N", default_value_t = 500)]
     pub operations: usize,
-    /// Faults to plant
+    /// Number of faults to plant
     #[arg(long, value_name = "N", default_value_t = 100)]
     pub faults: usize,
-    /// Sound scenarios to judge
+    /// Number of sound scenarios to judge
     #[arg(long, value_name = "N", default_value_t = 100)]
     pub sound: usize,
 }

@@ -36,15 +36,15 @@ pub use synthetic::measure as measure_synthetic;
 pub struct Measured {
     /// Seed of tasks, layouts and attempts.
     pub seed: u64,
-    /// Number of verified episodes, from one attempt per task; all figures refer to these.
+    /// Number of verified episodes, from one attempt per task, or of synthetic ones; the figures refer to these.
     pub episodes: usize,
-    /// Number of 60 Hz frames of these episodes.
+    /// Number of 60 Hz frames of these episodes; of dataset rows if the episodes are synthetic.
     pub frames: usize,
-    /// CPU time of all these episodes by stage, s.
+    /// CPU time by stage, s; that of `simulate` includes failed attempts.
     pub cpu_s: CpuSeconds,
     /// Size of one pair of colour and depth image in the datasets, bytes.
     pub bytes_per_rgbd_frame: f64,
-    /// CPU time of encoding and writing one pair of colour and depth image, ms.
+    /// CPU time of encoding, writing and exporting one pair of colour and depth image, ms.
     pub encode_and_write_ms_per_rgbd_frame: f64,
     /// CPU time of an export whose images are already rendered, by format, s.
     pub export_s: BTreeMap<&'static str, f64>,
@@ -53,11 +53,11 @@ pub struct Measured {
     pub playback: BTreeMap<String, f64>,
     /// Episodes that failed in playback.
     pub missed: Vec<Missed>,
-    /// Time of `data check`, s; `None` if not measured.
+    /// Wall time of `data check`, s.
     pub check_s: Option<f64>,
-    /// Time to open the dataset with its episode index, s; `None` if not measured.
+    /// Wall time to open the dataset with its episode index, s.
     pub open_s: Option<f64>,
-    /// Time to merge the dataset from shards, s; `None` unless requested.
+    /// Wall time to merge the dataset from shards, s; `None` unless requested.
     pub merge_s: Option<f64>,
     /// Size of the dataset and of the separate depth dataset beside it, bytes.
     pub dataset_bytes: u64,

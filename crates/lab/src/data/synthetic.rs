@@ -110,7 +110,7 @@ pub fn measure(
 /// Function that writes the episodes with these numbers as a dataset into a folder.
 type Write<'a> = dyn Fn(std::ops::Range<usize>, &Path) -> Result<(), LabError> + 'a;
 
-/// Writes the episodes as shards, merges and checks them; returns the time of merging, s.
+/// Writes the episodes as shards, merges and checks them; returns the wall time of merging, s.
 fn merged(
     count: usize,
     shards: usize,

@@ -112,7 +112,7 @@ fn race(arguments: &HostileArguments, sandbox: &Sandbox, pair: u64, starts: &mut
     Ok(())
 }
 
-/// Starts `collect` with one attempt; its output goes to the file `said`.
+/// Starts `collect` with one attempt; its stderr goes to the file `said`.
 fn collect(arguments: &HostileArguments, sandbox: &Sandbox, options: &[String], said: &str) -> Result<Child, LabError> {
     start(arguments, sandbox, &collect_call(arguments, options), said)
 }
@@ -122,7 +122,7 @@ fn collect_call(arguments: &HostileArguments, options: &[String]) -> Vec<String>
     [&["collect".to_owned(), task, "--episodes".into(), "1".into()], options].concat()
 }
 
-/// Starts the program; its output goes to the file `said`.
+/// Starts the program; its stderr goes to the file `said`, its stdout is discarded.
 fn start(arguments: &HostileArguments, sandbox: &Sandbox, call: &[String], said: &str) -> Result<Child, LabError> {
     let said = sandbox.work().join(said);
     let file = File::create(&said).map_err(|error| LabError::file("write", &said, error))?;

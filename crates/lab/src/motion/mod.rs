@@ -42,7 +42,7 @@ pub struct MotionArguments {
     pub rrt_range: Option<f64>,
     /// Number of poses for inverse kinematics; arms with numeric inverse kinematics use one in 200.
     pub ik_poses: usize,
-    /// File to write the states of every path to, 0.02 rad apart; `None` for no file.
+    /// File to write the states of every path to, at most 0.02 rad per joint apart; `None` for no file.
     pub paths: Option<PathBuf>,
 }
 

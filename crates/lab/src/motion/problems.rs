@@ -24,21 +24,27 @@ pub struct Written {
     /// Purpose of the motion, informative only.
     #[serde(default)]
     pub kind: String,
+    /// Initial joint positions of the arm, rad (prismatic joints: m).
     pub start: Vec<f64>,
+    /// Final joint positions of the arm, rad (prismatic joints: m).
     pub goal: Vec<f64>,
     pub obstacles: Vec<Obstacle>,
 }
 
+/// An obstacle at rest.
 #[derive(Clone, Serialize, Deserialize)]
 pub struct Obstacle {
     #[serde(flatten)]
     pub shape: Form,
+    /// Position of the centre in the robot's base frame, m.
     pub pos: [f64; 3],
+    /// Rotation about the vertical axis, rad.
     #[serde(default)]
     pub yaw: f64,
 }
 
-/// Sizes are full extents, m.
+/// Shape of an obstacle, m: full edge lengths of a box, radius and full length of a cylinder along z, radius of a
+/// sphere.
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub enum Form {

@@ -77,7 +77,8 @@ impl RgbImage {
             .iter()
             .zip(&self.channels)
             .map(|(gaussians, channel)| {
-                // The sum of two-dimensional Gaussians is not separable, but each one is; they have own weights.
+                // The sum of two-dimensional Gaussians is not separable, but each one is: they are applied separately
+                // and added with their weights.
                 let mut sum = vec![0.0; channel.len()];
                 let kernels: Vec<_> = gaussians
                     .iter()

@@ -17,7 +17,8 @@ use super::{SPARE, SegmentArguments};
 use crate::LabError;
 use crate::fit::{Sample, chance, fit};
 
-/// Rounds of merging with the previous weights and refitting to all region pairs met so far.
+/// Number of rounds: regions are merged with the weights of the previous round, and the weights are refitted to all
+/// region pairs met so far.
 const ROUNDS: usize = 4;
 /// Minimum share of a region's pixels that belong to one object; less pure regions are not used.
 const PURE: f64 = 0.8;

@@ -53,7 +53,7 @@ pub struct SegmentView {
 
 /// An object with at least one visible pixel.
 pub struct TrueObject {
-    /// Id of the object in the scene.
+    /// Name on the object's card.
     pub name: String,
     /// Mask of the object's visible pixels.
     pub mask: Mask,

@@ -78,14 +78,14 @@ pub struct Counts {
     pub slow: usize,
 }
 
-/// A file whose outcome is not `ok`.
+/// A flaw of a file; a file may have several.
 #[derive(Clone, Debug, Serialize)]
 pub struct Problem {
     /// Path of the file, relative to the folder.
     pub file: String,
     /// Kind of the file, one of [`KINDS`].
     pub kind: &'static str,
-    /// Outcome of the file.
+    /// Outcome that the flaw gives the file.
     pub outcome: Outcome,
     /// Description of what happened.
     pub message: String,
@@ -116,7 +116,7 @@ pub struct Measured {
     pub all: Counts,
     /// Counts by kind.
     pub by_kind: BTreeMap<&'static str, Counts>,
-    /// Files whose outcome is not `ok`.
+    /// Flaws of all files.
     pub problems: Vec<Problem>,
     /// Number of robots refused because a mesh file does not exist.
     pub without_meshes: usize,

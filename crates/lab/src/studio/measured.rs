@@ -52,7 +52,7 @@ pub struct Measured {
     pub false_alarms: usize,
     /// Numbers of planted, found and repaired faults, by kind of fault.
     pub by_fault: Vec<(&'static str, [usize; 3])>,
-    /// CPU time of applying the offered repairs of a fault, s.
+    /// CPU time of finding and applying all repairs of a fault, s.
     pub repair_s: Spread,
     /// Details of mismatches, missed faults and false alarms, for people.
     pub notes: Vec<String>,

@@ -1,4 +1,4 @@
-//! Runs of given device events through the episode loop, and the poses that were commanded.
+//! Given device events run through the episode loop, and the resulting commanded and measured poses.
 
 use genmanip_core::{Pose, Seed};
 use genmanip_rollout::{RolloutError, RolloutSettings, Stage, run_episode};
@@ -9,7 +9,7 @@ use genmanip_teleop::{Operator, OperatorKind, TeleopSettings, Teleoperation};
 
 use crate::LabError;
 
-/// Events by control step.
+/// Events of a virtual device, each with the control step before which it arrives.
 pub struct Events {
     device: VirtualDevice,
     list: Vec<RecordedEvent>,
@@ -25,13 +25,13 @@ impl Events {
         events
     }
 
-    /// An event before a control step.
+    /// Adds an event that arrives before a control step.
     pub fn push(&mut self, step: usize, event: DeviceEvent) {
         let sequence = self.list.len() as u64;
         self.list.push(RecordedEvent { sequence, step, event });
     }
 
-    /// Deflections and held controls of a control step.
+    /// Adds the device's events for these axis deflections (-1 to 1) and held controls, before a control step.
     pub fn act(&mut self, step: usize, axes: &[f64; AXES], held: &[Control]) {
         for event in self.device.events(axes, held) {
             self.push(step, event);
@@ -51,14 +51,14 @@ impl Events {
 
 /// Poses of the tool in a run of events.
 pub struct Driven {
-    /// Commanded pose of the tool in each control step: that of the joint targets in force.
+    /// Commanded pose of the tool in each control step (forward kinematics of the joint targets), world frame.
     pub commanded: Vec<Pose>,
-    /// Measured pose at the start of each control step.
+    /// Simulated pose of the tool at the start of each control step, world frame.
     pub measured: Vec<Pose>,
 }
 
 impl Driven {
-    /// Largest distance (m) of a commanded position from the first one, and largest angle (rad).
+    /// Largest distance (m) and largest angle (rad) of a commanded pose from the first one.
     pub fn largest_motion(&self) -> (f64, f64) {
         let first = self.commanded.first().copied().unwrap_or_default();
         self.commanded.iter().fold((0.0, 0.0), |(way, turn), pose| {
@@ -66,13 +66,13 @@ impl Driven {
         })
     }
 
-    /// First pose, and last one.
+    /// First and last pose; the identity if there are none.
     pub fn ends(poses: &[Pose]) -> (Pose, Pose) {
         (poses.first().copied().unwrap_or_default(), poses.last().copied().unwrap_or_default())
     }
 }
 
-/// Runs events for a number of control steps.
+/// Runs an episode of `steps` control steps with these events.
 ///
 /// # Errors
 /// If the settings do not fit the stage, or the simulation becomes unstable.
@@ -82,7 +82,7 @@ pub fn drive(stage: &Stage, settings: &TeleopSettings, events: Events, steps: us
     let mut policy =
         Teleoperation::new(settings.clone(), source, &stage.robot, &stage.scenario.world).map_err(LabError::input)?;
     let horizon_s = steps as f64 / stage.control_rate_hz();
-    // Settled long enough that the tool is at rest at the end.
+    // No further settling: `steps` includes the time in which the tool comes to rest.
     let rollout = RolloutSettings { horizon_s, settle_s: 0.0, judge_every: usize::MAX, ..RolloutSettings::default() };
     let broke = |error: RolloutError| LabError::broken("an episode of fixed events broke", error);
     let episode = run_episode(stage, &mut policy, "fixed_events", Seed::new(0), &rollout).map_err(broke)?;

@@ -1,8 +1,8 @@
-//! Teleoperation through the real input path: directions and gains, cross-talk, return, latency, faults, and episodes of
-//! a scripted operator that are stored and replayed.
+//! Teleoperation through the real input path: directions and gains, cross-talk, return, latency, faults, and episodes
+//! of a scripted operator that are stored and replayed.
 //!
-//! Poses are the commanded ones, of the joint targets in force, unless said otherwise. The browser and its images are
-//! not part of it yet: their figures are null.
+//! Poses are commanded tool poses (forward kinematics of the current joint targets) unless stated otherwise. The
+//! browser page and its images are not measured: their figures are null.
 
 mod input;
 mod script;
@@ -35,103 +35,104 @@ use crate::LabError;
 use crate::clock::cpu_clock;
 use crate::quantile::Spread;
 
-/// Control steps of a push in one direction.
+/// Number of control steps of a push: one axis at full deflection.
 const PUSH_STEPS: usize = 6;
-/// Largest relative error of a gain, and angle between the directions (rad), that count as exact.
+/// Tolerances of a push: relative error of the gain, and angle between the commanded and the expected direction (rad).
 const EXACT: [f64; 2] = [0.01, 0.01];
-/// Largest motion of the other kind in such a push: m, rad.
+/// Largest unwanted motion in such a push: translation during a rotation (m), rotation during a translation (rad).
 const EXACT_OTHER: [f64; 2] = [1e-4, 2e-3];
-/// Control steps of a pause until the arm is at rest.
+/// Number of control steps in which the arm comes to rest after the last event.
 const REST_STEPS: usize = 30;
-/// Control steps after the last event of a fault.
+/// Number of control steps simulated after the last event of a fault.
 const FAULT_STEPS: usize = 20;
-/// Events of a flood.
+/// Number of events of a flood.
 const FLOOD: usize = 10_000;
 /// Time limit of an episode of the scripted operator, s.
 const HORIZON_S: f64 = 60.0;
-/// Most layouts that are tried per episode.
+/// Maximum number of tasks tried per episode, with one layout each.
 const TRIES: u64 = 20;
 
-/// Amount to measure.
+/// Numbers of episodes and commands, and output folder.
 #[derive(Clone, Debug)]
 pub struct TeleopArguments {
-    /// Episodes of the scripted operator.
+    /// Number of episodes of the scripted operator.
     pub episodes: usize,
-    /// Commands there and back.
+    /// Number of random commands; the second half are the opposites of the first half in reverse order.
     pub commands: usize,
-    /// Folder to keep the episodes in.
+    /// Folder to keep the episodes in; `None` to remove them afterwards.
     pub out: Option<PathBuf>,
 }
 
-/// Results.
+/// Accuracy, latency and fault handling of teleoperation, and success of the scripted operator.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// Pushes of a device, along an axis, in a direction, in a frame.
+    /// Number of pushes: every device, frame, axis and direction.
     pub axes: usize,
-    /// Those with a wrong direction or gain.
+    /// Number of pushes with a wrong direction or gain, or with unwanted motion.
     pub axis_errors: usize,
     /// Largest rotation during pure translations by 0.3 m, degrees.
     pub cross_talk_deg: f64,
     /// Largest displacement during pure rotations by 90 degrees, mm.
     pub cross_talk_mm: f64,
-    /// Translations and rotations of these that were completed, of all.
+    /// Number of these translations and rotations that were completed, and number of all.
     pub completed: [usize; 2],
-    /// Largest distance of the measured tool behind the commanded one during these motions, mm.
+    /// Largest distance between measured and commanded tool position during these motions, mm.
     pub lag_mm_max: f64,
-    /// Distance from the start that was reached in between, mm.
+    /// Largest distance from the start during the random commands, mm.
     pub there_mm: f64,
-    /// Distance from the start after commands there and back, mm.
+    /// Distance from the start after the random commands and their opposites, mm.
     pub return_mm: f64,
-    /// Angle from the start, degrees.
+    /// Angle between the orientations at the start and after these commands, degrees.
     pub return_deg: f64,
-    /// Distance of the measured tool from the commanded one at rest, largest, mm.
+    /// Largest distance between measured and commanded tool position at rest, mm.
     pub measured_off_mm: f64,
-    /// Angle between them, largest, degrees.
+    /// Largest angle between measured and commanded tool orientation at rest, degrees.
     pub measured_off_deg: f64,
-    /// Simulated time from an event to the start of the first control step whose command it changes, ms.
+    /// 95th percentile of the simulated time from an event to the start of the first control step whose command it
+    /// changes, ms.
     pub input_to_command_ms_p95: f64,
-    /// Time from an event to its image; null without a page.
+    /// 95th percentile of the time from an event to the image that shows it, ms; always `None`, without a page.
     pub input_to_image_ms_p95: Option<f64>,
-    /// Rate of images; null without a page.
+    /// Number of images per second; always `None`, without a page.
     pub images_per_s: Option<f64>,
-    /// Longest time from the last event before a fault to the hold, ms.
+    /// Longest simulated time from a device's last event until the commanded pose stays constant, over all faults, ms.
     pub hold_ms_max: f64,
-    /// Control steps of the episodes that took longer than they last, of all; by wall clock.
+    /// Number of control steps of the episodes that took more wall-clock time than they last in the simulation.
     pub late_steps: usize,
-    /// Control steps of the episodes.
+    /// Number of control steps of the episodes.
     pub steps: usize,
-    /// Episodes of the scripted operator.
+    /// Number of episodes of the scripted operator.
     pub episodes: usize,
-    /// Stored episodes whose commands and whose raw events both replay to the same bytes.
+    /// Number of stored episodes whose commands and whose raw events both replay to the same states, bit for bit.
     pub replay_equal: usize,
-    /// Episodes in which the operator lifted the object.
+    /// Number of episodes in which the operator lifted the object.
     pub picked: usize,
-    /// Episodes whose goal holds after settling.
+    /// Number of episodes whose goal holds after settling.
     pub succeeded: usize,
     /// Results by device.
     pub devices: Vec<DeviceReport>,
-    /// Limits of the figures.
+    /// Limitations of the measurement, for people.
     pub notes: Vec<&'static str>,
-    /// CPU time, s.
+    /// CPU time of the measurement, s.
     pub cpu_s: f64,
 }
 
-/// Episodes of one device.
+/// Results of the episodes of one device.
 #[derive(Clone, Debug, Serialize)]
 pub struct DeviceReport {
-    /// The device.
+    /// Name of the virtual device.
     pub device: &'static str,
-    /// Episodes.
+    /// Number of episodes with this device.
     pub episodes: usize,
-    /// Episodes in which the operator lifted the object.
+    /// Number of episodes in which the operator lifted the object.
     pub picked: usize,
-    /// Episodes whose goal holds after settling.
+    /// Number of episodes whose goal holds after settling.
     pub succeeded: usize,
-    /// Simulated time of the episodes, s.
+    /// Simulated duration of the episodes, s.
     pub duration_s: Spread,
 }
 
-/// Limits of the figures.
+/// Limitations of the measurement, for people.
 const NOTES: [&str; 4] = [
     "input_to_image_ms_p95 and images_per_s are null: the page in the browser does not exist yet",
     "devices are virtual: HID reports by their descriptor, gamepad states and key events go in where a device's would",
@@ -139,7 +140,7 @@ const NOTES: [&str; 4] = [
     "the operator is scripted and reads the pose of the object from the simulator (oracle)",
 ];
 
-/// Measures with scenes of designed tasks.
+/// Measures in scenes of designed tasks; one thread.
 ///
 /// # Errors
 /// If a scene cannot be laid out, an episode raises an error, or a file cannot be written.
@@ -219,7 +220,7 @@ fn case(
         .with_hint("take another seed"))
 }
 
-/// Teleoperation in a frame; of the camera of a name.
+/// Default settings with this frame of reference; for the frame of a camera, with the camera's name.
 fn in_frame(frame: OperatorFrame, camera: Option<&str>) -> TeleopSettings {
     let mut settings = TeleopSettings { camera: camera.map(str::to_owned), ..TeleopSettings::default() };
     settings.mapping.frame = frame;
@@ -237,7 +238,8 @@ struct AxesMeasured {
     latencies_s: Vec<f64>,
 }
 
-/// Every axis and direction of every device in every frame.
+/// Pushes every axis of every device in both directions and in every frame, and compares each motion with the expected
+/// one.
 fn axes(stage: &Stage, seed: Seed, progress: &dyn Progress) -> Result<AxesMeasured, LabError> {
     let world = &stage.scenario.world;
     let tool = stage.robot.tcp_pose(world.robot.start());
@@ -293,7 +295,7 @@ fn is_moving(pair: &[Pose]) -> bool {
     pair[0].position.distance(pair[1].position) > 1e-6 || pair[0].angle_to(&pair[1]) > 1e-5
 }
 
-/// True if a run moved the tool by a vector: a translation, or a rotation about the axis by the angle.
+/// True if a run's commanded motion is `wanted` within the tolerances: a translation (m), or a rotation vector (rad).
 fn is_exact(driven: &Driven, is_translation: bool, wanted: DVec3) -> bool {
     let (start, end) = Driven::ends(&driven.commanded);
     let way = end.position - start.position;
@@ -306,7 +308,7 @@ fn is_exact(driven: &Driven, is_translation: bool, wanted: DVec3) -> bool {
     gain <= EXACT[0] && angle_rad <= EXACT[1] && other <= most
 }
 
-/// Axis times angle of the shorter way.
+/// Rotation vector (axis times angle, rad) with an angle of at most π.
 fn rotation_vector(rotation: DQuat) -> DVec3 {
     if rotation.w < 0.0 { (-rotation).to_scaled_axis() } else { rotation.to_scaled_axis() }
 }
@@ -324,7 +326,8 @@ struct CrossTalk {
 
 /// Pure translations by 0.3 m and pure rotations by 90 degrees, from the start, in every direction of the world.
 ///
-/// Those that end at a limit of the arm or of the workspace count with what was done of them, but not as completed.
+/// Motions that end early at a limit of the arm or of the workspace contribute their cross-talk and lag, but do not
+/// count as completed.
 fn cross_talk(stage: &Stage) -> Result<CrossTalk, LabError> {
     let settings = in_frame(OperatorFrame::World, None);
     let period_s = 1.0 / stage.control_rate_hz();
@@ -368,7 +371,7 @@ fn at_rest(driven: &Driven) -> [f64; 2] {
     [commanded.position.distance(measured.position), commanded.angle_to(&measured)]
 }
 
-/// Random commands and their opposites.
+/// Result of random commands followed by their opposites.
 struct Returned {
     /// Largest distance from the start, m.
     there_m: f64,
@@ -403,15 +406,16 @@ fn there_and_back(stage: &Stage, commands: usize, seed: Seed) -> Result<Returned
     })
 }
 
-/// Fault of a device that moves the arm; silence follows each.
+/// Fault of a device while it moves the arm; no event follows it.
 enum Fault {
     Silence,
-    /// Very many events at once.
+    /// [`FLOOD`] events in one control step.
     Flood,
     Event(DeviceEvent),
 }
 
-/// Longest time from the last event of a moving device to the hold after each fault, ms.
+/// Longest simulated time from a device's last event until the commanded pose stays constant, over all devices and
+/// faults, ms.
 fn faults(stage: &Stage) -> Result<f64, LabError> {
     let settings = in_frame(OperatorFrame::World, None);
     let period_ms = 1e3 / stage.control_rate_hz();
@@ -438,7 +442,8 @@ fn faults(stage: &Stage) -> Result<f64, LabError> {
             let driven = drive(stage, &settings, events, last + FAULT_STEPS)?;
             let moved = driven.commanded.windows(2).rposition(is_moving);
             let hold = moved.map_or(0, |moved| moved + 2);
-            // The event arrived within the control step before the one that it changed first, at its start at worst.
+            // In the worst case the event arrived at the start of the control step before the one that it changed
+            // first.
             longest_ms = longest_ms.max((hold as f64 - (last as f64 - 1.0)) * period_ms);
         }
     }
@@ -488,7 +493,7 @@ fn operated(
     }
     progress.end();
     if arguments.out.is_none() {
-        // Best effort: remains are in the system's temporary folder.
+        // Best effort: a folder that cannot be removed lies in the system's temporary folder.
         let _ = fs::remove_dir_all(&temporary);
     }
     Ok(operated)
@@ -552,8 +557,8 @@ fn episode(
     })
 }
 
-/// True if a stored episode replays to the same bytes from its commands, and gives the same commands and states from its
-/// raw events.
+/// True if a stored episode's commands replay to the same states, and its raw events to the same frames and final
+/// state, bit for bit.
 fn is_replayed(stage: &Stage, store: &EpisodeStore, id: &str) -> Result<bool, LabError> {
     let unread = |error| LabError::broken(format!("episode {id} cannot be read back"), error);
     let episode = store.read(id).map_err(unread)?;

@@ -9,30 +9,31 @@ use genmanip_teleop::scripted::Waypoint;
 
 /// Height of the tool above the grasp before and after it, m.
 const APPROACH_M: f64 = 0.1;
-/// Height between the object's lower edge and the things that it is carried over, m.
+/// Clearance between the lower edge of a carried object and the tops of the other objects, m.
 const CLEARANCE_M: f64 = 0.08;
-/// Height above its place at which an object is let go, m.
+/// Height above its place at which an object is released, m.
 const RELEASE_M: f64 = 0.01;
-/// Half of the hand's width along the closing direction, length of the fingers below it, and half of its thickness with
-/// some room, m.
+/// Half of the hand's width along the closing direction, (`FINGER_M`) length of the fingers below the hand, and
+/// (`HAND_MARGIN_M`) half of the hand's thickness plus a margin, m.
 const HAND_M: f64 = 0.1;
 const FINGER_M: f64 = 0.05;
 const HAND_MARGIN_M: f64 = 0.035;
-/// Largest angle between the approach and straight down, rad.
+/// Maximum angle between the approach direction and straight down, rad.
 const STEEP_RAD: f64 = 0.3;
-/// Distance and angle at which a person is content: where precision counts, and on the way.
+/// Tolerances (m, rad) within which the operator accepts a waypoint: where precision matters, and (`COARSE`) on the
+/// way.
 const PRECISE: (f64, f64) = (0.004, 0.06);
 const COARSE: (f64, f64) = (0.015, 0.12);
 
-/// A scripted task.
+/// A scripted pick and place.
 pub struct Script {
-    /// Index of the object.
+    /// Index of the object to pick, among the scenario's objects.
     pub object: usize,
-    /// Movements that the operator wants.
+    /// Waypoints of the tool, in order.
     pub waypoints: Vec<Waypoint>,
 }
 
-/// Object and reference of a goal that is one *on* or *in*.
+/// Object and reference of a goal with a single condition *on*, *top* or *in*; `None` for other goals.
 pub fn placement(goal: &Goal) -> Option<(&str, &str)> {
     match goal.alternatives.as_slice() {
         [atoms] => match atoms.as_slice() {
@@ -45,7 +46,8 @@ pub fn placement(goal: &Goal) -> Option<(&str, &str)> {
     }
 }
 
-/// Script for a stage, if its goal is one placement and its object has a grasp from above.
+/// Script for a stage; `None` unless its goal is a single placement and a grasp from above held the object in every
+/// trial.
 pub fn script(stage: &Stage, grasps: &GraspLibrary) -> Option<Script> {
     let (subject, reference) = placement(&stage.scenario.task.goal)?;
     let index = |id: &str| stage.scenario.objects.iter().position(|placed| placed.id == id);
@@ -61,7 +63,7 @@ pub fn script(stage: &Stage, grasps: &GraspLibrary) -> Option<Script> {
         .filter(|pose| (pose.rotation * DVec3::Z).dot(DVec3::NEG_Z) > STEEP_RAD.cos());
     let others: Vec<Aabb> =
         (0..stage.models.len()).filter(|other| *other != object).map(|other| bounds_of(stage, other)).collect();
-    // The one that needs the least turn of the hand, of those at which it has room.
+    // The grasp with the smallest rotation of the hand from home, preferably one at which the hand is not blocked.
     let grasp = steep.min_by(|a, b| {
         let key = |pose: &Pose| (is_blocked(pose, &others), pose.angle_to(&home));
         let ((blocked, turn), (other_blocked, other_turn)) = (key(a), key(b));
@@ -102,7 +104,8 @@ fn bounds_of(stage: &Stage, object: usize) -> Aabb {
     stage.models[object].world_bounds(&placed.pose, &placed.joint_positions)
 }
 
-/// True if the hand would hit a thing at a grasp: points along the closing direction, a finger's length above the tool.
+/// True if the hand would hit an object at a grasp. The hand is approximated by points along the closing direction, a
+/// finger's length above the tool.
 fn is_blocked(world_from_tcp: &Pose, others: &[Aabb]) -> bool {
     let points =
         (-4..=4).map(|at| world_from_tcp.transform_point(DVec3::new(0.0, f64::from(at) / 4.0 * HAND_M, -FINGER_M)));

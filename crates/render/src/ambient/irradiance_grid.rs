@@ -1,7 +1,8 @@
 //! Irradiance grids on support surfaces: ambient occlusion and coloured bounce light of the bodies on them.
 //!
 //! Each body is an ellipsoid ([`super::proxies`]), lit by the sky and by the key light on its bright side. Irradiance
-//! is computed at grid points and interpolated bilinearly: it varies slowly and does not depend on the camera.
+//! is computed at grid points and interpolated bilinearly: it varies slowly and does not depend on the viewing
+//! direction.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -19,22 +20,25 @@ use crate::scene::supports::SupportTop;
 use crate::scene::variation::RenderVariation;
 use crate::simd::{BatchColumn, CHUNK, Column, floor, nearest_integer, whole_registers, within};
 
-/// Grid spacing for large and small images (m). Chosen by hand: a sixth of a small object (6 cm), a small image's pixel.
+/// Minimum grid spacing for large and for small images (m). Chosen by hand: a sixth of the width of a small object
+/// (6 cm), and about the footprint of a pixel of a small image.
 const STEP_M: [f32; 2] = [0.01, 0.02];
 /// Grid points of a row that are computed in one SIMD batch.
 const RUN: usize = 16;
 /// Factor on a body's form factor that gives the share of ambient light it occludes. This constant and the following
-/// ones were fitted to path-traced images.
+/// ones marked as fitted were fitted to path-traced images.
 const STRENGTH: f32 = 1.7;
-/// Share of the ambient light from the side of the key light, from the direction `to_light + LAMP_UP * z`. Fitted.
+/// Share of the ambient light that comes from the key light's side, from the direction `to_light + LAMP_UP * z`.
+/// Fitted.
 const LAMP: f32 = 0.32;
 const LAMP_UP: f32 = 1.065;
 /// Light that a white body reflects per form factor, as a multiple of the ambient irradiance (`AMBIENT_BACK`), and of
 /// the key light on its bright side (`KEY_BACK`). Fitted.
 const AMBIENT_BACK: f32 = 0.616;
 const KEY_BACK: f32 = 1.8;
-/// Key-light bounce as a share of `KEY_BACK`: `(KEY_BESIDE - KEY_SIDE * cos φ) * (1 - KEY_SHADED * form factor)`, with
-/// the horizontal angle φ between the directions from the point to the light and to the body. Fitted.
+/// Key-light bounce as a share of `KEY_BACK`: `max(KEY_BESIDE - KEY_SIDE * h * cos φ, 0) * (1 - KEY_SHADED * form
+/// factor)`, with the horizontal angle φ between the directions from the point to the light and to the body, and the
+/// length h of the horizontal part of the unit vector to the light. Fitted.
 const KEY_BESIDE: f32 = 0.625;
 const KEY_SIDE: f32 = 0.45;
 const KEY_SHADED: f32 = 0.156;
@@ -216,15 +220,16 @@ impl IrradianceGrid {
         [within(at.x, 0.0, self.last.x), within(at.y, 0.0, self.last.y)]
     }
 
-    /// Position (x, y; m) on the support surface that a pixel shows; `None` if the view ray misses the surface or meets
-    /// it beyond [`LONGEST_M`].
+    /// World position (x, y; m) at which a pixel's view ray meets the unbounded plane of the support surface; `None` if
+    /// it misses the plane or meets it at a depth of [`LONGEST_M`] or more.
     fn seen_at(&self, camera: &CameraView, pixel: Vec2) -> Option<Vec2> {
         let ray = camera.point_at(pixel, 1.0) - camera.viewpoint;
         let distance = (self.height - camera.viewpoint.z) / ray.z;
         (0.0..LONGEST_M).contains(&distance).then(|| (camera.viewpoint + ray * distance).truncate())
     }
 
-    /// Visible runs per row, and visible rows of grid points; `None` if the camera sees the horizon.
+    /// Visible runs per row, and visible rows of grid points; `None` if the view ray of an image corner does not meet
+    /// the surface's plane within a depth of [`LONGEST_M`].
     fn seen_by(&self, camera: &CameraView) -> Option<[Range<usize>; 2]> {
         let (width, height) = (camera.width as f32, camera.height as f32);
         let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);

@@ -22,12 +22,13 @@ impl MaterialBins {
         }
     }
 
-    /// Visible parts with their pixels.
+    /// Part indices with the packed pixels in their bins; parts with empty bins are skipped.
     pub fn parts(&self) -> impl Iterator<Item = (usize, &[u32])> {
         self.parts.iter().enumerate().map(|(part, places)| (part, &**places)).filter(|(_, places)| !places.is_empty())
     }
 
-    /// Calls a function with each visible part and batches of its pixels.
+    /// Calls a function with the part index and each batch of a part's pixels, for all parts with pixels; `pixels` is
+    /// scratch memory for the batch.
     pub fn for_each(&self, pixels: &mut Pixels, centers: PixelCenters<'_>, mut call: impl FnMut(usize, &Pixels)) {
         for (part, places) in self.parts() {
             for places in places.chunks(CHUNK) {

@@ -27,6 +27,7 @@ pub(crate) struct PixelCenters<'a> {
     pub width: usize,
     /// Visibility id per pixel, row by row; 0 for the background.
     pub ids: &'a [u32],
+    /// Depth per pixel along the optical axis (m), row by row; 0 for the background.
     pub depth: &'a [f32],
 }
 

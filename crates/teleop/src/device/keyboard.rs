@@ -1,11 +1,11 @@
-//! Keyboard: keys by their position (`KeyboardEvent.code`), so that all keyboard layouts work alike.
+//! Key bindings of the keyboard, by physical key position (`KeyboardEvent.code`): independent of the keyboard layout.
 
 use super::Control;
 
-/// Maximum number of keys that count as held at once; further ones are ignored.
+/// Maximum number of keys held at once; further ones are ignored.
 pub(super) const MAX_HELD: usize = 32;
 
-/// Axis (0-5: forward, left, up, roll, pitch, yaw) and direction of each key.
+/// Keys that deflect an axis: code, index of the axis (forward, left, up, roll, pitch, yaw) and deflection (-1 or 1).
 pub(super) const AXIS_KEYS: &[(&str, usize, f64)] = &[
     ("KeyW", 0, 1.0),
     ("KeyS", 0, -1.0),

@@ -48,8 +48,8 @@ pub fn cells(count: usize, ties: &[CellConstraint]) -> Vec<Cell> {
     normalised(best.1)
 }
 
-/// Initial arrangement, found by following the edges from node 0 and satisfying each preference literally; cells may
-/// overlap.
+/// Initial arrangement, found by following the edges from the first node of each connected component: one step in the
+/// preferred direction, or one column to the right of `to` for the other preferences. Several nodes may share a cell.
 fn grown(count: usize, ties: &[CellConstraint]) -> Vec<Cell> {
     let mut cells: Vec<Option<Cell>> = vec![None; count];
     for start in 0..count {

@@ -33,7 +33,7 @@ struct Work {
     takes: Duration,
 }
 
-/// Names of the files with the output of the killed and of the repeated call.
+/// Names of the files with the stderr of the killed and of the repeated call.
 const SAID: [&str; 2] = ["said", "said-again"];
 /// Datasets that must appear atomically: complete or not at all.
 const DATASETS: [&str; 4] = ["made/", "made-depth/", "merged/dataset/", "merged/dataset-depth/"];
@@ -227,7 +227,7 @@ fn lay(sandbox: &Sandbox, wanted: &Files) -> Result<(), LabError> {
     Ok(())
 }
 
-/// Files in the sandbox, except the output of calls.
+/// Files in the sandbox, except those with the stderr of calls.
 fn files(sandbox: &Sandbox) -> Files {
     let mut files = listing(&sandbox.work());
     files.retain(|name, _| !SAID.contains(&name.as_str()));
