@@ -10,7 +10,7 @@ use genmanip_layout::audit;
 use genmanip_rollout::{Environment, RolloutSettings};
 use genmanip_studio::edit::{ChosenAsset, Command, EditError, EditLog, EditedScenario, Operation, Placement, Stamp};
 use genmanip_studio::scene::exported;
-use genmanip_studio::scene::images::Painters;
+use genmanip_studio::scene::images::{Drawn, Painters};
 use genmanip_studio::verdict::{Equipment, Inspection, Problem, ProblemCode, Stage};
 use genmanip_tasks::references;
 use genmanip_workspace::Progress;
@@ -113,7 +113,8 @@ fn preview(
     let Some(camera) = scenario.world.cameras.first() else { return Ok(None) };
     let mut clock = process_clock();
     let models = exported::models(scenario, equipment.assets)?;
-    painters.draw(key, scenario, &models, equipment.planner.robot(), &camera.name)?;
+    let scene = Drawn { key, scenario, models: &models, robot: equipment.planner.robot() };
+    painters.draw(scene, &camera.name)?;
     Ok(Some(clock() * 1e3))
 }
 

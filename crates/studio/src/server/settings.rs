@@ -9,16 +9,16 @@ use crate::run::OfferedPolicies;
 /// Settings of the studio's server.
 #[derive(Clone, Debug)]
 pub struct StudioSettings {
-    /// Folder for copies of read-only scenarios, reviews and suites.
+    /// Address to listen at.
     pub address: SocketAddr,
-    /// Author of tabs that give no name.
+    /// Folder for copies of read-only scenarios, reviews and suites.
     pub out: PathBuf,
-    /// Secret that every request must contain; `None` for a server on a loopback address.
+    /// Author of tabs that give no name.
     pub author: String,
-    /// Secret that every request must hold; none on loopback.
+    /// Secret that every request must contain; `None` for a server on a loopback address.
     pub token: Option<Token>,
-    /// Folder with the questions that people answer in place of a model; `None` without such an agent.
+    /// Policies that the page may run.
     pub policies: OfferedPolicies,
-    /// Folder of questions that people answer in place of a model.
+    /// Folder with the questions that people answer in place of a model; `None` without such an agent.
     pub questions: Option<PathBuf>,
 }

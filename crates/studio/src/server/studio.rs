@@ -23,7 +23,7 @@ use crate::collections::{Collection, Listed, Summary};
 use crate::edit::{EditLog, EditedScenario};
 use crate::review::{ReviewDesk, read_desk};
 use crate::scene::exported::models;
-use crate::scene::images::{CameraImage, Painters};
+use crate::scene::images::{CameraImage, Drawn, Painters};
 use crate::scene::scene_message::{SceneAssets, SceneMessage};
 use crate::verdict::{Equipment, Inspection, Stage};
 
@@ -252,7 +252,7 @@ impl Studio {
         let models = self.models(scenario)?;
         let draw = || {
             let robot = self.scenes.robot(&scenario.world)?;
-            self.painters.draw(key, scenario, &models, &robot, camera)
+            self.painters.draw(Drawn { key, scenario, models: &models, robot: &robot }, camera)
         };
         draw().map_err(|error: WorkspaceError| Refusal::of_work(&error))
     }
@@ -265,7 +265,8 @@ impl Studio {
         let models = self.models(&episode.scenario)?;
         let draw = || {
             let robot = self.scenes.robot(&episode.scenario.world)?;
-            self.painters.draw_state(key, &episode.scenario, &models, &robot, camera, frame)
+            let scene = Drawn { key, scenario: &episode.scenario, models: &models, robot: &robot };
+            self.painters.draw_state(scene, camera, frame)
         };
         draw().map_err(|error: WorkspaceError| Refusal::of_work(&error))
     }
