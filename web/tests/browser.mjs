@@ -790,6 +790,12 @@ test("the contact sheet rejects several at once, and the balance names who helps
   await page.keyboard.press("Escape");
   await page.keyboard.press("z");
   await page.waitForSelector(".balance tbody tr");
+  await page.waitForSelector("dialog li:has-text('ada found 3 of 4 (75 %) planted faults, refused 1 of 10 (10 %) sound scenarios')");
+  await page.waitForSelector("dialog li:has-text('weak: 20 % of 5 episodes')");
+  const target = page.locator(".share input").first();
+  await target.fill("90");
+  await page.keyboard.press("Tab");
+  await page.waitForSelector(".share[title$='wanted 90 %']");
   await page.focus(".balance ol button");
   await page.keyboard.press("Enter");
   await page.waitForSelector("#tab-review[aria-selected=true]");

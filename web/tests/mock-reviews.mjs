@@ -10,8 +10,8 @@ export class MockReviews {
   }
 
   answer(what, rest, method, query, body) {
-    if (what === "agreement") return [200, { decision: { items: 1, raw: 1, kappa: null, ac1: 1 }, criteria: {}, planted: {} }];
-    if (what === "balance") return [200, this.balance()];
+    if (what === "agreement") return [200, { decision: { items: 1, raw: 1, kappa: null, ac1: 1 }, criteria: {}, planted: { ada: { planted: 4, detected: 3, sound: 10, false_alarms: 1 } } }];
+    if (what === "balance") return [200, this.balance(body?.targets)];
     if (what === "suites") return [200, { folder: `studio/${body.name}`, scenarios: this.approved().length, choice: {} }];
     if (what !== "reviews") return null;
     const reviewer = query.get("reviewer") ?? body.reviewer?.name ?? "";
@@ -77,12 +77,12 @@ export class MockReviews {
     return [...this.documents.values()].filter((document) => this.standing(document).standing === "approved");
   }
 
-  balance() {
+  balance(targets) {
     const rows = [...this.documents.values()];
     const kinds = [...new Set(rows.map((document) => document.row().kind))];
     const approved = this.approved();
     const count = (kind) => approved.filter((document) => document.row().kind === kind).length;
-    const values = kinds.map((value) => ({ value, count: count(value), share: count(value) / Math.max(1, approved.length), wanted: 1 / kinds.length }));
+    const values = kinds.map((value) => ({ value, count: count(value), share: count(value) / Math.max(1, approved.length), wanted: targets?.kind?.[value] ?? 1 / kinds.length }));
     const distance = values.reduce((sum, value) => sum + Math.abs(value.share - value.wanted), 0) / 2;
     const other = rows.find((document) => !approved.includes(document));
     return {
@@ -94,6 +94,8 @@ export class MockReviews {
       worst: distance,
       helpful: [{ key: other.key, id: other.scenario.id, gain: 1, reason: `kind ${other.row().kind}: 0 %, wanted 25 %` }],
       standings: { approved: approved.length, open: rows.length - approved.length },
+      policies: [{ policy: "expert", scenarios: 1, episodes: 5, successes: 5 }, { policy: "weak", scenarios: 1, episodes: 5, successes: 1 }],
+      measured: [{ key: other.key, id: other.scenario.id, difficulty: "medium", mean_success: 0.6, policies: { expert: [5, 5], weak: [1, 5] } }],
     };
   }
 }

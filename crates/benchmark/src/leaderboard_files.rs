@@ -12,13 +12,18 @@ use genmanip_workspace::documents;
 /// Maximum depth of the search in folders; the evaluations of a run lie two levels below the folder of runs.
 const DEPTH: usize = 4;
 
-/// Reads the evaluations in a folder and in the `evaluation` folders below it, in the order of their paths.
+/// Reads the evaluations in a folder and in the `evaluation` folders below it, in the order of their paths, and passes
+/// each to `take`, which returns the part that is needed.
 ///
 /// Anything that is not an evaluation is skipped and reported.
 ///
 /// # Errors
 /// If the folder cannot be listed, or holds no evaluation.
-pub fn evaluations_below(folder: &Path, progress: &dyn Progress) -> Result<Vec<EvaluationReport>, WorkspaceError> {
+pub fn evaluations_below<T>(
+    folder: &Path,
+    progress: &dyn Progress,
+    take: impl Fn(EvaluationReport) -> T,
+) -> Result<Vec<T>, WorkspaceError> {
     let mut files = Vec::new();
     // In a run, only its `evaluation` folder is searched, which also holds other files.
     list(folder, !folder.join("run.json").is_file(), DEPTH, &mut files)?;
@@ -26,8 +31,7 @@ pub fn evaluations_below(folder: &Path, progress: &dyn Progress) -> Result<Vec<E
     let mut reports = Vec::new();
     for file in &files {
         match documents::read_document::<EvaluationReport>(file, limits::EVALUATION) {
-            // The table needs only the summary.
-            Ok(report) => reports.push(EvaluationReport { results: Vec::new(), ..report }),
+            Ok(report) => reports.push(take(report)),
             Err(error) => progress.note(&format!("left out: {error}")),
         }
     }

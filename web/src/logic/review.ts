@@ -76,6 +76,20 @@ export function criteriaOf(marks: Marks): Record<Criterion, boolean> {
   return Object.fromEntries(CRITERIA.map((criterion) => [criterion, !marks.failed.includes(criterion)])) as Record<Criterion, boolean>;
 }
 
+/** Target shares by axis and value, from 0 to 1. */
+export type Targets = Record<string, Record<string, number>>;
+
+/** Targets with another one of a value, in percent; the values of the axis that are left keep their proportions. */
+export function retargeted(targets: Targets, axis: string, now: { value: string; wanted: number }[], value: string, percent: number): Targets {
+  const share = Math.min(1, Math.max(0, percent / 100 || 0));
+  const others = now.filter((one) => one.value !== value);
+  const sum = others.reduce((total, one) => total + one.wanted, 0);
+  // The rest is shared equally where the others have no share to scale.
+  const rest = (wanted: number) => (sum > 0 ? (wanted / sum) * (1 - share) : (1 - share) / others.length);
+  const own = others.length > 0 ? share : 1;
+  return { ...targets, [axis]: Object.fromEntries(now.map((one) => [one.value, one.value === value ? own : rest(one.wanted)])) };
+}
+
 const ORDER: (Work | null)[] = ["second", "first", "adjudicate"];
 
 /** Rows of a kind and of what is missing; what completes a pair comes first. */

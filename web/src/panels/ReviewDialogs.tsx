@@ -2,7 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { ABOUT, CRITERIA, FURTHER, standingWords, type ReviewRow } from "../logic/review.ts";
+import { ABOUT, CRITERIA, FURTHER, retargeted, standingWords, type ReviewRow, type Targets } from "../logic/review.ts";
 import { open } from "../state/connection.ts";
 import { address, json } from "../state/requests.ts";
 import * as reviews from "../state/reviews.ts";
@@ -74,9 +74,19 @@ interface Dashboard {
   balance: { scenarios: number; axes: { axis: string; total_variation: number; values: { value: string; share: number; wanted: number; count: number }[] }[]; pairs: { axes: string[]; total_variation: number; rarest: string[] | null }[] };
   helpful: { key: string; id: string; reason: string }[];
   standings: Record<string, number>;
+  policies: { policy: string; scenarios: number; episodes: number; successes: number }[];
+  measured: { key: string; id: string; difficulty: string; mean_success: number }[];
+}
+
+interface Detection {
+  planted: number;
+  detected: number;
+  sound: number;
+  false_alarms: number;
 }
 
 interface Agreement {
+  planted: Record<string, Detection>;
   decision: { items: number; raw: number; kappa: number | null; ac1: number } | null;
 }
 
@@ -85,27 +95,34 @@ const percent = (share: number) => `${Math.round(100 * share)} %`;
 /** Distribution of the approved scenarios against its targets, who helps most, agreement, and the suite. */
 export function BalanceDialog({ onClose }: { onClose: () => void }) {
   const found = useSignal<Dashboard | null>(null);
-  const agreement = useSignal<Agreement["decision"]>(null);
+  const agreement = useSignal<Agreement | null>(null);
+  const targets = useSignal<Targets>({});
   const name = useSignal("reviewed");
   const told = (error: Error) => store.notify(error.message, { isError: true });
   useEffect(() => {
     void json<Dashboard>("/api/balance").then((now) => (found.value = now), told);
-    void json<Agreement>("/api/agreement").then((now) => (agreement.value = now.decision), told);
+    void json<Agreement>("/api/agreement").then((now) => (agreement.value = now), told);
   }, []);
+  const retarget = (axis: Dashboard["balance"]["axes"][number], value: string, percent: number) => {
+    const wanted = (targets.value = retargeted(targets.peek(), axis.axis, axis.values, value, percent));
+    // An answer to earlier targets may arrive last.
+    void json<Dashboard>("/api/balance", { targets: wanted }).then((now) => targets.peek() === wanted && (found.value = now), told);
+  };
   const build = () =>
-    json<{ folder: string; scenarios: number }>("/api/suites", { name: name.value }).then(
+    json<{ folder: string; scenarios: number }>("/api/suites", { name: name.value, targets: Object.keys(targets.value).length > 0 ? targets.value : undefined }).then(
       (made) => store.notify(`A suite of ${made.scenarios} is in ${made.folder}.`, { hint: "genmanip suite freeze makes it final" }),
       told,
     );
   const now = found.value;
   if (!now) return <Dialog title="Balance" wide onClose={onClose}>loading</Dialog>;
-  const words = agreement.value;
+  const words = agreement.value?.decision;
   return (
     <Dialog title={`Balance of ${now.balance.scenarios} approved`} wide onClose={onClose}>
       <p>
         {Object.entries(now.standings).map(([standing, count]) => `${count} ${standing.replace("_", " ")}`).join(", ")}
         {words && `. Agreement over ${words.items} scenarios: ${percent(words.raw)}, κ ${words.kappa?.toFixed(2) ?? "undefined"}, AC1 ${words.ac1.toFixed(2)}`}
       </p>
+      <Planted planted={agreement.value?.planted ?? {}} />
       <div class="balance">
         <table>
           <thead>
@@ -126,6 +143,14 @@ export function BalanceDialog({ onClose }: { onClose: () => void }) {
                   {axis.values.slice(0, 12).map((value) => (
                     <span key={value.value} class="share" title={`${value.count}; wanted ${percent(value.wanted)}`}>
                       <span class="name">{value.value.replaceAll("_", " ")}</span> {percent(value.share)}
+                      <input
+                        type="number"
+                        min={0}
+                        max={100}
+                        aria-label={`Target of ${axis.axis} ${value.value}, percent`}
+                        value={Math.round(100 * value.wanted)}
+                        onChange={(event) => retarget(axis, value.value, Number(event.currentTarget.value))}
+                      />
                       <meter min={0} max={1} value={value.share} aria-label={`${axis.axis} ${value.value}`} />
                       <i style={{ left: `${100 * value.wanted}%` }} />
                     </span>
@@ -148,6 +173,7 @@ export function BalanceDialog({ onClose }: { onClose: () => void }) {
               </li>
             ))}
           </ol>
+          <Difficulty now={now} onClose={onClose} />
           <h3>Pairs farthest off</h3>
           <ol>
             {now.balance.pairs.slice(0, 5).map((pair) => (
@@ -169,5 +195,50 @@ export function BalanceDialog({ onClose }: { onClose: () => void }) {
         </button>
       </div>
     </Dialog>
+  );
+}
+
+/** Planted faults that each reviewer found, and sound scenarios that the reviewer refused. */
+function Planted({ planted }: { planted: Record<string, Detection> }) {
+  const share = (part: number, all: number) => `${part} of ${all}${all > 0 ? ` (${percent(part / all)})` : ""}`;
+  const rows = Object.entries(planted);
+  if (rows.length === 0) return null;
+  return (
+    <ul class="said" aria-label="Planted faults">
+      {rows.map(([name, one]) => (
+        <li key={name}>
+          <strong>{name}</strong> found {share(one.detected, one.planted)} planted faults, refused {share(one.false_alarms, one.sound)} sound scenarios
+        </li>
+      ))}
+    </ul>
+  );
+}
+
+/** Success of the reference policies, and the scenarios that they solve least. */
+function Difficulty({ now, onClose }: { now: Dashboard; onClose: () => void }) {
+  if (now.policies.length === 0) return null;
+  return (
+    <>
+      <h3>Measured difficulty</h3>
+      <ul aria-label="Reference policies">
+        {now.policies.map((one) => (
+          <li key={one.policy}>
+            {one.policy}: {percent(one.successes / one.episodes)} of {one.episodes} episodes on {one.scenarios} scenarios
+          </li>
+        ))}
+      </ul>
+      <ol aria-label="Hardest scenarios">
+        {now.measured.slice(0, 8).map((one) => (
+          <li key={one.key}>
+            <button type="button" class="quiet" onClick={() => review(one.key, onClose)}>
+              {one.id}
+            </button>
+            <span class="muted">
+              {one.difficulty}, {percent(one.mean_success)} success
+            </span>
+          </li>
+        ))}
+      </ol>
+    </>
   );
 }

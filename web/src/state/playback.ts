@@ -86,7 +86,7 @@ export async function cancelRun(): Promise<void> {
   if (key) await requests.cancelRun(key).catch((error: Error) => notify("Not cancelled.", { hint: error.message, isError: true }));
 }
 
-/** Opens an episode at its failure, else at its start. */
+/** Opens an episode at its start; its moments and its failure are stops of the time line. */
 export async function openEpisode(name: string): Promise<void> {
   const key = openKey.peek();
   if (!key) return;

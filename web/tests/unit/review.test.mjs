@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { criteriaOf, decided, filtered, standingWords, toggled, UNMARKED } from "../../src/logic/review.ts";
+import { criteriaOf, decided, filtered, retargeted, standingWords, toggled, UNMARKED } from "../../src/logic/review.ts";
 
 test("marks become decisions, and what is missing is said", () => {
   const mark = (numbers, note = "") => ({ ...numbers.reduce(toggled, UNMARKED), note });
@@ -46,4 +46,24 @@ test("standings in words", () => {
   assert.equal(standingWords({ standing: "open", missing: 1 }), "one review is missing");
   assert.equal(standingWords({ standing: "open", missing: 2 }), "not reviewed");
   assert.equal(standingWords({ standing: "approved" }), "approved");
+});
+
+test("a target moves the others of its axis in proportion", () => {
+  const axis = (...shares) => shares.map((wanted, index) => ({ value: "abc"[index], wanted }));
+  // Shares before, value, percent, shares after.
+  const cases = [
+    [[0.5, 0.5], "a", 75, [0.75, 0.25]],
+    [[0.2, 0.2, 0.6], "a", 60, [0.6, 0.1, 0.3]],
+    [[1, 0, 0], "a", 50, [0.5, 0.25, 0.25]],
+    [[0.5, 0.5], "b", 150, [0, 1]],
+    [[0.5, 0.5], "b", -5, [1, 0]],
+    [[0.5, 0.5], "b", Number.NaN, [1, 0]],
+    [[1], "a", 30, [1]],
+  ];
+  for (const [before, value, percent, expected] of cases) {
+    const found = retargeted({ other: { x: 1 } }, "kind", axis(...before), value, percent);
+    assert.deepEqual(found.other, { x: 1 });
+    const shares = Object.values(found.kind);
+    assert.ok(shares.every((share, index) => Math.abs(share - expected[index]) < 1e-9), `${before} ${value} ${percent}: ${shares}`);
+  }
 });

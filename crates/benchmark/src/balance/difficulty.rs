@@ -22,12 +22,17 @@ pub fn successes<'a>(results: impl IntoIterator<Item = &'a EpisodeResult>) -> Su
 /// Difficulty of a scenario from the mean success rate of the policies that tried it, each with the same weight: `easy`
 /// from two thirds, `hard` up to one third, `medium` between. `None` if no policy tried it.
 pub fn difficulty(scenario: &str, successes: &Successes) -> Option<&'static str> {
-    let policies = successes.get(scenario).filter(|policies| !policies.is_empty())?;
-    let rates = policies.values().map(|&(successes, episodes)| successes as f64 / episodes.max(1) as f64);
-    let mean = rates.sum::<f64>() / policies.len() as f64;
-    Some(match mean {
+    Some(match mean_success(scenario, successes)? {
         mean if mean >= 2.0 / 3.0 => "easy",
         mean if mean <= 1.0 / 3.0 => "hard",
         _ => "medium",
     })
+}
+
+/// Mean success rate of the policies that tried a scenario, each with the same weight, 0 to 1. `None` if no policy
+/// tried it.
+pub fn mean_success(scenario: &str, successes: &Successes) -> Option<f64> {
+    let policies = successes.get(scenario).filter(|policies| !policies.is_empty())?;
+    let rates = policies.values().map(|&(successes, episodes)| successes as f64 / episodes.max(1) as f64);
+    Some(rates.sum::<f64>() / policies.len() as f64)
 }

@@ -10,5 +10,5 @@ mod tests;
 
 pub use axes::{Axes, axes};
 pub use choice::{Choice, Offered, Reasoned, candidate, choice, helpful};
-pub use difficulty::{Successes, difficulty, successes};
+pub use difficulty::{Successes, difficulty, mean_success, successes};
 pub use distribution::{AxisBalance, Balance, PairBalance, ValueShare, balance};

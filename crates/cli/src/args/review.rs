@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use clap::{ArgGroup, Args};
-use genmanip_studio::review::{Criterion, Reason, ReviewerKind};
+use genmanip_studio::review::{Criterion, Reason, ReviewInputs, ReviewerKind};
 use genmanip_terminal::parse;
+use genmanip_workspace::{Progress, WorkspaceError};
 
 /// Arguments of `review`.
 #[derive(Debug, Args)]
@@ -75,19 +76,12 @@ pub struct ReviewArguments {
     /// Show the agreement of the reviewers: raw share, Cohen's kappa, Gwet's AC1
     #[arg(long)]
     pub agreement: bool,
-    /// File with the ids of planted faulty scenarios, one per line: shows detections and false alarms of each reviewer
-    #[arg(long, value_name = "FILE", requires = "agreement")]
-    pub planted: Option<PathBuf>,
     /// Show the distribution of the approved scenarios over the axes of balance, and the candidates that would bring it
     /// closest to the targets
     #[arg(long)]
     pub balance: bool,
-    /// Evaluation files of reference policies: their mean success is the axis `difficulty` of --balance and --build
-    #[arg(long, value_name = "EVALUATION", num_args = 1..)]
-    pub results: Vec<PathBuf>,
-    /// Target shares as JSON: {"relation": {"left": 0.3, …}, …}
-    #[arg(long, value_name = "FILE")]
-    pub targets: Option<PathBuf>,
+    #[command(flatten)]
+    pub inputs: ReviewInputArguments,
     /// Write a balanced suite of the approved scenarios, for `suite freeze`
     #[arg(long, value_name = "DIR")]
     pub build: Option<PathBuf>,
@@ -97,6 +91,31 @@ pub struct ReviewArguments {
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
+}
+
+/// Inputs of the review, as `review` and `studio` take them.
+#[derive(Debug, Args)]
+pub struct ReviewInputArguments {
+    /// Evaluations of reference policies, or runs with them: the mean success is the axis `difficulty` of the balance
+    #[arg(long, value_name = "EVALUATION|RUN", num_args = 1..)]
+    pub results: Vec<PathBuf>,
+    /// Target shares as JSON: {"relation": {"left": 0.3, …}, …}
+    #[arg(long, value_name = "FILE")]
+    pub targets: Option<PathBuf>,
+    /// File with the ids of planted faulty scenarios, one per line: gives each reviewer's detections and false alarms,
+    /// and keeps them out of suites
+    #[arg(long, value_name = "FILE")]
+    pub planted: Option<PathBuf>,
+}
+
+impl ReviewInputArguments {
+    /// Reads the named files.
+    ///
+    /// # Errors
+    /// As [`ReviewInputs::read`].
+    pub fn read(&self, progress: &dyn Progress) -> Result<ReviewInputs, WorkspaceError> {
+        ReviewInputs::read(&self.results, self.targets.as_deref(), self.planted.as_deref(), progress)
+    }
 }
 
 /// `NAME=yes` or `NAME=no`.

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::review::ReviewInputArguments;
+
 /// Default TCP port of the studio.
 const PORT: &str = "8097";
 
@@ -33,6 +35,8 @@ pub struct StudioArguments {
     /// Folder of questions (`[folder]` in a model's settings) that are answered in the page, in place of a model
     #[arg(long, value_name = "FOLDER")]
     pub questions: Option<PathBuf>,
+    #[command(flatten)]
+    pub review: ReviewInputArguments,
     /// Name under which changes are logged, unless the page is given another one [default: that of git, or the user's]
     #[arg(long, value_name = "NAME")]
     pub author: Option<String>,

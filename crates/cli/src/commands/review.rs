@@ -1,14 +1,9 @@
 //! `genmanip review`: reviews of scenarios, certificates, agreement, balance, and the suite of what was approved.
 
-use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use genmanip_benchmark::EvaluationReport;
-use genmanip_benchmark::balance::{Successes, successes};
 use genmanip_benchmark::statistics::ReviewerAgreement;
-use genmanip_benchmark::suite_format::Targets;
-use genmanip_core::limits;
 use genmanip_studio::collections::Collection;
 use genmanip_studio::review::{
     Agreement, Built, Dashboard, Decision, Review, ReviewDesk, ReviewError, ReviewQueue, ReviewState, Reviewable,
@@ -26,8 +21,7 @@ pub fn run(arguments: &ReviewArguments, printer: &Printer) -> Result<ExitStatus,
     collection.left_out.iter().for_each(|message| printer.say(message));
     let (mut desk, left_out) = read_desk(&collection, &arguments.out)?;
     left_out.iter().for_each(|message| printer.say(message));
-    let targets = arguments.targets.as_deref().map(targets).transpose()?.unwrap_or_default();
-    desk.measure(results(arguments)?);
+    desk.set_inputs(arguments.inputs.read(printer)?);
     let (mut answer, mut text, mut status) = (Map::new(), String::new(), ExitStatus::Done);
     let reviewed = decide(arguments, &mut desk)?;
     if !arguments.certify.is_empty() {
@@ -51,18 +45,17 @@ pub fn run(arguments: &ReviewArguments, printer: &Printer) -> Result<ExitStatus,
         answer.insert("queue".into(), json!(queue));
     }
     if arguments.agreement {
-        let planted = arguments.planted.as_deref().map(planted).transpose()?.unwrap_or_default();
-        let agreement = desk.agreement(&planted);
+        let agreement = desk.agreement();
         text += &describe_agreement(&agreement);
         answer.insert("agreement".into(), json!(agreement));
     }
     if arguments.balance {
-        let dashboard = desk.dashboard(&targets);
+        let dashboard = desk.dashboard(desk.targets());
         text += &describe_balance(&dashboard);
         answer.insert("balance".into(), json!(dashboard));
     }
     if let Some(folder) = &arguments.build {
-        let built = build_suite(&desk, folder, &documents::stem(folder), arguments.per_kind, &targets)?;
+        let built = build_suite(&desk, folder, &documents::stem(folder), arguments.per_kind, desk.targets())?;
         text += &describe_built(&built, folder);
         answer.insert("suite".into(), json!(built));
     }
@@ -145,35 +138,6 @@ fn found<'a>(desk: &'a ReviewDesk, key: &str) -> Result<&'a Reviewable, Failed> 
     })
 }
 
-fn targets(path: &Path) -> Result<Targets, Failed> {
-    let expected = r#"expected target shares from 0 to 1 that sum to 1: {"relation": {"left": 0.5, "right": 0.5}}"#;
-    let wrong = |message: String| Failed::new(format!("{}: {message}", path.display())).hint(expected);
-    let text = documents::read_text(path, limits::SETTINGS)?;
-    let value = genmanip_core::json::parse(&text).map_err(|error| wrong(error.to_string()))?;
-    let targets: Targets = serde_json::from_value(value).map_err(|error| wrong(error.to_string()))?;
-    for (axis, shares) in &targets {
-        let sum: f64 = shares.values().sum();
-        if shares.values().any(|share| !(0.0..=1.0).contains(share)) || (sum - 1.0).abs() > 1e-6 {
-            return Err(wrong(format!("the shares of `{axis}` sum to {sum}")));
-        }
-    }
-    Ok(targets)
-}
-
-fn results(arguments: &ReviewArguments) -> Result<Successes, Failed> {
-    let mut all = Vec::new();
-    for path in &arguments.results {
-        let report: EvaluationReport = documents::read_document(path, limits::EVALUATION)?;
-        all.extend(report.results);
-    }
-    Ok(successes(&all))
-}
-
-fn planted(path: &Path) -> Result<BTreeSet<String>, Failed> {
-    let text = documents::read_text(path, limits::SETTINGS)?;
-    Ok(text.lines().map(str::trim).filter(|line| !line.is_empty()).map(String::from).collect())
-}
-
 fn now() -> String {
     genmanip_terminal::rfc3339(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs())
 }
@@ -248,6 +212,10 @@ fn describe_balance(dashboard: &Dashboard) -> String {
     }
     let standings: Vec<String> = dashboard.standings.iter().map(|(name, count)| format!("{count} {name}")).collect();
     let mut text = format!("{}\n\n{}", standings.join(", "), text_table(&rows));
+    for one in &dashboard.policies {
+        let (policy, scenarios) = (&one.policy, plural(one.scenarios, "scenario"));
+        text += &format!("{policy}: {} of {} episodes succeed on {scenarios}\n", one.successes, one.episodes);
+    }
     let most = dashboard.helpful.first().filter(|one| one.gain > 0.0);
     let most = most.map(|one| format!("\nhelps most: {} ({})\n", one.key, one.reason));
     text += &most.unwrap_or_default();

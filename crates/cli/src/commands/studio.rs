@@ -13,7 +13,7 @@ use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed, environment};
 
 pub fn run(arguments: &StudioArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let StudioArguments { paths, out, port, no_open, allow_others, policies, questions, author } = arguments;
+    let StudioArguments { paths, out, port, no_open, allow_others, policies, questions, review, author } = arguments;
     let policies = OfferedPolicies::new(policies)?;
     let collection = Collection::open(paths, out, printer)?;
     collection.left_out.iter().for_each(|message| printer.say(message));
@@ -31,6 +31,7 @@ pub fn run(arguments: &StudioArguments, printer: &Printer) -> Result<ExitStatus,
         token: token.clone(),
         policies,
         questions: questions.clone(),
+        review: review.read(printer)?,
     };
     let server = server::start(collection, settings)
         .map_err(|error| Failed::because("the studio cannot be opened", &error).hint("choose another --port"))?;

@@ -10,7 +10,7 @@ use genmanip_layout::audit;
 use genmanip_rollout::{Environment, RolloutSettings};
 use genmanip_studio::edit::{ChosenAsset, Command, EditError, EditLog, EditedScenario, Operation, Placement, Stamp};
 use genmanip_studio::scene::exported;
-use genmanip_studio::scene::images::Painters;
+use genmanip_studio::scene::images::{Drawn, Painters};
 use genmanip_studio::verdict::{Equipment, Inspection, Problem, ProblemCode, Stage};
 use genmanip_tasks::references;
 use genmanip_workspace::Progress;
@@ -43,6 +43,7 @@ pub(super) fn measure(
 ) -> Result<(), LabError> {
     let (mut quick_ms, mut all_ms, mut preview_ms) = (Vec::new(), Vec::new(), Vec::new());
     let painters = Painters::default();
+    let mut operation_s = [Vec::new(), Vec::new()];
     let mut stage_ms = Stage::ALL.map(|stage| (stage.name(), 0.0));
     progress.begin("editing", operations);
     for (number, scenario) in (0..operations.div_ceil(PER_SCENARIO)).zip(scenarios.iter().cycle()) {
@@ -53,6 +54,7 @@ pub(super) fn measure(
         let mut document = EditedScenario::open(&path, equipment.assets).map_err(stopped)?;
         let count = PER_SCENARIO.min(operations - number * PER_SCENARIO);
         for step in 0..count {
+            let mut whole = process_clock();
             measured.operations += 1;
             let stamp = stamp(AUTHORS[rng.random_range(0..2)], &format!("{number}-{step}"));
             let base_revision = document.revision().saturating_sub(rng.random_range(0..=MAX_BEHIND));
@@ -84,6 +86,7 @@ pub(super) fn measure(
             all_ms.push(before);
             preview_ms.extend(preview(&painters, &format!("{number}"), document.scenario(), equipment)?);
             mismatches(&mut inspection, document.scenario(), equipment, measured)?;
+            operation_s[usize::from(2 * measured.operations > operations)].push(whole());
             progress.advance();
         }
         check_files(document, &path, equipment, measured)?;
@@ -92,6 +95,7 @@ pub(super) fn measure(
     progress.end();
     let count = measured.operations.max(1) as f64;
     measured.stage_ms = stage_ms.map(|(name, total)| (name, total / count)).to_vec();
+    measured.operation_s = operation_s.map(|all| all.iter().sum::<f64>() / all.len().max(1) as f64);
     let quick_ms = Spread::of(quick_ms);
     (measured.verdict_ms_p50, measured.verdict_ms_p95) = (quick_ms.median, quick_ms.p95);
     measured.all_checks_ms_p95 = Spread::of(all_ms).p95;
@@ -109,7 +113,8 @@ fn preview(
     let Some(camera) = scenario.world.cameras.first() else { return Ok(None) };
     let mut clock = process_clock();
     let models = exported::models(scenario, equipment.assets)?;
-    painters.draw(key, scenario, &models, equipment.planner.robot(), &camera.name)?;
+    let scene = Drawn { key, scenario, models: &models, robot: equipment.planner.robot() };
+    painters.draw(scene, &camera.name)?;
     Ok(Some(clock() * 1e3))
 }
 

@@ -26,6 +26,9 @@ pub struct Measured {
     pub first_paint_ms: Option<f64>,
     /// Time until robot and objects can be moved in the page, ms; measured in a browser, always `None` here.
     pub movable_ms: Option<f64>,
+    /// Mean CPU time of an operation with its verdict, image and comparison, s: in the first and in the second half of
+    /// the operations.
+    pub operation_s: [f64; 2],
     /// Mean CPU time by stage of the verdict, ms.
     pub stage_ms: Vec<(&'static str, f64)>,
     /// Number of acknowledged edits that are missing after a simulated kill.

@@ -108,6 +108,7 @@ fn fresh(
 pub fn describe(measured: &Measured) -> String {
     let mut text = format!(
         "operations    {} ({} applied, {} conflicts)\nverdict       {:.1} ms median, {:.1} ms p95; all stages {:.1} ms p95\n\
+         operation     {:.2} s in the first half, {:.2} s in the second, with image and comparison\n\
          lost          {}\nequal bytes   {}\nmismatches    {}\nfaults        {} planted, {} found, {} repaired; the expert solves {} of {}\n\
          false alarms  {} of {}\n",
         measured.operations,
@@ -116,6 +117,8 @@ pub fn describe(measured: &Measured) -> String {
         measured.verdict_ms_p50,
         measured.verdict_ms_p95,
         measured.all_checks_ms_p95,
+        measured.operation_s[0],
+        measured.operation_s[1],
         measured.lost,
         measured.equal_bytes,
         measured.verdict_mismatches,

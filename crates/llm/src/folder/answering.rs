@@ -1,8 +1,10 @@
 //! The side of those who answer: open questions of a folder, and answers written into it.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
+use std::time::SystemTime;
 
 use genmanip_core::Document;
 use genmanip_core::limits::{self, Limit};
@@ -23,6 +25,16 @@ pub struct FolderAnswers {
     folder: PathBuf,
     /// Held while an answer is written.
     answering: Mutex<()>,
+    /// Durations that were read from [`ANSWERED`] files, by name of the question: a list is asked for every few seconds.
+    read: Mutex<BTreeMap<String, Read>>,
+}
+
+/// Content of an [`ANSWERED`] file with the time and length that the file had when it was read.
+#[derive(Debug)]
+struct Read {
+    stamp: (Option<SystemTime>, u64),
+    /// Time that the answer took, s; `None` for a damaged file.
+    duration_s: Option<f64>,
 }
 
 /// A question in a list.
@@ -91,7 +103,7 @@ pub enum AnsweringError {
 impl FolderAnswers {
     /// Questions of a folder, which may not exist yet.
     pub fn new(folder: PathBuf) -> Self {
-        Self { folder, answering: Mutex::default() }
+        Self { folder, answering: Mutex::default(), read: Mutex::default() }
     }
 
     /// The folder.
@@ -111,15 +123,27 @@ impl FolderAnswers {
         let row = |number| {
             let name = name_of(number);
             let place = self.folder.join(&name);
-            let about = files::read_text(&place.join(ANSWERED), limits::SETTINGS).ok();
-            let duration_s = about.and_then(|text| Answered::from_json(&text).ok()).map(|about| about.duration_s);
             place.join(QUESTION).is_file().then(|| QuestionRow {
                 is_answered: place.join(ANSWER).exists(),
+                duration_s: self.duration_s(&name, &place.join(ANSWERED)),
                 name,
-                duration_s,
             })
         };
         Ok(found.into_iter().filter_map(row).collect())
+    }
+
+    /// Duration of an answer as its file says, s; the file is read again only if its time or length has changed.
+    fn duration_s(&self, name: &str, path: &Path) -> Option<f64> {
+        let about = fs::metadata(path).ok()?;
+        let stamp = (about.modified().ok(), about.len());
+        let mut read = self.read.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = read.get(name).filter(|known| known.stamp == stamp && stamp.0.is_some()) {
+            return known.duration_s;
+        }
+        let text = files::read_text(path, limits::SETTINGS).ok();
+        let duration_s = text.and_then(|text| Answered::from_json(&text).ok()).map(|about| about.duration_s);
+        read.insert(name.to_owned(), Read { stamp, duration_s });
+        duration_s
     }
 
     /// A question, with the text of its answer if it has one.

@@ -3,7 +3,9 @@ use std::path::Path;
 use std::time::Duration;
 
 use genmanip_core::Document;
-use genmanip_llm::{ChatError, ChatModel, ChatRequest, FolderChat, FolderPart, FolderQuestion, FolderSettings};
+use genmanip_llm::{
+    Answered, ChatError, ChatModel, ChatRequest, FolderAnswers, FolderChat, FolderPart, FolderQuestion, FolderSettings,
+};
 use genmanip_llm::{Message, ReplySchema};
 
 use crate::images::{RED_GREEN, image, png, words};
@@ -100,4 +102,35 @@ fn questions_of_many_threads_get_a_number_each() {
         fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
     assert_eq!(names, (1..=8).map(|number| format!("{number:03}")).collect::<Vec<_>>());
+}
+
+/// A list is requested every few seconds: a file with times is read again only if it has changed.
+#[test]
+fn times_of_answers_are_read_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let _ = model(folder.path(), 0.001).chat(&question("?"));
+    let answers = FolderAnswers::new(folder.path().into());
+    let listed = || answers.list().unwrap()[0].duration_s;
+    let about = |duration_s| Answered { author: "ada".into(), duration_s, at: "2026-01-01T00:00:00Z".into() };
+    assert_eq!(listed(), None);
+    answers.answer("001", &serde_json::json!("yes"), &about(1.5)).unwrap();
+    assert_eq!(listed(), Some(1.5));
+    let path = folder.path().join("001/answered.json");
+    let at = fs::metadata(&path).unwrap().modified().unwrap();
+    let write = |text: String, seconds: u64| {
+        fs::write(&path, text).unwrap();
+        fs::File::options().append(true).open(&path).unwrap().set_modified(at + Duration::from_secs(seconds)).unwrap();
+    };
+    for (text, seconds, expected) in [
+        (about(2.5).to_json(), 0, Some(1.5)),
+        (about(2.5).to_json(), 1, Some(2.5)),
+        (about(12.5).to_json(), 1, Some(12.5)),
+        ("{".into(), 2, None),
+        (about(3.5).to_json(), 3, Some(3.5)),
+    ] {
+        write(text, seconds);
+        assert_eq!(listed(), expected, "{seconds} s");
+    }
+    fs::remove_file(&path).unwrap();
+    assert_eq!(listed(), None);
 }

@@ -5,13 +5,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use genmanip_assets::Catalogue;
-use genmanip_benchmark::balance::{self, Axes, Balance, Offered, Successes};
+use genmanip_benchmark::balance::{self, Axes, Balance, Offered};
 use genmanip_benchmark::suite_format::{Candidate, Targets, sha256};
 use genmanip_core::{Document, Scenario, TaskKind};
 use serde::Serialize;
 
 use super::agreement::{Agreement, agreement};
 use super::content::content_sha256;
+use super::inputs::ReviewInputs;
 use super::likeness::{features, groups};
 use super::log::{ExpertTrials, ReviewError, ReviewLog};
 use super::queue::{Work, visible_to, work_for};
@@ -44,6 +45,8 @@ pub struct Reviewable {
     pub camera: Option<String>,
     /// True if an edited copy replaces this scenario in reviews.
     pub is_superseded: bool,
+    /// True if the scenario was edited, so that results of the same id are those of other content.
+    pub is_edited: bool,
     /// Candidate for a suite; its traits are the values on the axes of balance.
     pub candidate: Candidate,
     features: BTreeSet<String>,
@@ -64,6 +67,7 @@ impl Reviewable {
             content_sha256: content_sha256(scenario),
             camera: scenario.world.cameras.first().map(|camera| camera.name.clone()),
             is_superseded: false,
+            is_edited: false,
             candidate: balance::candidate(task, balance::axes(task, Catalogue::all()), false),
             features: features(scenario),
         }
@@ -132,6 +136,38 @@ pub struct Dashboard {
     pub helpful: Vec<Helpful>,
     /// Number of scenarios by standing.
     pub standings: BTreeMap<&'static str, usize>,
+    /// Reference policies, the strongest first.
+    pub policies: Vec<ReferencePolicy>,
+    /// Scenarios that reference policies tried, the hardest first.
+    pub measured: Vec<MeasuredScenario>,
+}
+
+/// Success of a reference policy on the scenarios under review.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ReferencePolicy {
+    /// Name of the policy.
+    pub policy: String,
+    /// Number of scenarios that it tried.
+    pub scenarios: usize,
+    /// Number of its episodes.
+    pub episodes: usize,
+    /// Number of its successful episodes.
+    pub successes: usize,
+}
+
+/// Measured difficulty of a scenario.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MeasuredScenario {
+    /// Key of the scenario in URLs.
+    pub key: String,
+    /// Id of the scenario.
+    pub id: String,
+    /// Value on the axis `difficulty`.
+    pub difficulty: &'static str,
+    /// Mean success rate of the policies, each with the same weight, 0 to 1.
+    pub mean_success: f64,
+    /// Numbers of successes and of episodes, by policy.
+    pub policies: BTreeMap<String, (usize, usize)>,
 }
 
 /// A candidate that would improve the balance if approved.
@@ -154,13 +190,13 @@ pub struct ReviewDesk {
     log: ReviewLog,
     /// Certificates from suites, by hash of the content.
     certificates: BTreeMap<String, ExpertTrials>,
-    successes: Successes,
+    inputs: ReviewInputs,
 }
 
 impl ReviewDesk {
     /// A desk without scenarios.
     pub fn new(log: ReviewLog) -> Self {
-        Self { items: BTreeMap::new(), log, certificates: BTreeMap::new(), successes: Successes::new() }
+        Self { items: BTreeMap::new(), log, certificates: BTreeMap::new(), inputs: ReviewInputs::default() }
     }
 
     /// Adds a scenario to the desk, or replaces an earlier revision of it.
@@ -168,9 +204,14 @@ impl ReviewDesk {
         self.items.insert(item.key.clone(), item);
     }
 
-    /// Sets the results of reference policies, which give the axis `difficulty`.
-    pub fn measure(&mut self, successes: Successes) {
-        self.successes = successes;
+    /// Sets the results of reference policies, the targets and the planted scenarios.
+    pub fn set_inputs(&mut self, inputs: ReviewInputs) {
+        self.inputs = inputs;
+    }
+
+    /// Target shares that the user named.
+    pub fn targets(&self) -> &Targets {
+        &self.inputs.targets
     }
 
     /// Marks the scenarios with these keys, and no others, as replaced by edited copies.
@@ -276,26 +317,28 @@ impl ReviewDesk {
         self.log.add(review, &item.content_sha256)
     }
 
-    /// Agreement of the reviewers; `planted` holds the ids of scenarios with planted faults.
-    pub fn agreement(&self, planted: &BTreeSet<String>) -> Agreement {
-        agreement(&self.log.reviews(), planted)
+    /// Agreement of the reviewers, with their detection of the planted faults.
+    pub fn agreement(&self) -> Agreement {
+        agreement(&self.log.reviews(), &self.inputs.planted)
     }
 
-    /// Balance of the approved scenarios; all scenarios that are not rejected are candidates.
+    /// Balance of the approved scenarios; all scenarios that are neither rejected nor planted are candidates.
     pub fn dashboard(&self, targets: &Targets) -> Dashboard {
         let offered = self.offered();
-        let is_in = |one: &(Standing, Offered)| one.0 == Standing::Approved;
+        let is_out =
+            |one: &(Standing, Offered)| one.0 == Standing::Rejected || self.inputs.planted.contains(&one.1.scenario);
+        let is_in = |one: &(Standing, Offered)| one.0 == Standing::Approved && !is_out(one);
         let decided: BTreeSet<usize> = (0..offered.len()).filter(|&index| is_in(&offered[index])).collect();
         let chosen: Vec<&Axes> = decided.iter().map(|&index| &offered[index].1.candidate.traits).collect();
-        let possible = offered.iter().filter(|one| one.0 != Standing::Rejected);
+        let possible = offered.iter().filter(|one| !is_out(one));
         let candidates: Vec<&Axes> = possible.map(|one| &one.1.candidate.traits).collect();
         let reached = balance::balance(&chosen, &candidates, targets);
         let mut standings = BTreeMap::new();
         offered.iter().for_each(|one| *standings.entry(one.0.name()).or_default() += 1);
         let keys: Vec<String> = self.items().map(|item| item.key.clone()).collect();
-        let undecided = |(standing, offered): &(Standing, Offered)| Offered {
-            refused: offered.refused.clone().filter(|_| *standing == Standing::Rejected),
-            ..offered.clone()
+        let undecided = |one: &(Standing, Offered)| Offered {
+            refused: one.1.refused.clone().filter(|_| is_out(one)),
+            ..one.1.clone()
         };
         let pool: Vec<Offered> = offered.iter().map(undecided).collect();
         let ranked = balance::helpful(&pool, &decided, targets).into_iter().take(NAMED);
@@ -310,7 +353,47 @@ impl ReviewDesk {
             helpful: helpful.collect(),
             balance: reached,
             standings,
+            policies: self.policies(),
+            measured: self.measured(),
         }
+    }
+
+    /// Success of each reference policy on the scenarios under review, the strongest first.
+    fn policies(&self) -> Vec<ReferencePolicy> {
+        let mut found = BTreeMap::<&str, ReferencePolicy>::new();
+        for (policy, &(successes, episodes)) in self.items().filter_map(|item| self.tried(item)).flatten() {
+            let new = || ReferencePolicy { policy: policy.clone(), scenarios: 0, episodes: 0, successes: 0 };
+            let known = found.entry(policy).or_insert_with(new);
+            known.scenarios += 1;
+            known.episodes += episodes;
+            known.successes += successes;
+        }
+        let mut found: Vec<ReferencePolicy> = found.into_values().collect();
+        let rate = |one: &ReferencePolicy| one.successes as f64 / one.episodes.max(1) as f64;
+        found.sort_by(|a, b| rate(b).total_cmp(&rate(a)));
+        found
+    }
+
+    /// Scenarios that reference policies tried, the hardest first.
+    fn measured(&self) -> Vec<MeasuredScenario> {
+        let one = |item: &Reviewable| {
+            let policies = self.tried(item)?;
+            Some(MeasuredScenario {
+                key: item.key.clone(),
+                id: item.id.clone(),
+                difficulty: balance::difficulty(&item.id, &self.inputs.successes)?,
+                mean_success: balance::mean_success(&item.id, &self.inputs.successes)?,
+                policies: policies.clone(),
+            })
+        };
+        let mut found: Vec<MeasuredScenario> = self.items().filter_map(one).collect();
+        found.sort_by(|a, b| a.mean_success.total_cmp(&b.mean_success));
+        found
+    }
+
+    /// Results of the reference policies on a scenario; `None` without any, or if the scenario was edited since.
+    fn tried(&self, item: &Reviewable) -> Option<&BTreeMap<String, (usize, usize)>> {
+        self.inputs.successes.get(&item.id).filter(|_| !item.is_edited)
     }
 
     /// Candidates for a suite with their standing; only approved ones can be chosen.
@@ -320,10 +403,16 @@ impl ReviewDesk {
             let standing = self.standing_of(item, &reviews);
             let now = current(&reviews, &item.id, &item.content_sha256);
             let mut candidate = item.candidate.clone();
-            if let Some(measured) = balance::difficulty(&item.id, &self.successes) {
+            if self.tried(item).is_some()
+                && let Some(measured) = balance::difficulty(&item.id, &self.inputs.successes)
+            {
                 candidate.traits.insert("difficulty".into(), vec![measured.into()]);
             }
-            (standing, Offered { scenario: item.id.clone(), candidate, refused: refusal(standing, &now) })
+            let refused = match self.inputs.planted.contains(&item.id) {
+                true => Some("it has a planted fault".into()),
+                false => refusal(standing, &now),
+            };
+            (standing, Offered { scenario: item.id.clone(), candidate, refused })
         };
         self.items().map(offer).collect()
     }

@@ -9,6 +9,7 @@ mod agreement;
 mod build;
 mod content;
 mod desk;
+mod inputs;
 mod likeness;
 mod log;
 mod older;
@@ -21,7 +22,10 @@ mod standing;
 pub use agreement::{Agreement, agreement};
 pub use build::{Built, build_suite};
 pub use content::content_sha256;
-pub use desk::{Dashboard, Helpful, QueueRow, ReviewDesk, ReviewQueue, ReviewState, Reviewable};
+pub use desk::{
+    Dashboard, Helpful, MeasuredScenario, QueueRow, ReferencePolicy, ReviewDesk, ReviewQueue, ReviewState, Reviewable,
+};
+pub use inputs::{ReviewInputs, TARGETS_HINT, check_targets};
 pub use likeness::groups;
 pub use log::{ExpertTrials, ImportedReviews, ReviewError, ReviewHeader, ReviewLine, ReviewLog, SCHEMA};
 pub use older::take_from_suites;

@@ -47,7 +47,9 @@ pub fn read_item(listed: &Listed) -> Result<(Reviewable, Option<PathBuf>), Strin
     if EditLog::path_of(&listed.path).is_file() {
         let edited = EditedScenario::open(&listed.path, Catalogue::all()).map_err(|error| error.to_string())?;
         let parent = edited.parent().map(|parent| PathBuf::from(&parent.path));
-        return Ok((item(edited.scenario()), parent));
+        let mut item = item(edited.scenario());
+        item.is_edited = edited.revision() > 0;
+        return Ok((item, parent));
     }
     let scenario = scenarios::read_scenario(&listed.path).map_err(|error| error.to_string())?;
     Ok((item(&scenario), None))

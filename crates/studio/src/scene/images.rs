@@ -50,67 +50,56 @@ struct Painter {
     outlines: BTreeMap<String, usize>,
 }
 
+/// A scene to draw.
+#[derive(Clone, Copy, Debug)]
+pub struct Drawn<'a> {
+    /// Identity of the scene; images of the same key reuse one renderer.
+    pub key: &'a str,
+    /// Scenario whose world, cameras and initial state are drawn.
+    pub scenario: &'a Scenario,
+    /// Models of the scenario's objects, in their order.
+    pub models: &'a [Arc<ObjectModel>],
+    /// Robot of the scenario's world.
+    pub robot: &'a Arc<RobotModel>,
+}
+
 impl Painters {
-    /// Image of a scenario's initial scene. `key` identifies the scene for reuse; `models` are those of its objects.
+    /// Image of the initial state of a scene.
     ///
     /// # Errors
     /// When the camera does not exist, or the image cannot be rendered.
-    pub fn draw(
-        &self,
-        key: &str,
-        scenario: &Scenario,
-        models: &[Arc<ObjectModel>],
-        robot: &Arc<RobotModel>,
-        camera: &str,
-    ) -> Result<CameraImage, WorkspaceError> {
-        self.with_painter(key, scenario, models, robot, |painter| painter.draw(scenario, camera))
+    pub fn draw(&self, scene: Drawn, camera: &str) -> Result<CameraImage, WorkspaceError> {
+        self.with_painter(scene, |painter| painter.draw(scene.scenario, camera))
     }
 
-    /// JPEG of a recorded state of an episode of a scenario; else as [`Painters::draw`].
+    /// JPEG of a recorded state of an episode in a scene.
     ///
     /// # Errors
-    /// When there is no such camera, or it cannot be drawn.
-    pub fn draw_state(
-        &self,
-        key: &str,
-        scenario: &Scenario,
-        models: &[Arc<ObjectModel>],
-        robot: &Arc<RobotModel>,
-        camera: &str,
-        frame: &Frame,
-    ) -> Result<Vec<u8>, WorkspaceError> {
-        self.with_painter(key, scenario, models, robot, |painter| painter.draw_state(scenario, camera, frame))
+    /// As [`Painters::draw`].
+    pub fn draw_state(&self, scene: Drawn, camera: &str, frame: &Frame) -> Result<Vec<u8>, WorkspaceError> {
+        self.with_painter(scene, |painter| painter.draw_state(scene.scenario, camera, frame))
     }
 
     fn with_painter<T>(
         &self,
-        key: &str,
-        scenario: &Scenario,
-        models: &[Arc<ObjectModel>],
-        robot: &Arc<RobotModel>,
+        scene: Drawn,
         draw: impl FnOnce(&mut Painter) -> Result<T, WorkspaceError>,
     ) -> Result<T, WorkspaceError> {
-        let painter = self.painter(key, scenario, models, robot)?;
+        let painter = self.painter(scene)?;
         let mut painter = painter.lock().unwrap_or_else(PoisonError::into_inner);
-        if !painter.fits(scenario, models) {
-            *painter = Painter::new(scenario, models, robot)?;
+        if !painter.fits(scene) {
+            *painter = Painter::new(scene)?;
         }
         draw(&mut painter)
     }
 
-    fn painter(
-        &self,
-        key: &str,
-        scenario: &Scenario,
-        models: &[Arc<ObjectModel>],
-        robot: &Arc<RobotModel>,
-    ) -> Result<Arc<Mutex<Painter>>, WorkspaceError> {
+    fn painter(&self, scene: Drawn) -> Result<Arc<Mutex<Painter>>, WorkspaceError> {
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let painter = match kept.iter().position(|(known, _)| known == key) {
+        let painter = match kept.iter().position(|(known, _)| known == scene.key) {
             Some(place) => kept.remove(place).1,
-            None => Arc::new(Mutex::new(Painter::new(scenario, models, robot)?)),
+            None => Arc::new(Mutex::new(Painter::new(scene)?)),
         };
-        kept.push((key.to_owned(), Arc::clone(&painter)));
+        kept.push((scene.key.to_owned(), Arc::clone(&painter)));
         if kept.len() > MAX_SCENES {
             kept.remove(0);
         }
@@ -119,7 +108,7 @@ impl Painters {
 }
 
 impl Painter {
-    fn new(scenario: &Scenario, models: &[Arc<ObjectModel>], robot: &Arc<RobotModel>) -> Result<Self, WorkspaceError> {
+    fn new(Drawn { key: _, scenario, models, robot }: Drawn) -> Result<Self, WorkspaceError> {
         let world = &scenario.world;
         let assets = RenderAssets::new(Arc::clone(robot), models, Some(world)).map_err(not_drawn)?;
         let usual = RenderVariation::default();
@@ -135,7 +124,7 @@ impl Painter {
     }
 
     /// True if the renderer can be reused: only poses and cameras have changed.
-    fn fits(&self, scenario: &Scenario, models: &[Arc<ObjectModel>]) -> bool {
+    fn fits(&self, Drawn { scenario, models, .. }: Drawn) -> bool {
         let (old, new) = (&self.world, &scenario.world);
         let same_models =
             self.models.len() == models.len() && self.models.iter().zip(models).all(|(old, new)| Arc::ptr_eq(old, new));

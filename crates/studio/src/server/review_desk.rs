@@ -42,7 +42,9 @@ impl Reviews {
             superseded.extend(room.parent.clone());
             let now = room.revision();
             if revisions.get(&listed.key) != Some(&now.number) {
-                desk.put(Reviewable::of(&listed.key, listed.path.clone(), &listed.source, &now.scenario));
+                let mut item = Reviewable::of(&listed.key, listed.path.clone(), &listed.source, &now.scenario);
+                item.is_edited = now.number > 0;
+                desk.put(item);
                 revisions.insert(listed.key.clone(), now.number);
             }
         }

@@ -1,7 +1,6 @@
 //! HTTP API of reviews: queue, reviews of a scenario, certificates, agreement, balance, and the suite of the approved
 //! scenarios.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -28,7 +27,7 @@ pub fn routes() -> Router<Arc<Studio>> {
         .route("/api/reviews/{key}", get(state).post(add))
         .route("/api/reviews/{key}/certificate", post(certify))
         .route("/api/agreement", get(agreement))
-        .route("/api/balance", get(balance))
+        .route("/api/balance", get(balance).post(balance_against))
         .route("/api/suites", post(build))
 }
 
@@ -124,11 +123,33 @@ async fn certify(State(studio): Shared, Path(key): Path<String>, request: HttpRe
 }
 
 async fn agreement(State(studio): Shared) -> Response {
-    work(&studio, |studio| studio.at_desk(|desk| Ok(Json(desk.agreement(&BTreeSet::new())).into_response()))).await
+    work(&studio, |studio| studio.at_desk(|desk| Ok(Json(desk.agreement()).into_response()))).await
 }
 
 async fn balance(State(studio): Shared) -> Response {
-    work(&studio, |studio| studio.at_desk(|desk| Ok(Json(desk.dashboard(&Targets::new())).into_response()))).await
+    work(&studio, |studio| studio.at_desk(|desk| Ok(Json(desk.dashboard(desk.targets())).into_response()))).await
+}
+
+/// Targets to compare the approved scenarios with.
+#[derive(Deserialize)]
+struct Against {
+    targets: Targets,
+}
+
+async fn balance_against(State(studio): Shared, request: HttpRequest) -> Response {
+    let Against { targets } = match body(request).await {
+        Ok(against) => against,
+        Err(refusal) => return refusal.into_response(),
+    };
+    work(&studio, move |studio| {
+        fit(&targets)?;
+        studio.at_desk(|desk| Ok(Json(desk.dashboard(&targets)).into_response()))
+    })
+    .await
+}
+
+fn fit(targets: &Targets) -> Result<(), Refusal> {
+    review::check_targets(targets).map_err(|message| Refusal::unsuited(message, review::TARGETS_HINT))
 }
 
 /// Name of the suite to write (the name of its folder), number of scenarios per task kind, and targets of its
@@ -137,8 +158,8 @@ async fn balance(State(studio): Shared) -> Response {
 struct Wanted {
     name: String,
     per_kind: Option<usize>,
-    #[serde(default)]
-    targets: Targets,
+    /// Target shares; absent for those that the studio was started with.
+    targets: Option<Targets>,
 }
 
 async fn build(State(studio): Shared, request: HttpRequest) -> Response {
@@ -152,8 +173,10 @@ async fn build(State(studio): Shared, request: HttpRequest) -> Response {
             let message = format!("expected a name of 1 to 64 letters, digits, - and _, got {name:?}");
             return Err(Refusal::unsuited(message, "it is the name of a folder"));
         }
+        targets.iter().try_for_each(fit)?;
         let folder = studio.out().join(&name);
         studio.at_desk(|desk| {
+            let targets = targets.unwrap_or_else(|| desk.targets().clone());
             let built = review::build_suite(desk, &folder, &name, per_kind, &targets)
                 .map_err(|error| Refusal::of_work(&error))?;
             let scenarios = built.suite.scenarios.len();

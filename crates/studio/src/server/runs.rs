@@ -181,10 +181,11 @@ async fn episode(State(studio): Shared, Path((key, episode)): Path<(String, Stri
     work(&studio, move |studio| {
         let room = studio.room(&key)?;
         let kept = find(studio, &room, &episode)?;
-        let episode = read(&kept)?;
+        let row = kept.row();
+        let episode = read_once(studio, &key, &episode, || Ok(kept))?;
         let scene = studio.scene_at(&room, &revision_of(&episode))?;
         let message = json!({
-            "episode": kept.row(), "result": &episode.result, "timeline": Moments::of(&episode), "scene": scene,
+            "episode": row, "result": &episode.result, "timeline": Moments::of(&episode), "scene": scene,
         });
         Ok(Json(message).into_response())
     })
@@ -234,14 +235,25 @@ async fn image(
     .await
 }
 
-/// An episode, kept until another one is played back: many of its states are asked for.
+/// An episode for playback.
 fn played(studio: &Studio, key: &str, name: &str) -> Result<Arc<Episode>, Refusal> {
-    let kept = || studio.runs.played.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(played) = kept().as_ref().filter(|played| played.scenario == key && played.name == name) {
+    read_once(studio, key, name, || find(studio, &*studio.room(key)?, name))
+}
+
+/// An episode, kept until another one is read: its result, its states and images of them are requested one after the
+/// other. The lock is held while it is read, since the page requests result and states at the same time.
+fn read_once(
+    studio: &Studio,
+    key: &str,
+    name: &str,
+    find: impl FnOnce() -> Result<KeptEpisode, Refusal>,
+) -> Result<Arc<Episode>, Refusal> {
+    let mut kept = studio.runs.played.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(played) = kept.as_ref().filter(|played| played.scenario == key && played.name == name) {
         return Ok(Arc::clone(&played.episode));
     }
-    let episode = Arc::new(read(&find(studio, &*studio.room(key)?, name)?)?);
-    *kept() = Some(Played { scenario: key.to_owned(), name: name.to_owned(), episode: Arc::clone(&episode) });
+    let episode = Arc::new(read(&find()?)?);
+    *kept = Some(Played { scenario: key.to_owned(), name: name.to_owned(), episode: Arc::clone(&episode) });
     Ok(episode)
 }
 

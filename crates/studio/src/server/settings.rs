@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use super::access::Token;
+use crate::review::ReviewInputs;
 use crate::run::OfferedPolicies;
 
 /// Settings of the studio's server.
@@ -21,4 +22,6 @@ pub struct StudioSettings {
     pub policies: OfferedPolicies,
     /// Folder with the questions that people answer in place of a model; `None` if the studio offers none.
     pub questions: Option<PathBuf>,
+    /// Results of reference policies, target shares and planted scenarios for the review.
+    pub review: ReviewInputs,
 }

@@ -21,9 +21,9 @@ use super::room::{Request, Revision, Room, StageVerdict, Steps};
 use super::settings::StudioSettings;
 use crate::collections::{Collection, Listed, Summary};
 use crate::edit::{EditLog, EditedScenario};
-use crate::review::{ReviewDesk, read_desk};
+use crate::review::{ReviewDesk, ReviewInputs, read_desk};
 use crate::scene::exported::models;
-use crate::scene::images::{CameraImage, Painters};
+use crate::scene::images::{CameraImage, Drawn, Painters};
 use crate::scene::scene_message::{SceneAssets, SceneMessage};
 use crate::verdict::{Equipment, Inspection, Stage};
 
@@ -41,6 +41,7 @@ pub struct Studio {
     pub permits: Semaphore,
     /// Reviews of the scenarios.
     pub reviews: Reviews,
+    review_inputs: ReviewInputs,
     /// Episodes that are running or have ended.
     pub runs: Runs,
     /// Questions that people answer in place of a model; `None` if the studio offers none.
@@ -68,7 +69,7 @@ pub struct Changed {
 impl Studio {
     /// A studio for a collection; copies of read-only scenarios are written below `out` of the settings.
     pub fn new(collection: Collection, settings: StudioSettings) -> Self {
-        let StudioSettings { address: _, out, author, token, policies, questions } = settings;
+        let StudioSettings { address: _, out, author, token, policies, questions, review } = settings;
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         Self {
             author,
@@ -77,6 +78,7 @@ impl Studio {
             scenes: SceneAssets::default(),
             permits: Semaphore::new(cores + 1), // one more than cores, for an image while each core judges a stage
             reviews: Reviews::default(),
+            review_inputs: review,
             runs: Runs::new(out.join("runs"), policies),
             questions: questions.map(FolderAnswers::new),
             out,
@@ -100,7 +102,11 @@ impl Studio {
     pub fn at_desk<T>(&self, work: impl FnOnce(&mut ReviewDesk) -> Result<T, Refusal>) -> Result<T, Refusal> {
         let edited = self.edited();
         let listed: Vec<Listed> = self.lock_collection().iter().cloned().collect();
-        let read = || read_desk(&self.lock_collection(), &self.out).map(|(desk, _)| desk);
+        let read = || {
+            let (mut desk, _) = read_desk(&self.lock_collection(), &self.out)?;
+            desk.set_inputs(self.review_inputs.clone());
+            Ok(desk)
+        };
         self.reviews.at_desk(&listed, &edited, read, work)
     }
 
@@ -253,7 +259,7 @@ impl Studio {
         let models = self.models(scenario)?;
         let draw = || {
             let robot = self.scenes.robot(&scenario.world)?;
-            self.painters.draw(key, scenario, &models, &robot, camera)
+            self.painters.draw(Drawn { key, scenario, models: &models, robot: &robot }, camera)
         };
         draw().map_err(|error: WorkspaceError| Refusal::of_work(&error))
     }
@@ -266,7 +272,8 @@ impl Studio {
         let models = self.models(&episode.scenario)?;
         let draw = || {
             let robot = self.scenes.robot(&episode.scenario.world)?;
-            self.painters.draw_state(key, &episode.scenario, &models, &robot, camera, frame)
+            let scene = Drawn { key, scenario: &episode.scenario, models: &models, robot: &robot };
+            self.painters.draw_state(scene, camera, frame)
         };
         draw().map_err(|error: WorkspaceError| Refusal::of_work(&error))
     }

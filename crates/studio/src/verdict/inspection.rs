@@ -342,9 +342,11 @@ impl<'a> Inspection<'a> {
         for alternative in moves(&self.scenario.task.judged_goal(), scene) {
             let infeasible = |seed: Seed| self.check(scene, &known, seed).infeasible(&alternative);
             let mut rejections = self.seeds().map(infeasible);
-            // The goal is reachable if it is with one stream; otherwise the first reason is reported.
             let first = rejections.next().flatten();
-            if first.is_none() || rejections.any(|rejection| rejection.is_none()) {
+            // No stream decides if a state is reachable, and a search that fails is the most expensive of all checks.
+            let is_settled = matches!(first, Some(Rejection::UnreachableState { .. }));
+            // The goal is reachable if it is with one stream; otherwise the first reason is reported.
+            if first.is_none() || !is_settled && rejections.any(|rejection| rejection.is_none()) {
                 return Ok(Vec::new());
             }
             reason = reason.or(first.map(|first| (first, alternative)));

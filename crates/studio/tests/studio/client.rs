@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use genmanip_core::{Document, Scenario};
 use genmanip_serve::Server;
 use genmanip_studio::collections::Collection;
+use genmanip_studio::review::ReviewInputs;
 use genmanip_studio::run::OfferedPolicies;
 use genmanip_studio::server::{StudioSettings, Token, start};
 use genmanip_workspace::NoProgress;
@@ -46,12 +47,17 @@ impl Studio {
         Self { server, folder, key, file }
     }
 
-    /// The same folder in a new server.
-    pub fn restarted(self) -> Self {
+    /// The same folder in a new server, with these inputs of the review.
+    pub fn reviewing(self, inputs: ReviewInputs) -> Self {
         let Self { server, folder, key, file } = self;
         drop(server);
-        let server = serve(folder.path(), &[folder.path().join("scenes")], None);
+        let server = serve_with(folder.path(), &[folder.path().join("scenes")], None, inputs);
         Self { server, folder, key, file }
+    }
+
+    /// The same folder in a new server.
+    pub fn restarted(self) -> Self {
+        self.reviewing(ReviewInputs::default())
     }
 
     pub fn get(&self, path: &str) -> Answer {
@@ -97,12 +103,17 @@ impl Studio {
 
 /// Starts a studio of paths, whose copies go to `folder/out`.
 pub fn serve(folder: &Path, paths: &[PathBuf], token: Option<Token>) -> Server {
+    serve_with(folder, paths, token, ReviewInputs::default())
+}
+
+fn serve_with(folder: &Path, paths: &[PathBuf], token: Option<Token>, review: ReviewInputs) -> Server {
     let out = folder.join("out");
     let collection = Collection::open(paths, &out, &NoProgress).unwrap();
     let address = ([127, 0, 0, 1], 0).into();
     let policies = OfferedPolicies::new(&["do_nothing:seconds=1".into()]).unwrap();
     let questions = Some(folder.join("questions"));
-    start(collection, StudioSettings { address, out, author: "owner".into(), token, policies, questions }).unwrap()
+    let author = "owner".into();
+    start(collection, StudioSettings { address, out, author, token, policies, questions, review }).unwrap()
 }
 
 /// Copies a scenario of the shipped suite into a folder; returns its key and file.

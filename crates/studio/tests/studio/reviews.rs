@@ -1,12 +1,12 @@
 //! Reviews as the page and other programs give them: independence, voiding by edits, certificates, the suite.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
 use genmanip_benchmark::suites;
 use genmanip_studio::collections::Collection;
-use genmanip_studio::review::{Criterion, ReviewLog, Standing, build_suite, read_desk};
+use genmanip_studio::review::{Criterion, ReviewInputs, ReviewLog, Standing, build_suite, read_desk};
 use genmanip_workspace::NoProgress;
 use serde_json::{Value, json};
 
@@ -131,6 +131,63 @@ fn what_is_approved_and_certified_becomes_a_suite() {
     assert_eq!(studio.post("/api/suites", &json!({ "name": "reviewed" })).status, 422, "a suite is never replaced");
 }
 
+/// Difficulty comes from the results that the user names, distances from the user's targets; a planted scenario measures
+/// the reviewers and is in no suite.
+#[test]
+fn difficulty_targets_and_planted_faults() {
+    let studio = Studio::new();
+    let id = studio.scenario().id;
+    let rates = BTreeMap::from([("strong".to_owned(), (5, 5)), ("weak".to_owned(), (1, 5))]);
+    let inputs = ReviewInputs { successes: BTreeMap::from([(id.clone(), rates)]), ..ReviewInputs::default() };
+    let studio = studio.reviewing(inputs.clone());
+    let path = format!("/api/reviews/{}", studio.key);
+    let now = studio.get("/api/balance").json();
+    assert_eq!(
+        (&now["policies"], &now["measured"]),
+        (
+            &json!([
+                { "policy": "strong", "scenarios": 1, "episodes": 5, "successes": 5 },
+                { "policy": "weak", "scenarios": 1, "episodes": 5, "successes": 1 },
+            ]),
+            &json!([{
+                "key": studio.key, "id": id, "difficulty": "medium", "mean_success": 0.6,
+                "policies": { "strong": [5, 5], "weak": [1, 5] },
+            }])
+        )
+    );
+    let wanted = |axes: &Value, axis: &str, value: &str| {
+        let axis = axes.as_array().unwrap().iter().find(|one| one["axis"] == axis).unwrap().clone();
+        let values = axis["values"].as_array().unwrap();
+        values.iter().find(|one| one["value"] == value).map(|one| one["wanted"].as_f64().unwrap())
+    };
+    assert_eq!(wanted(&now["balance"]["axes"], "difficulty", "medium"), Some(1.0));
+    let targets = json!({ "difficulty": { "easy": 0.75, "medium": 0.25 } });
+    let against = studio.post("/api/balance", &json!({ "targets": targets })).json();
+    let shares = ["easy", "medium"].map(|value| wanted(&against["balance"]["axes"], "difficulty", value));
+    assert_eq!(shares, [Some(0.75), Some(0.25)]);
+    for spoilt in [json!({ "difficulty": { "easy": 0.7 } }), json!({ "difficulty": { "easy": 1.5, "hard": -0.5 } })] {
+        assert_eq!(studio.post("/api/balance", &json!({ "targets": spoilt })).status, 422);
+        assert_eq!(studio.post("/api/suites", &json!({ "name": "x", "targets": spoilt })).status, 422);
+    }
+    let inputs = ReviewInputs { targets: serde_json::from_value(targets).unwrap(), ..inputs };
+    let studio = studio.reviewing(inputs.clone());
+    let now = studio.get("/api/balance").json();
+    assert_eq!(wanted(&now["balance"]["axes"], "difficulty", "easy"), Some(0.75));
+    // The reviewers do not know that the scenario is planted.
+    let studio = studio.reviewing(ReviewInputs { planted: [id].into(), ..inputs });
+    for (name, verdict) in [("ada", "approve"), ("bo", "reject")] {
+        assert_eq!(studio.post(&path, &said(&studio, name, verdict, name)).status, 200);
+    }
+    let found = studio.get("/api/agreement").json()["planted"].clone();
+    let of = |detected: u32| json!({ "planted": 1, "detected": detected, "sound": 0, "false_alarms": 0 });
+    assert_eq!(found, json!({ "ada": of(0), "bo": of(1) }));
+    let now = studio.get("/api/balance").json();
+    assert_eq!((&now["helpful"], &now["balance"]["axes"]), (&json!([]), &json!([])));
+    // Results of the content before an edit say nothing about the one after it.
+    assert_eq!(studio.post(&studio.scenario_path("/commands"), &studio.shift(0, 0.001, 0, "e1", "ada")).status, 200);
+    assert_eq!(studio.get("/api/balance").json()["measured"], json!([]));
+}
+
 /// Reviews and certificates of a suite are taken over once; an edited copy takes the place of its original.
 #[test]
 fn older_reviews_and_certificates_of_a_suite_count() {
@@ -154,7 +211,14 @@ fn older_reviews_and_certificates_of_a_suite_count() {
     desk.add(ids[0], second).unwrap();
     // Later changes of the older file change nothing.
     fs::remove_file(suite.join("review.json")).unwrap();
-    let desk = open();
+    let mut desk = open();
+    // A planted scenario is in no suite, even when it is approved.
+    let planted = ReviewInputs { planted: [ids[0].to_owned()].into(), ..ReviewInputs::default() };
+    desk.set_inputs(planted);
+    let refused = build_suite(&desk, &folder.path().join("none"), "none", None, &Default::default()).unwrap_err();
+    assert!(refused.to_string().starts_with("no scenario is approved"), "{refused}");
+    assert_eq!(desk.dashboard(desk.targets()).balance.scenarios, 0);
+    desk.set_inputs(ReviewInputs::default());
     let standing = |id: &str| desk.standing(desk.get(id).unwrap());
     assert_eq!((standing(ids[0]), standing(ids[1])), (Standing::Approved, Standing::Open { missing: 1 }));
     let written = fs::read_to_string(ReviewLog::path_of(&out)).unwrap();

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use genmanip_benchmark::ReportSettings;
+use genmanip_studio::review::ReviewInputs;
 use genmanip_workspace::NoProgress;
 use serde_json::{Value, json};
 
@@ -94,6 +95,12 @@ fn episodes_belong_to_their_revision_and_outlast_the_server() {
         assert_eq!(done["episode"]["failure"]["cause"], "goal_missed");
         assert_eq!(studio.get(&studio.scenario_path("/episodes")).json().as_array().unwrap().len(), count);
     }
+    // The folder gives the measured difficulty as that of any evaluation does.
+    let read = |path: PathBuf| ReviewInputs::read(&[path], None, None, &NoProgress);
+    let tried = read(run_folder(&studio)).unwrap().successes[&studio.scenario().id].clone();
+    assert_eq!(tried.into_values().collect::<Vec<_>>(), [(0, 2)]);
+    let none = read(studio.folder.path().join("scenes")).unwrap_err().to_string();
+    assert!(none.starts_with("there is no evaluation below"), "{none}");
     let edited = studio.post(&studio.scenario_path("/commands"), &studio.shift(0, 0.01, 0, "a1", "ada"));
     assert_eq!(edited.status, 200);
     assert_eq!(run(&studio, policy)["episode"]["revision"], json!(1));
