@@ -62,8 +62,12 @@ pub struct Teleoperation {
     reach: Vec<f64>,
     rate_hz: f64,
     camera: Option<Axes>,
+    report: Option<Report>,
     episode: EpisodeState,
 }
+
+/// Callback with the status after each control step.
+type Report = Box<dyn FnMut(&Status) + Send>;
 
 /// State of one episode.
 struct EpisodeState {
@@ -75,6 +79,8 @@ struct EpisodeState {
     step: usize,
     /// Control step in which the last event was received.
     last_event: usize,
+    /// True from [`DeviceEvent::Silent`] to the next event of the device.
+    is_silent: bool,
     status: Status,
     events: Vec<RecordedEvent>,
     refused: u64,
@@ -93,6 +99,7 @@ impl EpisodeState {
             width_m: None,
             step: 0,
             last_event: 0,
+            is_silent: false,
             status: Status::default(),
             events: Vec::new(),
             refused: 0,
@@ -121,8 +128,11 @@ impl EpisodeState {
             self.mapping.require_release();
         }
         match self.decoder.apply(&event) {
-            Ok(()) if self.decoder.is_alive_after(&event) => self.last_event = self.step,
-            Ok(()) => {}
+            Ok(()) if self.decoder.is_alive_after(&event) => {
+                self.last_event = self.step;
+                self.is_silent = false;
+            }
+            Ok(()) => self.is_silent |= event == DeviceEvent::Silent,
             Err(_) => self.refused += 1,
         }
         self.events.push(RecordedEvent { sequence: self.events.len() as u64, step: self.step, event });
@@ -154,7 +164,15 @@ impl Teleoperation {
             reach: robot.arm_joints().map(|joint| joint.max_velocity / rate_hz).collect(),
             rate_hz,
             camera,
+            report: None,
         })
+    }
+
+    /// Calls `report` with the status after each control step.
+    #[must_use]
+    pub fn reporting_to(mut self, report: impl FnMut(&Status) + Send + 'static) -> Self {
+        self.report = Some(Box::new(report));
+        self
     }
 
     /// State after the last control step.
@@ -234,7 +252,7 @@ impl Policy for Teleoperation {
         let held = match (is_deflected, reading.clutch) {
             (false, _) => None,
             (true, true) => Some(Hold::Clutch),
-            (true, false) if silence_s > input.hold_after_s => Some(Hold::Silence),
+            (true, false) if episode.is_silent || silence_s > input.hold_after_s => Some(Hold::Silence),
             (true, false) => episode.mapping.needs_release().then_some(Hold::ReleaseFirst),
         };
         let twist = if held.is_some() { Twist::ZERO } else { command.twist };
@@ -274,6 +292,9 @@ impl Policy for Teleoperation {
         episode.limited.add(episode.step, &limits);
         episode.status = Status { frame, held, limits, closed: command.closed };
         episode.step += 1;
+        if let Some(report) = &mut self.report {
+            report(&episode.status);
+        }
 
         let action = pose.to_row().into_iter().chain([width_m]).map(|number| number as f32).collect();
         Ok(ActionChunk { actions: vec![action], finished: command.finish })

@@ -25,6 +25,7 @@ use crate::review::{ReviewDesk, read_desk};
 use crate::scene::exported::models;
 use crate::scene::images::{CameraImage, Painters};
 use crate::scene::scene_message::{SceneAssets, SceneMessage};
+use crate::teleop::Sessions;
 use crate::verdict::{Equipment, Inspection, Stage};
 
 /// State shared by all requests.
@@ -43,6 +44,8 @@ pub struct Studio {
     pub reviews: Reviews,
     /// Episodes that are running or have ended.
     pub runs: Runs,
+    /// Scenarios that people teleoperate.
+    pub teleoperations: Sessions,
     /// Questions that people answer in place of a model.
     pub questions: Option<FolderAnswers>,
     out: PathBuf,
@@ -78,6 +81,7 @@ impl Studio {
             permits: Semaphore::new(cores + 1), // one more than cores: an image never waits for long stages alone
             reviews: Reviews::default(),
             runs: Runs::new(out.join("runs"), policies),
+            teleoperations: Sessions::default(),
             questions: questions.map(FolderAnswers::new),
             out,
             collection: Mutex::new(collection),
