@@ -28,7 +28,7 @@ use super::room::Room;
 use super::runs::episodes;
 use super::studio::Studio;
 use crate::run::playback;
-use crate::teleop::session::{Shown, Wish};
+use crate::teleop::session::{HORIZON_S, Shown, Wish};
 use crate::teleop::{Phase, Session, SessionSetup};
 
 /// Label of takes among the episodes of a scenario.
@@ -241,7 +241,7 @@ fn open(
                 "wait for the end, or take another scenario",
             ));
         }
-        return Ok((session, json!({ "type": "started", "scenario": key, "again": true })));
+        return Ok(started(session, true));
     }
     let now = room.revision();
     let scene = studio.scene_at(&room, &now)?;
@@ -256,19 +256,25 @@ fn open(
     }
     let bodies = playback::bodies(&scene, &robot, &models);
     let setup = SessionSetup { stage, bodies, models, operator: author, teleop, runs: studio.runs.folder.clone() };
-    let job = studio.runs.add(key, LABEL, now.number)?;
-    job.change(&room, |_| {});
-    let session = Arc::new(Session::new(Arc::clone(&job.stop)));
-    session.attach(connection);
-    studio.teleoperations.add(key, &session);
-    let instruction = setup.stage.scenario.task.instruction.clone();
-    let answer = json!({
-        "type": "started", "scenario": key, "again": false, "revision": now.number, "instruction": instruction,
-        "control_rate_hz": setup.stage.control_rate_hz(), "horizon_s": crate::teleop::session::HORIZON_S,
+    let about = json!({
+        "scenario": key, "revision": now.number, "instruction": setup.stage.scenario.task.instruction,
+        "control_rate_hz": setup.stage.control_rate_hz(), "horizon_s": HORIZON_S,
         "width": playback::width(&setup.bodies),
     });
+    let job = studio.runs.add(key, LABEL, now.number)?;
+    job.change(&room, |_| {});
+    let session = Arc::new(Session::new(about, Arc::clone(&job.stop)));
+    session.attach(connection);
+    studio.teleoperations.add(key, &session);
     runtime.spawn(run(Arc::clone(studio), room, job, Arc::clone(&session), setup));
-    Ok((session, answer))
+    Ok(started(session, false))
+}
+
+/// Answer to a page that is attached to a session; `again` if the session began before.
+fn started(session: Arc<Session>, again: bool) -> (Arc<Session>, Value) {
+    let mut answer = session.about.clone();
+    (answer["type"], answer["again"]) = (json!("started"), json!(again));
+    (session, answer)
 }
 
 /// Runs a session as soon as a permit is free.

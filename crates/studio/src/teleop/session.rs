@@ -153,6 +153,8 @@ pub struct Session {
     pub states: watch::Sender<Arc<Vec<u8>>>,
     /// Newest status.
     pub shown: watch::Sender<Shown>,
+    /// What a page has to know of the scenario: instruction, revision, rates, width of a state.
+    pub about: serde_json::Value,
     /// True once the job of the session is to be cancelled.
     stop: Arc<AtomicBool>,
     desk: Mutex<Desk>,
@@ -191,12 +193,13 @@ impl Sessions {
 
 impl Session {
     /// A session without connection; `stop` cancels it.
-    pub fn new(stop: Arc<AtomicBool>) -> Self {
+    pub fn new(about: serde_json::Value, stop: Arc<AtomicBool>) -> Self {
         let now = Instant::now();
         Self {
             inbox: Arc::new(Inbox::new(now)),
             states: watch::Sender::default(),
             shown: watch::Sender::default(),
+            about,
             stop,
             desk: Mutex::new(Desk { wish: Wish::Run, attached: None, alone_since: now }),
             changed: Condvar::new(),
