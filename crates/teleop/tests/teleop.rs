@@ -468,7 +468,7 @@ fn a_silent_source_holds_until_its_next_event_and_pressed_controls_need_no_devic
     events.push((15, DeviceEvent::Silent));
     events.push((30, DeviceEvent::Pressed { control: Control::Gripper }));
     events.sort_by_key(|(step, _)| *step);
-    let run = run_with(TeleopSettings::default(), events, 40, |pose| pose);
+    let run = run(TeleopSettings::default(), events, 40);
     let rises: Vec<bool> = run.poses.windows(2).map(|pair| pair[1].position.z - pair[0].position.z > 1e-6).collect();
     assert!(rises[5..14].iter().all(|rises| *rises) && rises[25..39].iter().all(|rises| *rises), "{rises:?}");
     assert!(!rises[14..24].iter().any(|rises| *rises), "held from the first step on: {rises:?}");

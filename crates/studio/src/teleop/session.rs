@@ -153,7 +153,7 @@ pub struct Session {
     pub states: watch::Sender<Arc<Vec<u8>>>,
     /// Newest status.
     pub shown: watch::Sender<Shown>,
-    /// What a page has to know of the scenario: instruction, revision, rates, width of a state.
+    /// Facts that a page needs about the scenario: instruction, revision, rates, width of a state.
     pub about: serde_json::Value,
     /// True once the job of the session is to be cancelled.
     stop: Arc<AtomicBool>,
