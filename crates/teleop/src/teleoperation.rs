@@ -112,11 +112,14 @@ impl EpisodeState {
 
     /// Receives events. Too many of them count as a broken connection.
     fn receive(&mut self, events: Vec<DeviceEvent>, most: usize) {
-        let surplus = events.len().saturating_sub(most);
-        for event in events.into_iter().take(most) {
+        let mut events = events.into_iter();
+        for event in events.by_ref().take(most) {
             self.apply(event);
         }
-        if surplus > 0 {
+        let surplus = events.len();
+        if let Some(event) = events.next() {
+            // Recorded without effect, so that a replay has too many as well.
+            self.add(event);
             self.refused += surplus as u64;
             self.decoder.release_keys();
             self.mapping.require_release();
@@ -135,6 +138,11 @@ impl EpisodeState {
             Ok(()) => self.is_silent |= event == DeviceEvent::Silent,
             Err(_) => self.refused += 1,
         }
+        self.add(event);
+    }
+
+    /// Records an event.
+    fn add(&mut self, event: DeviceEvent) {
         self.events.push(RecordedEvent { sequence: self.events.len() as u64, step: self.step, event });
     }
 }

@@ -474,3 +474,17 @@ fn a_silent_source_holds_until_its_next_event_and_pressed_controls_need_no_devic
     assert!(!rises[14..24].iter().any(|rises| *rises), "held from the first step on: {rises:?}");
     assert!(run.widths[39] < run.widths[29], "{:?}", run.widths);
 }
+
+#[test]
+fn a_flood_replays_to_the_same_poses() {
+    let mut settings = TeleopSettings::default();
+    settings.input.most_events = 20;
+    let mut events = vec![(0, DeviceEvent::Connected { device: Device::Keyboard })];
+    events.extend((5..10).map(|step| (step, DeviceEvent::Key { code: "KeyR".into(), down: true })));
+    events.extend(std::iter::repeat_n((10, DeviceEvent::Key { code: "KeyR".into(), down: true }), 50));
+    events.extend((11..20).map(|step| (step, DeviceEvent::Alive)));
+    let first = run(settings.clone(), events, 20);
+    assert_eq!(first.poses[9].position, first.poses[19].position, "the keys are released");
+    let recorded = first.policy.events().iter().map(|event| (event.step, event.event.clone())).collect();
+    assert_eq!(run(settings, recorded, 20).poses, first.poses);
+}

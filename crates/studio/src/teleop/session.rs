@@ -266,7 +266,10 @@ impl Session {
                 (Wish::Discard, _) => return Ok(None),
                 _ => {}
             }
-            self.lock().wish = Wish::Run;
+            let mut desk = self.lock();
+            if desk.wish != Wish::Discard {
+                desk.wish = Wish::Run;
+            }
         }
         Ok(None)
     }

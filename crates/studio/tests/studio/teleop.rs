@@ -121,7 +121,7 @@ fn a_take_is_driven_kept_listed_and_replays() {
     // The person lets go of nothing, but the page falls silent.
     let silent = Instant::now();
     page.until(false, |status| status["held"] == "silence");
-    assert!(silent.elapsed() < Duration::from_millis(400), "{:?}", silent.elapsed());
+    assert!(silent.elapsed() < Duration::from_millis(600), "{:?}", silent.elapsed());
     page.watch(Duration::from_millis(500), false);
     let held = page.moved.saturating_duration_since(silent);
     // The measured arm lags behind the command that is held.
@@ -158,10 +158,12 @@ fn floods_hold_and_a_cut_socket_pauses_without_replaying_anything() {
     page.send(&json!([key("KeyR", true)]));
     page.watch(Duration::from_millis(300), true);
     assert!(page.status["held"].is_null(), "{}", page.status);
-    for _ in 0..100 {
-        page.send(&json!(vec![key("KeyR", true); 100]));
-    }
-    page.until(true, |status| status["dropped"].as_u64() > Some(0) && status["held"] == "release_first");
+    page.send(&json!(vec![key("KeyR", true); 1000]));
+    page.until(true, |status| status["dropped"].as_u64() > Some(0));
+    page.watch(Duration::from_millis(300), true);
+    let held = height(&page.state);
+    page.watch(Duration::from_millis(400), true);
+    assert!((height(&page.state) - held).abs() < 0.002, "{held} {}", height(&page.state));
     // Another page cannot take over a scenario that somebody drives.
     let mut other = Tab::connect_to("/api/teleop", studio.server.address(), "bob", None).unwrap();
     other.send(&json!({ "type": "keep" }));
