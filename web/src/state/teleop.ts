@@ -111,10 +111,15 @@ function say(message: object): void {
 }
 
 export function command(what: Command): void {
+  // What was pressed before comes first.
+  send();
   say({ type: what === "pause" && status.peek()?.phase === "paused" ? "resume" : what });
 }
 
-export const toggleGripper = () => say({ type: "gripper" });
+export function toggleGripper(): void {
+  send();
+  say({ type: "gripper" });
+}
 
 /** A key of the pad; true if it has a meaning. */
 export function key(event: KeyboardEvent, down: boolean): boolean {
