@@ -637,6 +637,49 @@ withMock("a run is cancelled, and kept episodes are opened from the list", async
   await page.context().close();
 });
 
+withMock("the robot is teleoperated, paused and a take kept, by keyboard alone", async () => {
+  const page = await openPage();
+  await page.keyboard.press("Shift+E");
+  await page.waitForSelector(".pad:focus");
+  await page.waitForSelector(".teleop [role=status]:has-text('follows')");
+  const picture = async () => (await page.locator(".host canvas").screenshot()).toString("base64");
+  await page.waitForTimeout(400);
+  const before = await picture();
+  await page.keyboard.down("r");
+  await page.waitForTimeout(700);
+  await page.keyboard.up("r");
+  await page.keyboard.press("Space");
+  await page.waitForSelector(".teleop:has-text('gripper closed')");
+  assert.ok(/next: left: gap .* \(2\.2 cm off\)/.test(await page.textContent(".teleop")));
+  assert.ok(/1 of \d+ steps late/.test(await page.textContent(".teleop")));
+  await page.waitForTimeout(400);
+  assert.notEqual(await picture(), before, "the robot stands still");
+  assert.deepEqual(await seriousFindings(page), []);
+  await shot(page, "teleop");
+  // Nothing is edited by the same keys, and a lost focus releases them.
+  const start = await revision(page);
+  await page.keyboard.down("f");
+  await page.keyboard.press("Tab");
+  await page.waitForSelector(".teleop [role=status]:has-text('has not the focus')");
+  await until("the keys are released", async () => server.studio.driven.at(-1) === "blurred");
+  await page.keyboard.up("f");
+  await page.keyboard.press("Shift+Tab");
+  await page.keyboard.press("p");
+  await page.waitForSelector(".teleop [role=status]:has-text('paused')");
+  await page.keyboard.press("p");
+  await page.waitForSelector(".teleop [role=status]:has-text('follows')");
+  await page.keyboard.press("n");
+  await page.waitForSelector(".teleop:has-text('take 2')");
+  await page.keyboard.press("k");
+  await page.waitForSelector(".teleop", { state: "detached" });
+  await page.waitForSelector(":text('1 kept')");
+  assert.equal(await revision(page), start);
+  const driven = server.studio.driven.join(" ");
+  assert.match(driven, /^start connected KeyR down KeyR up Space down Space up KeyF down blurred (ShiftLeft up )?pause resume retry keep$/);
+  assert.deepEqual(page.failures, []);
+  await page.context().close();
+});
+
 test("history lists what was done, and revisions get names", async () => {
   const page = await openPage();
   await selectFirst(page);

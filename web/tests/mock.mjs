@@ -12,6 +12,7 @@ import { MockReviews } from "./mock-reviews.mjs";
 import { at, CAMERAS, difference, phrasesOf } from "./mock_making.mjs";
 import { MockQuestions } from "./mock_questions.mjs";
 import { answerRuns, POLICIES } from "./mock_runs.mjs";
+import { teleoperate } from "./mock_teleop.mjs";
 
 const HERE = path.dirname(fileURLToPath(import.meta.url));
 const DIST = path.join(HERE, "../dist");
@@ -41,7 +42,7 @@ export async function startMock({ port = 0, scenarios = 200, extraObjects = 0 } 
   const sockets = new WebSocketServer({ noServer: true });
   server.on("upgrade", (request, socket, head) => {
     if (studio.isCut) socket.destroy();
-    else sockets.handleUpgrade(request, socket, head, (tab) => studio.welcome(tab));
+    else sockets.handleUpgrade(request, socket, head, (tab) => (request.url.startsWith("/api/teleop") ? teleoperate(studio, tab) : studio.welcome(tab)));
   });
   await new Promise((resolve) => server.listen(port, "127.0.0.1", resolve));
   const url = `http://127.0.0.1:${server.address().port}/`;

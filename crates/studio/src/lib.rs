@@ -20,4 +20,5 @@ pub mod review;
 pub mod run;
 pub mod scene;
 pub mod server;
+pub mod teleop;
 pub mod verdict;

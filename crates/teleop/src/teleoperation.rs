@@ -62,8 +62,12 @@ pub struct Teleoperation {
     reach: Vec<f64>,
     rate_hz: f64,
     camera: Option<Axes>,
+    report: Option<Report>,
     episode: EpisodeState,
 }
+
+/// Callback with the status after each control step.
+type Report = Box<dyn FnMut(&Status) + Send>;
 
 /// State of one episode.
 struct EpisodeState {
@@ -75,6 +79,8 @@ struct EpisodeState {
     step: usize,
     /// Control step in which the last event was received.
     last_event: usize,
+    /// True from [`DeviceEvent::Silent`] to the next event of the device.
+    is_silent: bool,
     status: Status,
     events: Vec<RecordedEvent>,
     refused: u64,
@@ -93,6 +99,7 @@ impl EpisodeState {
             width_m: None,
             step: 0,
             last_event: 0,
+            is_silent: false,
             status: Status::default(),
             events: Vec::new(),
             refused: 0,
@@ -106,11 +113,14 @@ impl EpisodeState {
     /// Receives events. More than `most` count as a broken connection: the surplus is dropped, keys are released, and
     /// the device has to be released before it moves the arm again.
     fn receive(&mut self, events: Vec<DeviceEvent>, most: usize) {
-        let surplus = events.len().saturating_sub(most);
-        for event in events.into_iter().take(most) {
+        let mut events = events.into_iter();
+        for event in events.by_ref().take(most) {
             self.apply(event);
         }
-        if surplus > 0 {
+        let surplus = events.len();
+        if let Some(event) = events.next() {
+            // Recorded without effect, so that a replay has too many as well.
+            self.add(event);
             self.refused += surplus as u64;
             self.decoder.release_keys();
             self.mapping.require_release();
@@ -122,10 +132,18 @@ impl EpisodeState {
             self.mapping.require_release();
         }
         match self.decoder.apply(&event) {
-            Ok(()) if self.decoder.is_alive_after(&event) => self.last_event = self.step,
-            Ok(()) => {}
+            Ok(()) if self.decoder.is_alive_after(&event) => {
+                self.last_event = self.step;
+                self.is_silent = false;
+            }
+            Ok(()) => self.is_silent |= event == DeviceEvent::Silent,
             Err(_) => self.refused += 1,
         }
+        self.add(event);
+    }
+
+    /// Records an event.
+    fn add(&mut self, event: DeviceEvent) {
         self.events.push(RecordedEvent { sequence: self.events.len() as u64, step: self.step, event });
     }
 }
@@ -155,7 +173,15 @@ impl Teleoperation {
             reach: robot.arm_joints().map(|joint| joint.max_velocity / rate_hz).collect(),
             rate_hz,
             camera,
+            report: None,
         })
+    }
+
+    /// Calls `report` with the status after each control step.
+    #[must_use]
+    pub fn reporting_to(mut self, report: impl FnMut(&Status) + Send + 'static) -> Self {
+        self.report = Some(Box::new(report));
+        self
     }
 
     /// State after the last control step.
@@ -236,7 +262,7 @@ impl Policy for Teleoperation {
         let held = match (is_deflected, reading.clutch) {
             (false, _) => None,
             (true, true) => Some(Hold::Clutch),
-            (true, false) if silence_s > input.hold_after_s => Some(Hold::Silence),
+            (true, false) if episode.is_silent || silence_s > input.hold_after_s => Some(Hold::Silence),
             (true, false) => episode.mapping.needs_release().then_some(Hold::ReleaseFirst),
         };
         let twist = if held.is_some() { Twist::ZERO } else { command.twist };
@@ -277,6 +303,9 @@ impl Policy for Teleoperation {
         episode.limited.add(episode.step, &limits);
         episode.status = Status { frame, held, limits, closed: command.closed };
         episode.step += 1;
+        if let Some(report) = &mut self.report {
+            report(&episode.status);
+        }
 
         let action = pose.to_row().into_iter().chain([width_m]).map(|number| number as f32).collect();
         Ok(ActionChunk { actions: vec![action], finished: command.finish })

@@ -459,3 +459,32 @@ fn response_curve_and_its_inverse() {
     let error = Teleoperation::new(unknown, Box::new(source), &panda(), &default_world()).err().unwrap();
     assert!(error.contains("static") && error.contains("`roof`"), "{error}");
 }
+
+#[test]
+fn a_silent_source_holds_until_its_next_event_and_pressed_controls_need_no_device() {
+    let key = |step, down| (step, DeviceEvent::Key { code: "KeyR".into(), down });
+    let mut events = vec![(0, DeviceEvent::Connected { device: Device::Keyboard }), key(5, true)];
+    events.extend((6..40).filter(|step| !(15..25).contains(step)).map(|step| (step, DeviceEvent::Alive)));
+    events.push((15, DeviceEvent::Silent));
+    events.push((30, DeviceEvent::Pressed { control: Control::Gripper }));
+    events.sort_by_key(|(step, _)| *step);
+    let run = run(TeleopSettings::default(), events, 40);
+    let rises: Vec<bool> = run.poses.windows(2).map(|pair| pair[1].position.z - pair[0].position.z > 1e-6).collect();
+    assert!(rises[5..14].iter().all(|rises| *rises) && rises[25..39].iter().all(|rises| *rises), "{rises:?}");
+    assert!(!rises[14..24].iter().any(|rises| *rises), "held from the first step on: {rises:?}");
+    assert!(run.widths[39] < run.widths[29], "{:?}", run.widths);
+}
+
+#[test]
+fn a_flood_replays_to_the_same_poses() {
+    let mut settings = TeleopSettings::default();
+    settings.input.most_events = 20;
+    let mut events = vec![(0, DeviceEvent::Connected { device: Device::Keyboard })];
+    events.extend((5..10).map(|step| (step, DeviceEvent::Key { code: "KeyR".into(), down: true })));
+    events.extend(std::iter::repeat_n((10, DeviceEvent::Key { code: "KeyR".into(), down: true }), 50));
+    events.extend((11..20).map(|step| (step, DeviceEvent::Alive)));
+    let first = run(settings.clone(), events, 20);
+    assert_eq!(first.poses[9].position, first.poses[19].position, "the keys are released");
+    let recorded = first.policy.events().iter().map(|event| (event.step, event.event.clone())).collect();
+    assert_eq!(run(settings, recorded, 20).poses, first.poses);
+}

@@ -60,6 +60,7 @@ export const BINDINGS: Binding[] = [
   { group: "Verdict", action: "repair", keys: ["m"], words: "first repair of this problem" },
   { group: "Verdict", action: "repair.all", keys: ["Shift+m"], words: "repair all I can" },
   { group: "Episode", action: "run", keys: ["Shift+p"], words: "run the chosen policy" },
+  { group: "Episode", action: "teleop", keys: ["Shift+e"], words: "teleoperate the robot" },
   { group: "Episode", action: "play", keys: ["p"], words: "play or pause; without an episode, list them" },
   { group: "Episode", action: "moment.next", keys: ["s"], words: "next moment" },
   { group: "Episode", action: "moment.previous", keys: ["Shift+s"], words: "previous moment" },

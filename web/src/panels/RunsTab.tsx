@@ -7,6 +7,8 @@ import { keyLabel } from "../logic/keys.ts";
 import * as playback from "../state/playback.ts";
 import { transcript } from "../state/requests.ts";
 import * as store from "../state/store.ts";
+import { isActive } from "../state/teleop.ts";
+import { TeleopPanel } from "./TeleopPanel.tsx";
 import { withKeys } from "./widgets.tsx";
 
 export function RunsTab() {
@@ -20,7 +22,8 @@ export function RunsTab() {
   const open = playback.episode.value;
   return (
     <>
-      <Start />
+      {!isActive.value && <Start />}
+      <TeleopPanel />
       <ul class="objects episodes" aria-label="Episodes">
         {rows?.map((row) => (
           <li key={row.episode}>

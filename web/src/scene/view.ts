@@ -22,7 +22,7 @@ import { snapMove, snapTurn } from "../logic/snap.ts";
 import { preview } from "../state/connection.ts";
 import { apply, placeCamera, placements } from "../state/edits.ts";
 import { ghosts } from "../state/difference.ts";
-import { episode, isPlaying, posed } from "../state/playback.ts";
+import { episode, isLive, isPlaying, posed } from "../state/playback.ts";
 import * as store from "../state/store.ts";
 import { theme } from "../state/theme.ts";
 import { Detail, drawsInSoftware } from "./detail.ts";
@@ -291,6 +291,7 @@ export class View {
       void store.current.value;
       void store.scene.value;
       void episode.value;
+      void isLive.value;
       untracked(() => this.sync());
     });
     on(() => {
@@ -359,12 +360,13 @@ export class View {
     this.changedShape();
   }
 
-  /** Shows another time of the open episode. */
+  /** Shows another time of the open episode or of the take. */
   private play(): void {
     const { objects, robot } = posed.peek()!;
     const loading: Promise<unknown>[] = [];
     this.objects.update(objects, new Set());
-    this.robot.item(episode.peek()!.scene.robot.name).update({ position_m: [0, 0, 0], orientation_wxyz: [1, 0, 0, 0] }, robot, loading);
+    const scene = (episode.peek()?.scene ?? store.scene.peek())!;
+    this.robot.item(scene.robot.name).update({ position_m: [0, 0, 0], orientation_wxyz: [1, 0, 0, 0] }, robot, loading);
     this.changedShape();
   }
 

@@ -28,8 +28,13 @@ export const speed = signal(1);
 /** Index of the state that is shown. */
 export const state = computed(() => (episode.value ? stateAt(episode.value.track, time_s.value) : 0));
 
-/** Robot and objects at the time that is shown; null while no episode is open. */
+/** Robot and objects of the take that is teleoperated; null while there is none. */
+export const live = signal<Posed | null>(null);
+export const isLive = computed(() => live.value !== null);
+
+/** Robot and objects that are shown instead of the scenario: of a take, or of the open episode at its time; else null. */
 export const posed = computed<Posed | null>(() => {
+  if (live.value) return live.value;
   const shown = episode.value;
   return shown && posedAt(shown.scene, shown.track, state.value);
 });
@@ -66,7 +71,7 @@ export function hear(told: Run): void {
   if (told.state === "done" && told.episode) {
     status.value = `${told.policy} ${told.episode.success ? "succeeded" : "failed"}.`;
     void loadEpisodes();
-    if (tab.peek() === "runs" && !episode.peek()) void openEpisode(told.episode.episode);
+    if (tab.peek() === "runs" && !episode.peek() && told.policy !== "teleop") void openEpisode(told.episode.episode);
   }
 }
 

@@ -9,6 +9,7 @@ import * as playback from "./playback.ts";
 import * as questions from "./questions.ts";
 import * as reviews from "./reviews.ts";
 import * as store from "./store.ts";
+import * as teleop from "./teleop.ts";
 import { toggleTheme } from "./theme.ts";
 
 /** The 3-D view, once it is loaded. */
@@ -207,6 +208,9 @@ export function run(action: string, fine = false): boolean {
       return true;
     case "run":
       void playback.startRun();
+      return true;
+    case "teleop":
+      teleop.begin();
       return true;
     case "play":
       if (playback.episode.peek()) playback.togglePlay();

@@ -15,16 +15,16 @@ use std::time::Instant;
 use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{CameraMount, Document, Pose, Seed, TaskKind};
-use genmanip_data::{Attachment, EpisodeStore};
+use genmanip_core::{CameraMount, Pose, Seed, TaskKind};
+use genmanip_data::EpisodeStore;
+use genmanip_pipeline::teleop::{Take, is_replayed};
 use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources};
-use genmanip_rollout::{RolloutError, RolloutSettings, Stage, replay, run_episode_with};
+use genmanip_rollout::{RolloutError, RolloutSettings, Stage};
 use genmanip_tasks::designer::{DesignSettings, design_many};
 use genmanip_teleop::device::{AXES, DeviceEvent};
 use genmanip_teleop::mapping::OperatorFrame;
-use genmanip_teleop::record::{EVENTS_FILE, OperatorRecord, Playback, RECORD_FILE, events_from_lines, events_to_lines};
 use genmanip_teleop::scripted::{Habits, ScriptedOperator, VirtualKind};
-use genmanip_teleop::{Operator, OperatorKind, Source, TeleopSettings, Teleoperation};
+use genmanip_teleop::{TeleopSettings, Teleoperation};
 use genmanip_workspace::{Progress, text_table, worlds};
 use rand::RngExt;
 use serde::Serialize;
@@ -485,7 +485,7 @@ fn operated(
             durations.push(episode.duration_s);
             operated.late_steps += episode.late_steps;
             operated.steps += episode.steps;
-            operated.replay_equal += usize::from(is_replayed(stage, &store, &id)?);
+            operated.replay_equal += usize::from(is_replayed(stage, &store, &id, &rollout_settings())?);
             progress.advance();
         }
         report.duration_s = Spread::of(durations);
@@ -525,7 +525,6 @@ fn episode(
     let period_s = 1.0 / stage.control_rate_hz();
     let waypoints = script.waypoints.clone();
     let operator = ScriptedOperator::new(kind, waypoints, Habits::default(), settings.mapping.clone(), period_s);
-    let who = operator.operator();
     let mut policy = Teleoperation::new(settings, Box::new(operator), &stage.robot, &stage.scenario.world)
         .map_err(LabError::input)?;
     let (mut last, mut late_steps): (Option<Instant>, usize) = (None, 0);
@@ -536,14 +535,9 @@ fn episode(
         Ok(())
     };
     let broke = |error: RolloutError| LabError::broken(format!("episode {id} broke"), error);
-    let mut episode =
-        run_episode_with(stage, &mut policy, id, seed, &rollout_settings(), &mut before_turn).map_err(broke)?;
-    episode.result.source = Some(who.kind.episode_source());
-    let attachments = [
-        Attachment { name: RECORD_FILE.into(), bytes: policy.record().to_json().into_bytes() },
-        Attachment { name: EVENTS_FILE.into(), bytes: events_to_lines(policy.events()) },
-    ];
-    store.write(&episode, &attachments).map_err(|error| LabError::broken("an episode cannot be stored", error))?;
+    let take = Take::run(stage, &mut policy, id, seed, &rollout_settings(), &mut before_turn).map_err(broke)?;
+    take.store(store).map_err(|error| LabError::broken("an episode cannot be stored", error))?;
+    let episode = take.episode;
     let height = |frame: &genmanip_core::Frame| frame.objects[script.object].pose.position.z;
     let first_m = episode.frames.first().map_or(0.0, height);
     let is_lifted =
@@ -555,30 +549,6 @@ fn episode(
         late_steps,
         steps: episode.frames.len(),
     })
-}
-
-/// True if a stored episode's commands replay to the same states, and its raw events to the same frames and final
-/// state, bit for bit.
-fn is_replayed(stage: &Stage, store: &EpisodeStore, id: &str) -> Result<bool, LabError> {
-    let unread = |error| LabError::broken(format!("episode {id} cannot be read back"), error);
-    let episode = store.read(id).map_err(unread)?;
-    let text = |name: &str| store.read_attachment(id, name).map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
-    let record = OperatorRecord::from_json(&text(RECORD_FILE).map_err(unread)?)
-        .map_err(|error| LabError::broken(format!("the record of episode {id} cannot be read back"), error))?;
-    let events = events_from_lines(&text(EVENTS_FILE).map_err(unread)?)
-        .map_err(|error| LabError::broken(format!("the events of episode {id} cannot be read back"), error))?;
-    let broke = |error: RolloutError| LabError::broken(format!("the replay of episode {id} broke"), error);
-    let by_commands = replay::check(stage, &episode).map_err(broke)?.identical;
-    let settings =
-        TeleopSettings { mapping: record.mapping, target: record.target, input: record.input, camera: record.camera };
-    let operator = Operator { kind: OperatorKind::Scripted, name: record.operator.name };
-    let source = Box::new(Playback::new(operator, events));
-    let mut policy =
-        Teleoperation::new(settings, source, &stage.robot, &stage.scenario.world).map_err(LabError::input)?;
-    let seed = episode.result.seed;
-    let again = genmanip_rollout::run_episode(stage, &mut policy, id, seed, &rollout_settings()).map_err(broke)?;
-    let bits = |state: &[f64]| state.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
-    Ok(by_commands && again.frames == episode.frames && bits(&again.final_state) == bits(&episode.final_state))
 }
 
 /// Text summary.

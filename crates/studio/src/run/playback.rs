@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{Episode, Frame, ObjectModel, Pose, RobotModel};
+use genmanip_core::{Episode, Frame, ObjectModel, ObjectState, Pose, RobotModel};
 
 use crate::scene::scene_message::SceneMessage;
 
@@ -42,7 +42,7 @@ impl Track {
 
 /// Links of a scene in the order of its message: those of the robot, then those of the objects. The message omits links
 /// without a mesh.
-fn bodies(scene: &SceneMessage, robot: &RobotModel, models: &[Arc<ObjectModel>]) -> Vec<Body> {
+pub fn bodies(scene: &SceneMessage, robot: &RobotModel, models: &[Arc<ObjectModel>]) -> Vec<Body> {
     let of_robot = scene.robot.links.iter().filter_map(|shown| {
         let link = robot.links.iter().position(|link| link.name == shown.name)?;
         Some(Body::Robot(link))
@@ -70,28 +70,44 @@ pub fn states(episode: &Episode) -> impl Iterator<Item = &Frame> {
 /// scenario.
 pub fn track(episode: &Episode, scene: &SceneMessage, robot: &RobotModel, models: &[Arc<ObjectModel>]) -> Track {
     let bodies = bodies(scene, robot, models);
-    let width = 2 + POSE * bodies.len();
-    let mut values = Vec::new();
-    let mut frames = 0;
-    for frame in states(episode) {
-        frames += 1;
-        values.extend([frame.time_s as f32, frame.gripper_width as f32]);
-        let of_robot = robot.link_poses(&frame.joint_position, frame.gripper_width);
-        let of_objects: Vec<Vec<Pose>> = frame
-            .objects
-            .iter()
-            .zip(models)
-            .map(|(state, model)| {
-                model.link_poses(&state.joint_positions).into_iter().map(|link| state.pose * link).collect()
-            })
-            .collect();
-        for body in &bodies {
-            let pose = match *body {
-                Body::Robot(link) => of_robot.get(link),
-                Body::Object(object, link) => of_objects.get(object).and_then(|links| links.get(link)),
-            };
-            values.extend(pose.copied().unwrap_or_default().to_row().map(|value| value as f32));
-        }
+    let rows: Vec<Vec<f32>> = states(episode)
+        .map(|frame| {
+            row(frame.time_s, &frame.joint_position, frame.gripper_width, &frame.objects, &bodies, robot, models)
+        })
+        .collect();
+    Track { frames: rows.len(), width: width(&bodies), values: rows.concat() }
+}
+
+/// Number of values of a state.
+pub fn width(bodies: &[Body]) -> usize {
+    2 + POSE * bodies.len()
+}
+
+/// Values of one state: time (s), opening of the gripper (m), and the pose of each of `bodies`.
+pub fn row(
+    time_s: f64,
+    joint_position: &[f64],
+    gripper_width: f64,
+    objects: &[ObjectState],
+    bodies: &[Body],
+    robot: &RobotModel,
+    models: &[Arc<ObjectModel>],
+) -> Vec<f32> {
+    let mut values = vec![time_s as f32, gripper_width as f32];
+    let of_robot = robot.link_poses(joint_position, gripper_width);
+    let of_objects: Vec<Vec<Pose>> = objects
+        .iter()
+        .zip(models)
+        .map(|(state, model)| {
+            model.link_poses(&state.joint_positions).into_iter().map(|link| state.pose * link).collect()
+        })
+        .collect();
+    for body in bodies {
+        let pose = match *body {
+            Body::Robot(link) => of_robot.get(link),
+            Body::Object(object, link) => of_objects.get(object).and_then(|links| links.get(link)),
+        };
+        values.extend(pose.copied().unwrap_or_default().to_row().map(|value| value as f32));
     }
-    Track { frames, width, values }
+    values
 }

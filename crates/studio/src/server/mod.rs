@@ -16,6 +16,7 @@ mod runs;
 mod settings;
 mod socket;
 mod studio;
+mod teleop;
 
 use std::sync::Arc;
 
@@ -52,6 +53,7 @@ fn router(studio: Arc<Studio>, listens_on_loopback: bool) -> Router {
         .merge(runs::routes())
         .merge(questions::routes())
         .route("/api/socket", axum::routing::get(socket::connect))
+        .route("/api/teleop", axum::routing::get(teleop::connect))
         .fallback(page::file)
         .layer(middleware::from_fn(move |request: Request, next: Next| {
             let studio = Arc::clone(&guarded);

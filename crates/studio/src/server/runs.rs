@@ -151,7 +151,7 @@ async fn list(State(studio): Shared, Path(key): Path<String>) -> Response {
 }
 
 /// Stored episodes of a scenario, at all of its revisions.
-fn episodes(studio: &Studio, room: &Room) -> Vec<KeptEpisode> {
+pub fn episodes(studio: &Studio, room: &Room) -> Vec<KeptEpisode> {
     let (file, id, hashes) =
         room.read(|document| (document.path().to_owned(), document.scenario().id.clone(), document.hashes()));
     kept_episodes(&file, &id, &hashes, &studio.runs.folder)

@@ -25,6 +25,7 @@ use crate::review::{ReviewDesk, ReviewInputs, read_desk};
 use crate::scene::exported::models;
 use crate::scene::images::{CameraImage, Drawn, Painters};
 use crate::scene::scene_message::{SceneAssets, SceneMessage};
+use crate::teleop::Sessions;
 use crate::verdict::{Equipment, Inspection, Stage};
 
 /// State shared by all requests.
@@ -44,6 +45,8 @@ pub struct Studio {
     review_inputs: ReviewInputs,
     /// Episodes that are running or have ended.
     pub runs: Runs,
+    /// Scenarios that people teleoperate.
+    pub teleoperations: Sessions,
     /// Questions that people answer in place of a model; `None` if the studio offers none.
     pub questions: Option<FolderAnswers>,
     out: PathBuf,
@@ -80,6 +83,7 @@ impl Studio {
             reviews: Reviews::default(),
             review_inputs: review,
             runs: Runs::new(out.join("runs"), policies),
+            teleoperations: Sessions::default(),
             questions: questions.map(FolderAnswers::new),
             out,
             collection: Mutex::new(collection),

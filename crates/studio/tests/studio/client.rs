@@ -167,9 +167,14 @@ impl Answer {
 impl Tab {
     /// Connects; `Err` with the status of a refused handshake.
     pub fn connect(address: SocketAddr, author: &str, origin: Option<&str>) -> Result<Self, u16> {
+        Self::connect_to("/api/socket", address, author, origin)
+    }
+
+    /// As [`Tab::connect`], to another route.
+    pub fn connect_to(path: &str, address: SocketAddr, author: &str, origin: Option<&str>) -> Result<Self, u16> {
         let stream = TcpStream::connect(address).unwrap();
         stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
-        let mut request = format!("ws://{address}/api/socket").into_client_request().unwrap();
+        let mut request = format!("ws://{address}{path}").into_client_request().unwrap();
         if let Some(origin) = origin {
             request.headers_mut().insert("origin", origin.parse().unwrap());
         }
@@ -211,6 +216,11 @@ impl Tab {
             }
         }
         panic!("{} waited for a minute", self.author)
+    }
+
+    /// Next message as it is.
+    pub fn read(&mut self) -> Message {
+        self.socket.read().unwrap()
     }
 
     /// True if the server has closed the connection.

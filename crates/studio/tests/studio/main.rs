@@ -12,6 +12,7 @@ mod questions;
 mod reviews;
 mod runs;
 mod server;
+mod teleop;
 mod two_authors;
 mod usd;
 mod verdict;

@@ -92,7 +92,12 @@ impl Decoder {
                 let functions = keyboard::CONTROL_KEYS.iter().filter(|(key, _)| keys.contains(*key));
                 self.hold(functions.map(|(_, control)| *control).collect());
             }
-            DeviceEvent::Alive => {}
+            DeviceEvent::Pressed { control } => {
+                if self.pressed.len() < MAX_PRESSED {
+                    self.pressed.push(*control);
+                }
+            }
+            DeviceEvent::Alive | DeviceEvent::Silent => {}
             DeviceEvent::Blurred => self.release_keys(),
             DeviceEvent::Disconnected => *self = Self::default(),
         }
@@ -121,7 +126,11 @@ impl Decoder {
     /// True if an event shows that the device is still connected. [`DeviceEvent::Alive`] counts for keyboards only,
     /// since other devices report for as long as they are deflected.
     pub fn is_alive_after(&self, event: &DeviceEvent) -> bool {
-        *event != DeviceEvent::Alive || matches!(self.connected, Some(Connected::Keyboard(_)))
+        match event {
+            DeviceEvent::Alive => matches!(self.connected, Some(Connected::Keyboard(_))),
+            DeviceEvent::Pressed { .. } | DeviceEvent::Silent => false,
+            _ => true,
+        }
     }
 
     /// Replaces the held controls; those that were not held count as pressed.

@@ -48,8 +48,15 @@ pub enum DeviceEvent {
         /// True if pressed.
         down: bool,
     },
+    /// Control that was pressed otherwise than on the device, such as with a button of the page.
+    Pressed {
+        /// The control.
+        control: Control,
+    },
     /// Heartbeat of a source whose device reports changes only, such as a keyboard.
     Alive,
+    /// Silence of the source for too long by the wall clock: the arm holds until the next event of the device.
+    Silent,
     /// Loss of the keyboard's focus: all keys count as released.
     Blurred,
     /// The device or its connection is gone.

@@ -1,0 +1,317 @@
+//! WebSocket of teleoperation: device events and commands of a page, states and status of the take.
+//!
+//! ```text
+//! page ─▶ start · events · gripper · pause · resume · retry · keep · discard
+//! page ◀─ started · status (both JSON) · states (binary) · refused
+//! ```
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use axum::extract::State;
+use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
+use axum::response::{IntoResponse, Response};
+use genmanip_assets::Catalogue;
+use genmanip_rollout::Stage as Simulation;
+use genmanip_teleop::TeleopSettings;
+use genmanip_teleop::device::{Control, DeviceEvent};
+use genmanip_teleop::mapping::OperatorFrame;
+use genmanip_workspace::WorkspaceError;
+use serde::Deserialize;
+use serde_json::{Value, json};
+use tokio::sync::watch;
+
+use super::answer::Refusal;
+use super::jobs::{Job, Stage};
+use super::room::Room;
+use super::runs::episodes;
+use super::studio::Studio;
+use crate::run::playback;
+use crate::teleop::session::{HORIZON_S, Shown, Wish};
+use crate::teleop::{Phase, Session, SessionSetup};
+
+/// Label of takes among the episodes of a scenario.
+pub const LABEL: &str = "teleop";
+/// Maximum number of connections.
+const MAX_CONNECTIONS: usize = 16;
+/// Maximum size of a message, bytes: many times that of a page at 25 messages per second.
+const MAX_MESSAGE: usize = 1 << 16;
+/// Maximum length of a person's name, bytes.
+const MAX_NAME: usize = 80;
+/// Timeout for sending a message.
+const SEND: Duration = Duration::from_secs(5);
+/// Interval of status messages while nothing but numbers changes.
+const STATUS: Duration = Duration::from_millis(100);
+
+/// Message from a page.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+enum FromPage {
+    /// Begins a session, or returns to the one of the scenario.
+    Start {
+        scenario: String,
+        #[serde(default)]
+        author: String,
+        #[serde(default)]
+        frame: OperatorFrame,
+        #[serde(default)]
+        camera: Option<String>,
+    },
+    Events {
+        sequence: u64,
+        #[serde(default)]
+        sent_ms: f64,
+        events: Vec<DeviceEvent>,
+    },
+    Gripper,
+    Pause,
+    Resume,
+    Retry,
+    Keep,
+    Discard,
+}
+
+/// Accepts the connection of a page.
+pub async fn connect(State(studio): State<Arc<Studio>>, upgrade: WebSocketUpgrade) -> Response {
+    static OPEN: AtomicUsize = AtomicUsize::new(0);
+    static NUMBER: AtomicU64 = AtomicU64::new(0);
+    if OPEN.fetch_add(1, Ordering::Relaxed) >= MAX_CONNECTIONS {
+        OPEN.fetch_sub(1, Ordering::Relaxed);
+        let message = format!("{MAX_CONNECTIONS} pages teleoperate");
+        return Refusal::Stopped { message, hint: "close some".into() }.into_response();
+    }
+    upgrade.max_message_size(MAX_MESSAGE).max_frame_size(MAX_MESSAGE).on_upgrade(async move |socket| {
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let mut connection = Connection { studio, number, session: None };
+        connection.serve(socket).await;
+        if let Some((session, ..)) = connection.session {
+            session.detach(number);
+        }
+        OPEN.fetch_sub(1, Ordering::Relaxed);
+    })
+}
+
+/// Connection of a page.
+struct Connection {
+    studio: Arc<Studio>,
+    number: u64,
+    /// Session that it is attached to, with its newest state and status.
+    session: Option<(Arc<Session>, watch::Receiver<Arc<Vec<u8>>>, watch::Receiver<Shown>)>,
+}
+
+/// Next event to handle.
+enum Next {
+    Received(Option<Result<Message, axum::Error>>),
+    State,
+    Status,
+}
+
+impl Connection {
+    /// Serves the page until it disconnects.
+    async fn serve(&mut self, mut socket: WebSocket) {
+        let mut told: Option<(Instant, Shown)> = None;
+        loop {
+            let changes = async {
+                match &mut self.session {
+                    Some((_, states, shown)) => tokio::select! {
+                        Ok(()) = states.changed() => Next::State,
+                        Ok(()) = shown.changed() => Next::Status,
+                        else => std::future::pending().await,
+                    },
+                    None => std::future::pending().await,
+                }
+            };
+            let next = tokio::select! {
+                received = socket.recv() => Next::Received(received),
+                change = changes => change,
+            };
+            let message = match next {
+                Next::Received(Some(Ok(Message::Text(text)))) => match self.received(text.as_str()).await {
+                    Ok(None) => continue,
+                    Ok(Some(answer)) => {
+                        told = None;
+                        Message::Text(answer.to_string().into())
+                    }
+                    Err(refusal) => refused(&refusal),
+                },
+                Next::Received(Some(Ok(Message::Binary(_)))) => refused(&unreadable("expected text, got bytes")),
+                Next::Received(Some(Ok(Message::Ping(_) | Message::Pong(_)))) => continue,
+                Next::Received(Some(Ok(Message::Close(_)) | Err(_)) | None) => return,
+                Next::State => {
+                    let Some((_, states, _)) = &mut self.session else { continue };
+                    Message::Binary(states.borrow_and_update().to_vec().into())
+                }
+                Next::Status => {
+                    let Some((_, _, shown)) = &mut self.session else { continue };
+                    let now = shown.borrow_and_update().clone();
+                    let is_due =
+                        told.as_ref().is_none_or(|(at, before)| is_news(before, &now) || at.elapsed() >= STATUS);
+                    if !is_due {
+                        continue;
+                    }
+                    let message = json!({ "type": "status", "status": now });
+                    told = Some((Instant::now(), now));
+                    Message::Text(message.to_string().into())
+                }
+            };
+            if !matches!(tokio::time::timeout(SEND, socket.send(message)).await, Ok(Ok(()))) {
+                return;
+            }
+        }
+    }
+
+    /// Handles a message of the page.
+    async fn received(&mut self, text: &str) -> Result<Option<Value>, Refusal> {
+        let message: FromPage = serde_json::from_str(text).map_err(|error| unreadable(&error.to_string()))?;
+        if let FromPage::Start { scenario, author, frame, camera } = message {
+            return self.start(scenario, &author, frame, camera).await.map(Some);
+        }
+        let Some((session, ..)) = &self.session else {
+            return Err(Refusal::unsuited("no scenario is teleoperated", "send a `start` message first"));
+        };
+        match message {
+            FromPage::Start { .. } => {}
+            FromPage::Events { sequence, sent_ms, events } => {
+                session.inbox.put(sequence, sent_ms, events, Instant::now());
+            }
+            FromPage::Gripper => session.inbox.press(Control::Gripper),
+            FromPage::Pause => session.wish(Wish::Pause),
+            FromPage::Resume => session.wish(Wish::Run),
+            FromPage::Retry => session.wish(Wish::Retry),
+            FromPage::Keep => session.wish(Wish::Keep),
+            FromPage::Discard => session.wish(Wish::Discard),
+        }
+        Ok(None)
+    }
+
+    async fn start(
+        &mut self,
+        key: String,
+        author: &str,
+        frame: OperatorFrame,
+        camera: Option<String>,
+    ) -> Result<Value, Refusal> {
+        if let Some((session, ..)) = self.session.take() {
+            session.detach(self.number);
+        }
+        let author = if author.trim().is_empty() { self.studio.author.clone() } else { author.trim().to_owned() };
+        if author.len() > MAX_NAME {
+            return Err(Refusal::unsuited(format!("a name has at most {MAX_NAME} bytes"), ""));
+        }
+        let mut teleop = TeleopSettings { camera, ..TeleopSettings::default() };
+        teleop.mapping.frame = frame;
+        let (studio, number) = (Arc::clone(&self.studio), self.number);
+        let runtime = tokio::runtime::Handle::current();
+        let started = tokio::task::spawn_blocking(move || open(&studio, &key, author, teleop, number, &runtime)).await;
+        let panicked = |_| Refusal::unsuited("the session panicked; please report this bug", "");
+        let (session, answer) = started.map_err(panicked)??;
+        let (mut states, mut shown) = (session.states.subscribe(), session.shown.subscribe());
+        states.mark_changed();
+        shown.mark_changed();
+        if states.borrow().is_empty() {
+            states.mark_unchanged();
+        }
+        self.session = Some((session, states, shown));
+        Ok(answer)
+    }
+}
+
+/// True if a status differs from the one before in more than its numbers.
+fn is_news(before: &Shown, now: &Shown) -> bool {
+    let facts = |shown: &Shown| (shown.phase, shown.take, shown.held, shown.closed, shown.frame, shown.success);
+    facts(before) != facts(now) || before.limits != now.limits || before.grasped != now.grasped
+}
+
+/// Begins a session, or attaches to the one of the scenario; its answer to the page.
+fn open(
+    studio: &Arc<Studio>,
+    key: &str,
+    author: String,
+    teleop: TeleopSettings,
+    connection: u64,
+    runtime: &tokio::runtime::Handle,
+) -> Result<(Arc<Session>, Value), Refusal> {
+    let room = studio.room(key)?;
+    let known = studio.teleoperations.newest(key);
+    if let Some(session) = known.filter(|session| !session.shown.borrow().phase.is_over()) {
+        if !session.attach(connection) {
+            return Err(Refusal::unsuited(
+                "somebody teleoperates this scenario already",
+                "wait for the end, or take another scenario",
+            ));
+        }
+        return Ok(started(session, true));
+    }
+    let now = room.revision();
+    let scene = studio.scene_at(&room, &now)?;
+    let robot = studio.scenes.robot(&now.scenario.world).map_err(|error| Refusal::of_work(&error))?;
+    let models = studio.models(&now.scenario)?;
+    let unusable = |error| Refusal::of_work(&WorkspaceError::broken("the scenario cannot be simulated", error));
+    let stage = Simulation::open(Arc::clone(&now.scenario), Catalogue::all(), &robot).map_err(unusable)?;
+    if let Some(camera) = &teleop.camera
+        && !stage.scenario.world.cameras.iter().any(|known| known.name == *camera)
+    {
+        return Err(Refusal::unsuited("the scenario has no camera of this name", ""));
+    }
+    let bodies = playback::bodies(&scene, &robot, &models);
+    let setup = SessionSetup { stage, bodies, models, operator: author, teleop, runs: studio.runs.folder.clone() };
+    let about = json!({
+        "scenario": key, "revision": now.number, "instruction": setup.stage.scenario.task.instruction,
+        "control_rate_hz": setup.stage.control_rate_hz(), "horizon_s": HORIZON_S,
+        "width": playback::width(&setup.bodies),
+    });
+    let job = studio.runs.add(key, LABEL, now.number)?;
+    job.change(&room, |_| {});
+    let session = Arc::new(Session::new(about, Arc::clone(&job.stop)));
+    session.attach(connection);
+    studio.teleoperations.add(key, &session);
+    runtime.spawn(run(Arc::clone(studio), room, job, Arc::clone(&session), setup));
+    Ok(started(session, false))
+}
+
+/// Answer to a page that is attached to a session; `again` if the session began before.
+fn started(session: Arc<Session>, again: bool) -> (Arc<Session>, Value) {
+    let mut answer = session.about.clone();
+    (answer["type"], answer["again"]) = (json!("started"), json!(again));
+    (session, answer)
+}
+
+/// Runs a session as soon as a permit is free.
+async fn run(studio: Arc<Studio>, room: Arc<Room>, job: Arc<Job>, session: Arc<Session>, setup: SessionSetup) {
+    let shared = Arc::clone(&studio);
+    let Ok(_turn) = shared.runs.turns.acquire().await else { return };
+    job.change(&room, |run| run.state = Stage::Running);
+    let (own, own_room, own_session) = (Arc::clone(&job), Arc::clone(&room), Arc::clone(&session));
+    let ran = tokio::task::spawn_blocking(move || {
+        let place = own_session.run(&setup, |time_s| own.advance(&own_room, time_s))?;
+        let Some(place) = place else { return Ok(None) };
+        let row = episodes(&studio, &own_room).into_iter().find(|kept| kept.place == place);
+        Ok::<_, WorkspaceError>(row.and_then(|kept| kept.row()))
+    })
+    .await;
+    let phase = match &ran {
+        Ok(Ok(Some(_))) => Phase::Kept,
+        Ok(Ok(None)) => Phase::Discarded,
+        _ => Phase::Failed,
+    };
+    job.change(&room, |run| match ran {
+        Ok(Ok(Some(row))) => (run.state, run.time_s, run.episode) = (Stage::Done, row.duration_s, Some(row)),
+        Ok(Ok(None)) => run.state = Stage::Cancelled,
+        Ok(Err(error)) => (run.state, run.error) = (Stage::Failed, Some(Refusal::of_work(&error).error())),
+        Err(_) => {
+            let error = json!({ "message": "the session panicked; please report this bug", "hint": "" });
+            (run.state, run.error) = (Stage::Failed, Some(error));
+        }
+    });
+    session.shown.send_modify(|shown| shown.phase = phase);
+}
+
+fn refused(refusal: &Refusal) -> Message {
+    Message::Text(json!({ "type": "refused", "error": refusal.error() }).to_string().into())
+}
+
+fn unreadable(reason: &str) -> Refusal {
+    let hint = "expected a JSON message with `type`: start, events, gripper, pause, resume, retry, keep or discard";
+    Refusal::unsuited(format!("the message cannot be read: {reason}"), hint)
+}

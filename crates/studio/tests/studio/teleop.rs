@@ -1,0 +1,216 @@
+//! Teleoperation through the socket of a real server: holds, floods, reconnection, and takes that are kept and replay.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use genmanip_assets::{Catalogue, panda};
+use genmanip_data::EpisodeStore;
+use genmanip_pipeline::teleop::is_replayed;
+use genmanip_rollout::Stage;
+use genmanip_studio::teleop::session::rollout_settings;
+use serde_json::{Value, json};
+use tungstenite::Message;
+
+use crate::client::{Studio, Tab};
+
+/// Page of a person at a keyboard.
+struct Page {
+    tab: Tab,
+    sequence: u64,
+    /// Newest status.
+    status: Value,
+    /// Newest state.
+    state: Vec<f32>,
+    states: usize,
+    /// Wall-clock time of the last state that differs from the one before in the arm.
+    moved: Instant,
+}
+
+impl Page {
+    fn open(studio: &Studio) -> Self {
+        let tab = Tab::connect_to("/api/teleop", studio.server.address(), "ada", None).unwrap();
+        let now = Instant::now();
+        let mut page = Self { tab, sequence: 0, status: json!({}), state: Vec::new(), states: 0, moved: now };
+        page.tab.send(&json!({ "type": "start", "scenario": studio.key, "author": "ada" }));
+        assert_eq!(page.tab.next("started")["scenario"], json!(studio.key));
+        page
+    }
+
+    /// Sends events.
+    fn send(&mut self, events: &Value) {
+        self.tab.send(&json!({ "type": "events", "sequence": self.sequence, "sent_ms": 1.0, "events": events }));
+        self.sequence += 1;
+    }
+
+    fn say(&mut self, command: &str) {
+        self.tab.send(&json!({ "type": command }));
+    }
+
+    /// Reads messages for a time; sends a sign of life with each state if `is_alive`.
+    fn watch(&mut self, time: Duration, is_alive: bool) {
+        let start = Instant::now();
+        while start.elapsed() < time {
+            self.read(is_alive);
+        }
+    }
+
+    fn read(&mut self, is_alive: bool) {
+        match self.tab.read() {
+            Message::Text(text) => {
+                let message: Value = serde_json::from_str(text.as_str()).unwrap();
+                assert_eq!(message["type"], "status", "{message}");
+                self.status = message["status"].clone();
+            }
+            Message::Binary(bytes) => {
+                let values = bytes.chunks_exact(4).map(|four| f32::from_le_bytes(four.try_into().unwrap()));
+                let state: Vec<f32> = values.collect();
+                // The hand is the last link of the arm that moves with it.
+                let is_moving = self.state.len() == state.len()
+                    && height(&self.state).to_bits() != height(&state).to_bits()
+                    && (height(&self.state) - height(&state)).abs() > 5e-4;
+                if is_moving {
+                    self.moved = Instant::now();
+                }
+                (self.state, self.states) = (state, self.states + 1);
+                if is_alive {
+                    self.send(&json!([{ "type": "alive" }]));
+                }
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// Reads until the status fulfils a condition.
+    fn until(&mut self, is_alive: bool, is_meant: impl Fn(&Value) -> bool) {
+        let start = Instant::now();
+        while !is_meant(&self.status) {
+            assert!(start.elapsed() < Duration::from_secs(30), "{}", self.status);
+            self.read(is_alive);
+        }
+    }
+}
+
+/// Height of the highest link of the robot's hand: of the link before the fingers.
+fn height(state: &[f32]) -> f32 {
+    state[2 + 7 * 8 + 2]
+}
+
+fn key(code: &str, down: bool) -> Value {
+    json!({ "type": "key", "code": code, "down": down })
+}
+
+fn keyboard() -> Value {
+    json!({ "type": "connected", "device": { "kind": "keyboard" } })
+}
+
+#[test]
+fn a_take_is_driven_kept_listed_and_replays() {
+    let studio = Studio::new();
+    let mut page = Page::open(&studio);
+    page.until(true, |status| status["phase"] == "running");
+    page.send(&json!([keyboard()]));
+    page.watch(Duration::from_millis(200), true);
+    let before = height(&page.state);
+    page.send(&json!([key("KeyR", true)]));
+    let (start, states) = (Instant::now(), page.states);
+    page.watch(Duration::from_millis(800), true);
+    let rate_hz = (page.states - states) as f64 / start.elapsed().as_secs_f64();
+    assert!(rate_hz > 20.0, "{rate_hz} states per second");
+    assert!(height(&page.state) > before + 0.03, "{} {}", height(&page.state), before);
+    assert!(page.status["held"].is_null(), "{}", page.status);
+    // The person lets go of nothing, but the page falls silent.
+    let silent = Instant::now();
+    page.until(false, |status| status["held"] == "silence");
+    assert!(silent.elapsed() < Duration::from_millis(600), "{:?}", silent.elapsed());
+    page.watch(Duration::from_millis(500), false);
+    let held = page.moved.saturating_duration_since(silent);
+    // The measured arm lags behind the command that is held.
+    assert!(held < Duration::from_millis(350), "moved {held:?} after the last event");
+    // A message again: the device has to be released first.
+    page.send(&json!([key("KeyR", false), { "type": "blurred" }]));
+    page.say("gripper");
+    page.until(true, |status| status["closed"] == true);
+    assert!(page.status["conditions"][1].as_u64().unwrap() > 0 && page.status["next"]["text"].is_string());
+    page.say("keep");
+    page.until(false, |status| status["phase"] == "kept");
+    let listed = studio.get(&studio.scenario_path("/episodes")).json();
+    let row = &listed[0];
+    assert_eq!((&row["policy"], &row["oracle"], &row["recorded"]), (&json!("teleop"), &json!(true), &json!(true)));
+    let runs = studio.folder.path().join("out/runs");
+    let run = std::fs::read_dir(runs).unwrap().next().unwrap().unwrap().path();
+    let store = EpisodeStore::open(run.join("evaluation/teleop/episodes")).unwrap();
+    let id = store.ids().unwrap().remove(0);
+    let result = serde_json::to_value(store.read_result(&id).unwrap()).unwrap();
+    assert_eq!((&result["source"], &result["ending"]), (&json!("teleop"), &json!("finished")), "{result}");
+    let stage = Stage::open(Arc::new(studio.scenario()), Catalogue::all(), &panda()).unwrap();
+    assert!(is_replayed(&stage, &store, &id, &rollout_settings()).unwrap());
+    let record: Value = serde_json::from_slice(&store.read_attachment(&id, "operator.json").unwrap()).unwrap();
+    assert_eq!(record["operator"], json!({ "kind": "person", "name": "ada" }));
+}
+
+#[test]
+fn floods_hold_and_a_cut_socket_pauses_without_replaying_anything() {
+    let studio = Studio::new();
+    let mut page = Page::open(&studio);
+    page.until(true, |status| status["phase"] == "running");
+    page.send(&json!([keyboard()]));
+    page.watch(Duration::from_millis(200), true);
+    page.send(&json!([key("KeyR", true)]));
+    page.watch(Duration::from_millis(300), true);
+    assert!(page.status["held"].is_null(), "{}", page.status);
+    page.send(&json!(vec![key("KeyR", true); 1000]));
+    page.until(true, |status| status["dropped"].as_u64() > Some(0));
+    page.watch(Duration::from_millis(300), true);
+    let held = height(&page.state);
+    page.watch(Duration::from_millis(400), true);
+    assert!((height(&page.state) - held).abs() < 0.002, "{held} {}", height(&page.state));
+    // Another page cannot take over a scenario that somebody drives.
+    let mut other = Tab::connect_to("/api/teleop", studio.server.address(), "bob", None).unwrap();
+    other.send(&json!({ "type": "keep" }));
+    assert!(other.next("refused")["error"]["hint"].as_str().unwrap().contains("start"));
+    other.send(&json!({ "type": "start", "scenario": studio.key }));
+    assert!(other.next("refused")["error"]["message"].as_str().unwrap().contains("already"));
+    let steps = page.status["steps"].as_u64().unwrap();
+    drop(page);
+    // The server notices that the connection is gone.
+    let start = Instant::now();
+    let mut page = loop {
+        other.send(&json!({ "type": "start", "scenario": studio.key }));
+        let answer = other.find(|message| ["started", "refused"].contains(&message["type"].as_str().unwrap()));
+        if answer["type"] == "started" {
+            assert_eq!(answer["again"], true);
+            let now = Instant::now();
+            break Page { tab: other, sequence: 0, status: json!({}), state: Vec::new(), states: 0, moved: now };
+        }
+        assert!(start.elapsed() < Duration::from_secs(10), "{answer}");
+    };
+    page.until(false, |status| status["phase"] == "paused");
+    let paused = page.status["steps"].as_u64().unwrap();
+    assert!(paused - steps < 60, "{steps} {paused}");
+    page.say("resume");
+    page.send(&json!([keyboard()]));
+    page.until(true, |status| status["phase"] == "running" && status["steps"].as_u64() > Some(paused + 30));
+    assert_eq!(page.status["held"], json!(null));
+    // A second take, then none at all.
+    page.say("retry");
+    page.until(true, |status| status["take"] == 2);
+    page.say("discard");
+    page.until(true, |status| status["phase"] == "discarded");
+    assert_eq!(studio.get(&studio.scenario_path("/episodes")).json(), json!([]));
+}
+
+#[test]
+fn other_sites_and_large_or_unknown_messages_are_refused() {
+    let studio = Studio::new();
+    let refused = Tab::connect_to("/api/teleop", studio.server.address(), "eve", Some("http://evil.example"));
+    assert_eq!(refused.err(), Some(403));
+    let mut tab = Tab::connect_to("/api/teleop", studio.server.address(), "ada", None).unwrap();
+    for message in
+        ["{}", "[]", r#"{"type":"start"}"#, r#"{"type":"start","scenario":"none"}"#, r#"{"type":"keep","more":1}"#]
+    {
+        tab.send_raw(Message::text(message)).unwrap();
+        assert!(tab.next("refused")["error"]["message"].is_string(), "{message}");
+    }
+    let _ = tab.send_raw(Message::text(" ".repeat(1 << 20)));
+    assert!(tab.is_closed());
+}

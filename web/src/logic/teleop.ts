@@ -1,0 +1,95 @@
+// Keys of teleoperation and words for its status, without a browser.
+
+/** Keys of the arm by `code`, as the server maps them. */
+export const ARM_KEYS: readonly { codes: readonly string[]; keys: string; words: string }[] = [
+  { codes: ["KeyW", "KeyS"], keys: "W S", words: "forward, back" },
+  { codes: ["KeyA", "KeyD"], keys: "A D", words: "left, right" },
+  { codes: ["KeyR", "KeyF"], keys: "R F", words: "up, down" },
+  { codes: ["ArrowLeft", "ArrowRight"], keys: "← →", words: "roll" },
+  { codes: ["ArrowUp", "ArrowDown"], keys: "↑ ↓", words: "pitch" },
+  { codes: ["KeyQ", "KeyE"], keys: "Q E", words: "yaw" },
+  { codes: ["Space"], keys: "Space", words: "close or open the gripper" },
+  { codes: ["ShiftLeft", "ShiftRight"], keys: "Shift", words: "slow, while held" },
+  { codes: ["KeyC"], keys: "C", words: "clutch, while held" },
+  { codes: ["KeyV"], keys: "V", words: "frame: world, hand" },
+  { codes: ["Enter"], keys: "Enter", words: "end the take" },
+];
+
+export type Command = "pause" | "retry" | "keep" | "discard";
+
+/** Keys of the take. */
+export const TAKE_KEYS: readonly { code: string; key: string; command: Command; words: string }[] = [
+  { code: "KeyP", key: "P", command: "pause", words: "pause or go on" },
+  { code: "KeyN", key: "N", command: "retry", words: "begin anew" },
+  { code: "KeyK", key: "K", command: "keep", words: "keep" },
+  { code: "KeyX", key: "X", command: "discard", words: "discard" },
+];
+
+const ARM_CODES = new Set(ARM_KEYS.flatMap((one) => one.codes));
+
+interface KeyLike {
+  code: string;
+  ctrlKey: boolean;
+  metaKey: boolean;
+  altKey: boolean;
+}
+
+/** Meaning of a key press on the pad; null if it belongs to the page or to the browser. */
+export function meaning(event: KeyLike): { arm: string } | { command: Command } | null {
+  if (event.ctrlKey || event.metaKey || event.altKey) return null;
+  if (ARM_CODES.has(event.code)) return { arm: event.code };
+  const take = TAKE_KEYS.find((one) => one.code === event.code);
+  return take ? { command: take.command } : null;
+}
+
+export interface TeleopStatus {
+  phase: "waiting" | "running" | "paused" | "judged" | "kept" | "discarded" | "failed";
+  take: number;
+  time_s: number;
+  steps: number;
+  late_steps: number;
+  held: "silence" | "clutch" | "release_first" | null;
+  limits: ("speed" | "workspace" | "lead" | "joint" | "singularity" | "reach")[];
+  frame: string;
+  closed: boolean;
+  contact_n: number;
+  grasped: string | null;
+  conditions: [number, number];
+  next: { text: string; distance: number; unit: string | null } | null;
+  success: boolean | null;
+}
+
+const HELD = { silence: "holds: no input", clutch: "holds: clutch", release_first: "holds: release all keys first" };
+const LIMITS = {
+  speed: "at the largest speed",
+  workspace: "at the border of the workspace",
+  lead: "slowed: the arm is blocked or lags behind",
+  joint: "a joint is at its limit",
+  singularity: "near a singularity",
+  reach: "out of reach",
+};
+const PHASES = {
+  waiting: "waits for its turn",
+  running: "",
+  paused: "paused",
+  judged: "ended: keep, begin anew or discard",
+  kept: "kept",
+  discarded: "discarded",
+  failed: "failed",
+};
+
+/** What the arm does and why, for the status line. */
+export function statusWords(status: TeleopStatus, hasFocus: boolean): string {
+  if (status.phase === "judged" && status.success !== null) return `${status.success ? "success" : "goal missed"}; ${PHASES.judged}`;
+  if (status.phase !== "running") return PHASES[status.phase];
+  if (status.held) return HELD[status.held];
+  if (!hasFocus) return "holds: the pad has not the focus";
+  return status.limits.map((limit) => LIMITS[limit]).join(", ") || "follows";
+}
+
+/** Distance of a condition in the unit of a person. */
+export function distanceWords({ distance, unit }: { distance: number; unit: string | null }): string {
+  if (unit === "m") return `${(distance * 100).toFixed(1)} cm`;
+  if (unit === "rad") return `${((distance * 180) / Math.PI).toFixed(0)}°`;
+  return distance.toFixed(2);
+}

@@ -1,0 +1,111 @@
+// Teleoperation: a pad that takes the keys, commands of the take, and what the arm does and why.
+
+import { useEffect, useRef } from "preact/hooks";
+import { ARM_KEYS, distanceWords, statusWords, TAKE_KEYS } from "../logic/teleop.ts";
+import * as store from "../state/store.ts";
+import * as teleop from "../state/teleop.ts";
+import { withKeys } from "./widgets.tsx";
+
+export function TeleopPanel() {
+  if (teleop.isActive.value) return <Active />;
+  return (
+    <div class="actions">
+      <button type="button" title={withKeys("Move the robot yourself and record it", "teleop")} disabled={!store.isOnline.value || !store.current.value} onClick={teleop.begin}>
+        Teleoperate
+      </button>
+      {teleop.kept.value > 0 && <span class="muted">{teleop.kept.value} kept</span>}
+    </div>
+  );
+}
+
+function Active() {
+  const pad = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    pad.current?.focus();
+    const look = () => teleop.focus(!document.hidden && document.hasFocus() && document.activeElement === pad.current);
+    const lose = () => teleop.focus(false);
+    window.addEventListener("blur", lose);
+    window.addEventListener("focus", look);
+    document.addEventListener("visibilitychange", look);
+    window.addEventListener("gamepadconnected", teleop.findGamepads);
+    window.addEventListener("gamepaddisconnected", teleop.findGamepads);
+    teleop.findGamepads();
+    look();
+    return () => {
+      window.removeEventListener("blur", lose);
+      window.removeEventListener("focus", look);
+      document.removeEventListener("visibilitychange", look);
+      window.removeEventListener("gamepadconnected", teleop.findGamepads);
+      window.removeEventListener("gamepaddisconnected", teleop.findGamepads);
+      teleop.focus(false);
+    };
+  }, []);
+  const onKey = (down: boolean) => (event: KeyboardEvent) => {
+    if (!teleop.key(event, down)) return;
+    event.preventDefault();
+    event.stopPropagation();
+  };
+  const status = teleop.status.value;
+  return (
+    <section class="teleop" aria-label="Teleoperation">
+      <p>{store.current.value?.instruction}</p>
+      <div
+        ref={pad}
+        class="pad"
+        role="application"
+        tabIndex={0}
+        aria-label="Pad: keys move the arm while it has the focus"
+        onKeyDown={onKey(true)}
+        onKeyUp={onKey(false)}
+        onFocus={() => teleop.focus(true)}
+        onBlur={() => teleop.focus(false)}
+      >
+        <dl>
+          {ARM_KEYS.map((one) => (
+            <div key={one.keys}>
+              <dt>{one.keys}</dt>
+              <dd>{one.words}</dd>
+            </div>
+          ))}
+        </dl>
+      </div>
+      <p role="status" aria-live="polite">
+        {status ? statusWords(status, teleop.hasFocus.value || teleop.gamepad.value !== null) : "The simulation starts."}
+      </p>
+      {status && (
+        <>
+          <p>
+            {status.conditions[0]} of {status.conditions[1]} conditions hold
+            {status.next && `; next: ${status.next.text} (${distanceWords(status.next)} off)`}
+          </p>
+          <p class="muted">
+            take {status.take}, {status.time_s.toFixed(1)} s, {status.late_steps} of {status.steps} steps late; gripper {status.closed ? "closed" : "open"}
+            {status.grasped && `, holds ${status.grasped}`}
+            {status.contact_n > 2 && `, contact of ${status.contact_n.toFixed(0)} N`}; frame: {status.frame}
+          </p>
+        </>
+      )}
+      <label class="field">
+        <span>Device</span>
+        <select value={String(teleop.gamepad.value ?? "")} onChange={({ currentTarget: { value } }) => teleop.choose(value === "" ? null : Number(value))}>
+          <option value="">Keyboard</option>
+          {teleop.gamepads.value.map((one) => (
+            <option key={one.index} value={one.index}>
+              {one.name}
+            </option>
+          ))}
+        </select>
+      </label>
+      <div class="actions">
+        {TAKE_KEYS.map((one) => (
+          <button key={one.key} type="button" class={one.command === "keep" ? "primary" : ""} onClick={() => teleop.command(one.command)}>
+            {one.words} ({one.key})
+          </button>
+        ))}
+        <button type="button" onClick={teleop.toggleGripper}>
+          gripper
+        </button>
+      </div>
+    </section>
+  );
+}

@@ -1,0 +1,38 @@
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import test from "node:test";
+import { ARM_KEYS, distanceWords, meaning, statusWords, TAKE_KEYS } from "../../src/logic/teleop.ts";
+
+const press = (code, more = {}) => ({ code, ctrlKey: false, metaKey: false, altKey: false, ...more });
+const status = (more) => ({ phase: "running", held: null, limits: [], success: null, ...more });
+
+test("keys of the arm are those that the server maps, and none has two meanings", () => {
+  const source = readFileSync(new URL("../../../crates/teleop/src/device/keyboard.rs", import.meta.url), "utf8");
+  const mapped = [...source.matchAll(/\("(\w+)", (?:\d|Control)/g)].map(([, code]) => code);
+  const shown = ARM_KEYS.flatMap((one) => one.codes);
+  assert.deepEqual([...shown].sort(), mapped.sort());
+  const all = [...shown, ...TAKE_KEYS.map((one) => one.code)];
+  assert.equal(new Set(all).size, all.length);
+});
+
+test("meanings of keys", () => {
+  assert.deepEqual(meaning(press("KeyW")), { arm: "KeyW" });
+  assert.deepEqual(meaning(press("KeyK")), { command: "keep" });
+  assert.equal(meaning(press("KeyR", { ctrlKey: true })), null);
+  assert.equal(meaning(press("Tab")), null);
+});
+
+test("words of a status", () => {
+  const cases = [
+    [status({}), true, "follows"],
+    [status({}), false, "holds: the pad has not the focus"],
+    [status({ held: "silence", limits: ["joint"] }), true, "holds: no input"],
+    [status({ limits: ["lead", "joint"] }), true, "slowed: the arm is blocked or lags behind, a joint is at its limit"],
+    [status({ phase: "paused", held: "silence" }), true, "paused"],
+    [status({ phase: "judged", success: false }), true, "goal missed; ended: keep, begin anew or discard"],
+  ];
+  for (const [now, hasFocus, words] of cases) assert.equal(statusWords(now, hasFocus), words);
+  assert.equal(distanceWords({ distance: 0.0224, unit: "m" }), "2.2 cm");
+  assert.equal(distanceWords({ distance: Math.PI / 2, unit: "rad" }), "90°");
+  assert.equal(distanceWords({ distance: 0.5, unit: null }), "0.50");
+});
