@@ -181,8 +181,9 @@ impl Robomimic {
             && let Some(column) = columns.numbers("next.reward", &rewards)?
         {
             // Sparse rewards mark success; shaped ones say nothing about it.
-            let is_sparse = column.numbers().iter().all(|reward| [0.0, 1.0].contains(reward));
-            succeeded = is_sparse.then(|| column.numbers().iter().any(|reward| *reward == 1.0));
+            let rewards = column.numbers();
+            let is_sparse = rewards.iter().all(|reward| [0.0, 1.0].contains(reward));
+            succeeded = is_sparse.then(|| rewards.contains(&1.0));
             features.push(column);
         }
         if let Ok(dones) = demonstration.dataset("dones")

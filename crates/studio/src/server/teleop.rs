@@ -83,10 +83,10 @@ pub async fn connect(State(studio): State<Arc<Studio>>, upgrade: WebSocketUpgrad
     }
     upgrade.max_message_size(MAX_MESSAGE).max_frame_size(MAX_MESSAGE).on_upgrade(async move |socket| {
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let mut connection = Connection { studio, number, session: None };
+        let mut connection = Connection { studio, number, attached: None };
         connection.serve(socket).await;
-        if let Some((session, ..)) = connection.session {
-            session.detach(number);
+        if let Some(attached) = connection.attached {
+            attached.session.detach(number);
         }
         OPEN.fetch_sub(1, Ordering::Relaxed);
     })
@@ -96,8 +96,14 @@ pub async fn connect(State(studio): State<Arc<Studio>>, upgrade: WebSocketUpgrad
 struct Connection {
     studio: Arc<Studio>,
     number: u64,
-    /// Session that it is attached to, with its newest state and status.
-    session: Option<(Arc<Session>, watch::Receiver<Arc<Vec<u8>>>, watch::Receiver<Shown>)>,
+    attached: Option<Attached>,
+}
+
+/// Session that a connection is attached to, with its newest state and status.
+struct Attached {
+    session: Arc<Session>,
+    states: watch::Receiver<Arc<Vec<u8>>>,
+    shown: watch::Receiver<Shown>,
 }
 
 /// Next event to handle.
@@ -113,8 +119,8 @@ impl Connection {
         let mut told: Option<(Instant, Shown)> = None;
         loop {
             let changes = async {
-                match &mut self.session {
-                    Some((_, states, shown)) => tokio::select! {
+                match &mut self.attached {
+                    Some(Attached { states, shown, .. }) => tokio::select! {
                         Ok(()) = states.changed() => Next::State,
                         Ok(()) = shown.changed() => Next::Status,
                         else => std::future::pending().await,
@@ -139,12 +145,12 @@ impl Connection {
                 Next::Received(Some(Ok(Message::Ping(_) | Message::Pong(_)))) => continue,
                 Next::Received(Some(Ok(Message::Close(_)) | Err(_)) | None) => return,
                 Next::State => {
-                    let Some((_, states, _)) = &mut self.session else { continue };
-                    Message::Binary(states.borrow_and_update().to_vec().into())
+                    let Some(attached) = &mut self.attached else { continue };
+                    Message::Binary(attached.states.borrow_and_update().to_vec().into())
                 }
                 Next::Status => {
-                    let Some((_, _, shown)) = &mut self.session else { continue };
-                    let now = shown.borrow_and_update().clone();
+                    let Some(attached) = &mut self.attached else { continue };
+                    let now = attached.shown.borrow_and_update().clone();
                     let is_due =
                         told.as_ref().is_none_or(|(at, before)| is_news(before, &now) || at.elapsed() >= STATUS);
                     if !is_due {
@@ -167,7 +173,7 @@ impl Connection {
         if let FromPage::Start { scenario, author, frame, camera } = message {
             return self.start(scenario, &author, frame, camera).await.map(Some);
         }
-        let Some((session, ..)) = &self.session else {
+        let Some(Attached { session, .. }) = &self.attached else {
             return Err(Refusal::unsuited("no scenario is teleoperated", "send a `start` message first"));
         };
         match message {
@@ -192,8 +198,8 @@ impl Connection {
         frame: OperatorFrame,
         camera: Option<String>,
     ) -> Result<Value, Refusal> {
-        if let Some((session, ..)) = self.session.take() {
-            session.detach(self.number);
+        if let Some(attached) = self.attached.take() {
+            attached.session.detach(self.number);
         }
         let author = if author.trim().is_empty() { self.studio.author.clone() } else { author.trim().to_owned() };
         if author.len() > MAX_NAME {
@@ -212,7 +218,7 @@ impl Connection {
         if states.borrow().is_empty() {
             states.mark_unchanged();
         }
-        self.session = Some((session, states, shown));
+        self.attached = Some(Attached { session, states, shown });
         Ok(answer)
     }
 }
