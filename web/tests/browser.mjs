@@ -660,12 +660,12 @@ withMock("the robot is teleoperated, paused and a take kept, by keyboard alone",
   const start = await revision(page);
   await page.keyboard.down("f");
   await page.keyboard.press("Tab");
-  await page.waitForSelector(".teleop [role=status]:has-text('has not the focus')");
+  await page.waitForSelector(".teleop [role=status]:has-text('need the focus')");
   await until("the keys are released", async () => server.studio.driven.at(-1) === "blurred");
   await page.keyboard.up("f");
   await page.keyboard.press("Shift+Tab");
   await page.keyboard.press("p");
-  await page.waitForSelector(".teleop [role=status]:has-text('paused')");
+  await page.waitForSelector(".teleop [role=status]:has-text('Paused')");
   await page.keyboard.press("p");
   await page.waitForSelector(".teleop [role=status]:has-text('follows')");
   await page.keyboard.press("n");

@@ -59,9 +59,9 @@ export interface TeleopStatus {
   success: boolean | null;
 }
 
-const HELD = { silence: "holds: no input", clutch: "holds: clutch", release_first: "holds: release all keys first" };
+const HELD = { silence: "The arm holds: no input", clutch: "The arm holds: clutch", release_first: "The arm holds: release all keys first" };
 const LIMITS = {
-  speed: "at the largest speed",
+  speed: "at the speed limit",
   workspace: "at the border of the workspace",
   lead: "slowed: the arm is blocked or lags behind",
   joint: "a joint is at its limit",
@@ -69,27 +69,27 @@ const LIMITS = {
   reach: "out of reach",
 };
 const PHASES = {
-  waiting: "waits for its turn",
+  waiting: "Waits for another episode to end",
   running: "",
-  paused: "paused",
-  judged: "ended: keep, begin anew or discard",
-  kept: "kept",
-  discarded: "discarded",
-  failed: "failed",
+  paused: "Paused",
+  judged: "keep it, begin anew or discard it",
+  kept: "Kept",
+  discarded: "Discarded",
+  failed: "Failed",
 };
 
 /** What the arm does and why, for the status line. */
 export function statusWords(status: TeleopStatus, hasFocus: boolean): string {
-  if (status.phase === "judged" && status.success !== null) return `${status.success ? "success" : "goal missed"}; ${PHASES.judged}`;
+  if (status.phase === "judged" && status.success !== null) return `${status.success ? "Success" : "Goal missed"}: ${PHASES.judged}`;
   if (status.phase !== "running") return PHASES[status.phase];
   if (status.held) return HELD[status.held];
-  if (!hasFocus) return "holds: the pad has not the focus";
-  return status.limits.map((limit) => LIMITS[limit]).join(", ") || "follows";
+  if (!hasFocus) return "The arm holds: the keys need the focus, press Tab or click them";
+  return ["The arm follows", ...status.limits.map((limit) => LIMITS[limit])].join("; ");
 }
 
-/** Distance of a condition in the unit of a person. */
-export function distanceWords({ distance, unit }: { distance: number; unit: string | null }): string {
+/** Distance of a condition in centimetres or degrees; null for a quantity without unit. */
+export function distanceWords({ distance, unit }: { distance: number; unit: string | null }): string | null {
   if (unit === "m") return `${(distance * 100).toFixed(1)} cm`;
   if (unit === "rad") return `${((distance * 180) / Math.PI).toFixed(0)}°`;
-  return distance.toFixed(2);
+  return null;
 }

@@ -6,10 +6,15 @@ import * as store from "../state/store.ts";
 import * as teleop from "../state/teleop.ts";
 import { withKeys } from "./widgets.tsx";
 
+const distance = (next: { distance: number; unit: string | null }) => {
+  const words = distanceWords(next);
+  return words ? ` (${words} off)` : "";
+};
+
 export function TeleopPanel() {
   if (teleop.isActive.value) return <Active />;
   return (
-    <div class="actions">
+    <div class="actions teleop-start">
       <button type="button" title={withKeys("Move the robot yourself and record it", "teleop")} disabled={!store.isOnline.value || !store.current.value} onClick={teleop.begin}>
         Teleoperate
       </button>
@@ -70,13 +75,13 @@ function Active() {
         </dl>
       </div>
       <p role="status" aria-live="polite">
-        {status ? statusWords(status, teleop.hasFocus.value || teleop.gamepad.value !== null) : "The simulation starts."}
+        {status ? statusWords(status, teleop.hasFocus.value || teleop.gamepad.value !== null) : "The simulation starts"}
       </p>
       {status && (
         <>
           <p>
             {status.conditions[0]} of {status.conditions[1]} conditions hold
-            {status.next && `; next: ${status.next.text} (${distanceWords(status.next)} off)`}
+            {status.next && `; next: ${status.next.text}${distance(status.next)}`}
           </p>
           <p class="muted">
             take {status.take}, {status.time_s.toFixed(1)} s, {status.late_steps} of {status.steps} steps late; gripper {status.closed ? "closed" : "open"}

@@ -24,15 +24,15 @@ test("meanings of keys", () => {
 
 test("words of a status", () => {
   const cases = [
-    [status({}), true, "follows"],
-    [status({}), false, "holds: the pad has not the focus"],
-    [status({ held: "silence", limits: ["joint"] }), true, "holds: no input"],
-    [status({ limits: ["lead", "joint"] }), true, "slowed: the arm is blocked or lags behind, a joint is at its limit"],
-    [status({ phase: "paused", held: "silence" }), true, "paused"],
-    [status({ phase: "judged", success: false }), true, "goal missed; ended: keep, begin anew or discard"],
+    [status({}), true, "The arm follows"],
+    [status({}), false, "The arm holds: the keys need the focus, press Tab or click them"],
+    [status({ held: "silence", limits: ["joint"] }), true, "The arm holds: no input"],
+    [status({ limits: ["lead", "joint"] }), true, "The arm follows; slowed: the arm is blocked or lags behind; a joint is at its limit"],
+    [status({ phase: "paused", held: "silence" }), true, "Paused"],
+    [status({ phase: "judged", success: false }), true, "Goal missed: keep it, begin anew or discard it"],
   ];
   for (const [now, hasFocus, words] of cases) assert.equal(statusWords(now, hasFocus), words);
   assert.equal(distanceWords({ distance: 0.0224, unit: "m" }), "2.2 cm");
   assert.equal(distanceWords({ distance: Math.PI / 2, unit: "rad" }), "90°");
-  assert.equal(distanceWords({ distance: 0.5, unit: null }), "0.50");
+  assert.equal(distanceWords({ distance: 0.5, unit: null }), null);
 });
