@@ -1,7 +1,7 @@
 //! HTTP API of episodes: running a policy on a scenario, one job at a time per scenario, and playback of stored
 //! episodes.
 
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, PoisonError};
 
 use axum::body::Body;
@@ -22,7 +22,7 @@ use super::jobs::{Job, Played, Stage};
 use super::requests::{body, work};
 use super::room::{Revision, Room};
 use super::studio::Studio;
-use crate::run::{EpisodeJob, EpisodeRow, KeptEpisode, Moments, kept_episodes, playback};
+use crate::run::{EpisodeJob, EpisodeRow, KeptEpisode, Moments, Place, kept_episodes, playback};
 
 /// Content security policy of a transcript's page: only its own images and styles.
 const TRANSCRIPT_POLICY: &str = "default-src 'none'; img-src 'self' data:; style-src 'unsafe-inline'";
@@ -75,7 +75,7 @@ async fn start(State(studio): Shared, Path(key): Path<String>, request: HttpRequ
         let job = studio.runs.add(&key, &policy, now.number)?;
         job.change(&room, |_| {});
         let answer = Json(json!({ "run": job.now() })).into_response();
-        tokio::spawn(run(own, room, job, episode));
+        tokio::spawn(run(own, room, job, move |stop, advance| Ok(episode.run(stop, advance)?.map(|ran| ran.place))));
         Ok(answer)
     })
     .await
@@ -89,8 +89,14 @@ fn horizon_s(file: &std::path::Path) -> Option<f64> {
     entries.into_iter().find(|entry| entry.id == id).map(|entry| entry.horizon_s)
 }
 
-/// Runs a job as soon as a permit is free.
-async fn run(studio: Arc<Studio>, room: Arc<Room>, job: Arc<Job>, episode: EpisodeJob) {
+/// Runs a job as soon as a permit is free, unless it was cancelled before. `compute` takes the job's stop flag and a
+/// callback for the simulated time (s), and returns the place of the stored episode, or `None` if none was stored.
+pub async fn run<F>(studio: Arc<Studio>, room: Arc<Room>, job: Arc<Job>, compute: F)
+where
+    F: FnOnce(&Arc<AtomicBool>, Box<dyn Fn(f64) + Send + Sync>) -> Result<Option<Place>, WorkspaceError>
+        + Send
+        + 'static,
+{
     let shared = Arc::clone(&studio);
     let Ok(_turn) = shared.runs.turns.acquire().await else { return };
     if job.stop.load(Ordering::Relaxed) {
@@ -100,9 +106,9 @@ async fn run(studio: Arc<Studio>, room: Arc<Room>, job: Arc<Job>, episode: Episo
     let (own, own_room) = (Arc::clone(&job), Arc::clone(&room));
     let computed = tokio::task::spawn_blocking(move || {
         let (advancing, advancing_room) = (Arc::clone(&own), Arc::clone(&own_room));
-        let ran = episode.run(&own.stop, move |time_s| advancing.advance(&advancing_room, time_s))?;
-        let Some(ran) = ran else { return Ok(None) };
-        let row = episodes(&studio, &own_room).into_iter().find(|kept| kept.place == ran.place);
+        let advance = move |time_s| advancing.advance(&advancing_room, time_s);
+        let Some(place) = compute(&own.stop, Box::new(advance))? else { return Ok(None) };
+        let row = episodes(&studio, &own_room).into_iter().find(|kept| kept.place == place);
         Ok::<_, WorkspaceError>(row.and_then(|kept| kept.row()))
     })
     .await;
@@ -151,7 +157,7 @@ async fn list(State(studio): Shared, Path(key): Path<String>) -> Response {
 }
 
 /// Stored episodes of a scenario, at all of its revisions.
-pub fn episodes(studio: &Studio, room: &Room) -> Vec<KeptEpisode> {
+fn episodes(studio: &Studio, room: &Room) -> Vec<KeptEpisode> {
     let (file, id, hashes) =
         room.read(|document| (document.path().to_owned(), document.scenario().id.clone(), document.hashes()));
     kept_episodes(&file, &id, &hashes, &studio.runs.folder)

@@ -55,12 +55,10 @@ enum FromTab {
 pub async fn connect(State(studio): State<Arc<Studio>>, upgrade: WebSocketUpgrade) -> Response {
     static OPEN: AtomicUsize = AtomicUsize::new(0);
     static NUMBER: AtomicU64 = AtomicU64::new(0);
-    if OPEN.fetch_add(1, Ordering::Relaxed) >= MAX_TABS {
-        OPEN.fetch_sub(1, Ordering::Relaxed);
+    let Some(open) = Open::below(MAX_TABS, &OPEN) else {
         return Refusal::Stopped { message: format!("{MAX_TABS} tabs are open"), hint: "close some".into() }
             .into_response();
-    }
-    let open = Open(&OPEN);
+    };
     upgrade.max_message_size(MAX_BODY).max_frame_size(MAX_BODY).on_upgrade(async move |socket| {
         let _open = open;
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
@@ -70,8 +68,16 @@ pub async fn connect(State(studio): State<Arc<Studio>>, upgrade: WebSocketUpgrad
     })
 }
 
-/// Counter of open tabs, which is decremented on drop.
-struct Open(&'static AtomicUsize);
+/// An open connection in a counter, which is decremented on drop, also if the handshake fails.
+pub(super) struct Open(&'static AtomicUsize);
+
+impl Open {
+    /// Counts a connection; `None` if `most` are open.
+    pub fn below(most: usize, counter: &'static AtomicUsize) -> Option<Self> {
+        let open = Self(counter);
+        (counter.fetch_add(1, Ordering::Relaxed) < most).then_some(open)
+    }
+}
 
 impl Drop for Open {
     fn drop(&mut self) {

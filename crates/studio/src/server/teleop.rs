@@ -25,7 +25,8 @@ use tokio::sync::watch;
 use super::answer::Refusal;
 use super::jobs::{Job, Stage};
 use super::room::Room;
-use super::runs::episodes;
+use super::runs;
+use super::socket::Open;
 use super::studio::Studio;
 use crate::run::playback;
 use crate::teleop::session::{HORIZON_S, Shown, Wish};
@@ -76,19 +77,18 @@ enum FromPage {
 pub async fn connect(State(studio): State<Arc<Studio>>, upgrade: WebSocketUpgrade) -> Response {
     static OPEN: AtomicUsize = AtomicUsize::new(0);
     static NUMBER: AtomicU64 = AtomicU64::new(0);
-    if OPEN.fetch_add(1, Ordering::Relaxed) >= MAX_CONNECTIONS {
-        OPEN.fetch_sub(1, Ordering::Relaxed);
+    let Some(open) = Open::below(MAX_CONNECTIONS, &OPEN) else {
         let message = format!("{MAX_CONNECTIONS} pages teleoperate");
         return Refusal::Stopped { message, hint: "close some".into() }.into_response();
-    }
+    };
     upgrade.max_message_size(MAX_MESSAGE).max_frame_size(MAX_MESSAGE).on_upgrade(async move |socket| {
+        let _open = open;
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let mut connection = Connection { studio, number, attached: None };
         connection.serve(socket).await;
         if let Some(attached) = connection.attached {
             attached.session.detach(number);
         }
-        OPEN.fetch_sub(1, Ordering::Relaxed);
     })
 }
 
@@ -283,33 +283,15 @@ fn started(session: Arc<Session>, again: bool) -> (Arc<Session>, Value) {
     (session, answer)
 }
 
-/// Runs a session as soon as a permit is free.
+/// Runs a session as soon as a permit is free, and gives it the phase in which its job ends.
 async fn run(studio: Arc<Studio>, room: Arc<Room>, job: Arc<Job>, session: Arc<Session>, setup: SessionSetup) {
-    let shared = Arc::clone(&studio);
-    let Ok(_turn) = shared.runs.turns.acquire().await else { return };
-    job.change(&room, |run| run.state = Stage::Running);
-    let (own, own_room, own_session) = (Arc::clone(&job), Arc::clone(&room), Arc::clone(&session));
-    let ran = tokio::task::spawn_blocking(move || {
-        let place = own_session.run(&setup, |time_s| own.advance(&own_room, time_s))?;
-        let Some(place) = place else { return Ok(None) };
-        let row = episodes(&studio, &own_room).into_iter().find(|kept| kept.place == place);
-        Ok::<_, WorkspaceError>(row.and_then(|kept| kept.row()))
-    })
-    .await;
-    let phase = match &ran {
-        Ok(Ok(Some(_))) => Phase::Kept,
-        Ok(Ok(None)) => Phase::Discarded,
+    let own = Arc::clone(&session);
+    runs::run(studio, room, Arc::clone(&job), move |_, advance| own.run(&setup, advance)).await;
+    let phase = match job.now().state {
+        Stage::Done => Phase::Kept,
+        Stage::Cancelled => Phase::Discarded,
         _ => Phase::Failed,
     };
-    job.change(&room, |run| match ran {
-        Ok(Ok(Some(row))) => (run.state, run.time_s, run.episode) = (Stage::Done, row.duration_s, Some(row)),
-        Ok(Ok(None)) => run.state = Stage::Cancelled,
-        Ok(Err(error)) => (run.state, run.error) = (Stage::Failed, Some(Refusal::of_work(&error).error())),
-        Err(_) => {
-            let error = json!({ "message": "the session panicked; please report this bug", "hint": "" });
-            (run.state, run.error) = (Stage::Failed, Some(error));
-        }
-    });
     session.shown.send_modify(|shown| shown.phase = phase);
 }
 

@@ -80,6 +80,15 @@ impl Page {
         }
     }
 
+    /// A page whose take is running, with a connected keyboard.
+    fn with_keyboard(studio: &Studio) -> Self {
+        let mut page = Self::open(studio);
+        page.until(true, |status| status["phase"] == "running");
+        page.send(&json!([keyboard()]));
+        page.watch(Duration::from_millis(200), true);
+        page
+    }
+
     /// Reads until the status fulfils a condition.
     fn until(&mut self, is_alive: bool, is_meant: impl Fn(&Value) -> bool) {
         let start = Instant::now();
@@ -106,10 +115,7 @@ fn keyboard() -> Value {
 #[test]
 fn a_take_is_driven_kept_listed_and_replays() {
     let studio = Studio::new();
-    let mut page = Page::open(&studio);
-    page.until(true, |status| status["phase"] == "running");
-    page.send(&json!([keyboard()]));
-    page.watch(Duration::from_millis(200), true);
+    let mut page = Page::with_keyboard(&studio);
     let before = height(&page.state);
     page.send(&json!([key("KeyR", true)]));
     let (start, states) = (Instant::now(), page.states);
@@ -151,10 +157,7 @@ fn a_take_is_driven_kept_listed_and_replays() {
 #[test]
 fn floods_hold_and_a_cut_socket_pauses_without_replaying_anything() {
     let studio = Studio::new();
-    let mut page = Page::open(&studio);
-    page.until(true, |status| status["phase"] == "running");
-    page.send(&json!([keyboard()]));
-    page.watch(Duration::from_millis(200), true);
+    let mut page = Page::with_keyboard(&studio);
     page.send(&json!([key("KeyR", true)]));
     page.watch(Duration::from_millis(300), true);
     assert!(page.status["held"].is_null(), "{}", page.status);
