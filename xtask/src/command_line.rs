@@ -4,7 +4,7 @@
 pub const SUBCOMMANDS: [&str; 9] = ["setup", "demo", "install", "wheel", "test", "fuzz", "tidy", "docs", "help"];
 
 /// Phases of `cargo xtask test`, in their order: what fails in seconds comes before what takes minutes.
-pub const PHASES: [&str; 15] = [
+pub const PHASES: [&str; 14] = [
     "setup",
     "fmt",
     "tidy",
@@ -19,7 +19,6 @@ pub const PHASES: [&str; 15] = [
     "python",
     "docs",
     "test",
-    "learn",
 ];
 
 /// Options of `cargo xtask test`, each of which is a test of its own.

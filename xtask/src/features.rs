@@ -9,7 +9,7 @@ pub const LEARN: [&str; 2] = ["--features", "genmanip-cli/learn"];
 
 /// Builds that share the libraries of the tests' build.
 const BUILDS: [(&str, &[&str]); 3] =
-    [("the programs", &[]), ("the wheel", &["--package", "genmanip-python"]), ("learned policies", &LEARN)];
+    [("the programs", &[]), ("the wheel", &["--package", "genmanip-python"]), ("programs that learn", &LEARN)];
 
 /// Fails if one of [`BUILDS`] would compile a library again. Libraries that the tests' build does not have are new, and
 /// our own packages with another feature are what a build is for.
@@ -19,7 +19,7 @@ pub fn check(workspace: &Workspace) -> Result {
         let listed = process::output(&mut workspace.cargo(tree.iter().chain(which).copied()))?;
         Ok(listed.lines().map(|line| line.trim_end_matches(" (*)").to_owned()).collect::<BTreeSet<String>>())
     };
-    let known = libraries(&["--workspace"], "normal,build,dev")?;
+    let known = libraries(&["--workspace", LEARN[0], LEARN[1]], "normal,build,dev")?;
     for (build, which) in BUILDS {
         let needed = libraries(which, "normal,build")?;
         let is_again = |library: &&String| {

@@ -15,28 +15,9 @@ enum Outcome {
     Skipped(String),
 }
 
-/// The tests' own build, the program included, so that nothing is built twice with another choice of features.
-const BUILD: [&str; 4] = ["test", "--release", "--workspace", "--no-run"];
-
-/// Tests of learned policies, in a build with Burn that shares all other libraries with the tests' own; most programs do
-/// without.
-const LEARNED: [&str; 15] = [
-    "-p",
-    "genmanip-policy",
-    "-p",
-    "genmanip-pipeline",
-    "-p",
-    "genmanip-cli",
-    "--features",
-    "genmanip-cli/learn",
-    "--lib",
-    "--test",
-    "pipeline",
-    "--test",
-    "cli",
-    "--",
-    "learn",
-];
+/// Packages and features of every build: the whole workspace with learned policies, so that nothing is built twice with another
+/// choice of features. The wheel and the phases that name their own packages do without learned policies.
+const ALL: [&str; 3] = ["--workspace", "--features", "genmanip-cli/learn"];
 
 /// Runs one phase of [`PHASES`].
 fn phase(name: &str, workspace: &Workspace) -> Result<Outcome> {
@@ -49,16 +30,15 @@ fn phase(name: &str, workspace: &Workspace) -> Result<Outcome> {
         "tidy" => tidy::run(&workspace.root, &[]).and_then(|()| features::check(workspace)).map(|()| passed()),
         "deny" => if_installed(workspace, "cargo-deny", &["check", "licenses", "bans", "sources"]),
         "typos" => if_installed(workspace, "typos", &[]),
-        "clippy" => cargo(workspace, &["clippy", "--release", "--workspace", "--all-targets", "--", "-D", "warnings"]),
+        "clippy" => lints(workspace),
         "doc" => documentation(workspace),
-        "build" => cargo(workspace, &BUILD),
+        "build" => build(workspace).map(|()| passed()),
         "link check" => link_check(workspace),
         "bytes" => same_bytes(workspace),
         "web" => web_page(workspace),
         "python" => python_wheel(workspace),
         "docs" => documentation_blocks(workspace),
-        "test" => tests(workspace, &["--workspace"]),
-        "learn" => tests(workspace, &LEARNED),
+        "test" => tests(workspace),
         other => unreachable!("{other} is no phase"),
     }
 }
@@ -135,6 +115,16 @@ fn if_installed(workspace: &Workspace, program: &str, args: &[&str]) -> Result<O
     process::visible(workspace.command(program).args(args)).map(|()| passed())
 }
 
+/// The programs, all libraries and all tests.
+fn build(workspace: &Workspace) -> Result {
+    process::visible(&mut workspace.cargo(["test", "--release", "--no-run"].into_iter().chain(ALL)))
+}
+
+fn lints(workspace: &Workspace) -> Result<Outcome> {
+    let all = ["clippy", "--release", "--all-targets"].into_iter().chain(ALL);
+    process::visible(&mut workspace.cargo(all.chain(["--", "-D", "warnings"]))).map(|()| passed())
+}
+
 fn documentation(workspace: &Workspace) -> Result<Outcome> {
     let mut cargo = workspace.cargo(["doc", "--release", "--workspace", "--no-deps", "--quiet"]);
     process::visible(cargo.env("RUSTDOCFLAGS", "-D warnings")).map(|()| passed())
@@ -142,14 +132,14 @@ fn documentation(workspace: &Workspace) -> Result<Outcome> {
 
 /// README.md and the guides show commands that work.
 fn documentation_blocks(workspace: &Workspace) -> Result<Outcome> {
-    process::visible(&mut workspace.cargo(BUILD))?;
+    build(workspace)?;
     docs::run(workspace, &[], docs::Blocks::Usual).map(Outcome::Passed)
 }
 
 /// The program finds the simulator by itself: `command` has removed the library path that cargo would give it.
 /// Tests and doctests show the same under cargo, which adds no folder outside of the target folder.
 fn link_check(workspace: &Workspace) -> Result<Outcome> {
-    process::visible(&mut workspace.cargo(BUILD))?;
+    build(workspace)?;
     process::visible(with_python(workspace, workspace.command(workspace.genmanip()?)).arg("doctor"))?;
     Ok(passed())
 }
@@ -165,7 +155,7 @@ fn same_bytes(workspace: &Workspace) -> Result<Outcome> {
         return Ok(Outcome::Skipped("this processor has no wide registers (AVX2)".into()));
     }
     // The usual one with the features of the tests' own build, so that only the other one is built anew.
-    let usual = ["--workspace"].as_slice();
+    let usual = ALL.as_slice();
     let other = ["--package", "genmanip-render", "--no-default-features"].as_slice();
     let pictures = |which: &[&str]| {
         let build = ["build", "--release", "--example", "same_bytes"];
@@ -212,9 +202,9 @@ fn python_wheel(workspace: &Workspace) -> Result<Outcome> {
 }
 
 /// Unit, integration and documentation tests; adds up what they report, since cargo itself never does.
-fn tests(workspace: &Workspace, which: &[&str]) -> Result<Outcome> {
+fn tests(workspace: &Workspace) -> Result<Outcome> {
     let test = ["test", "--release", "--no-fail-fast"];
-    let mut command = with_python(workspace, workspace.cargo(test.iter().chain(which).copied()));
+    let mut command = with_python(workspace, workspace.cargo(test.into_iter().chain(ALL)));
     let line = process::shown(&command);
     eprintln!("$ {line}");
     let mut child = command.stdout(Stdio::piped()).spawn().map_err(|error| process::cannot_start(&line, &error))?;
