@@ -9,7 +9,6 @@
 //! - [`ablate`]: the agent with one setting changed at a time.
 //! - [`suites`]: building and perturbing benchmark suites, the two steps that run policies.
 //! - [`sessions`]: environments that other programs drive one action at a time.
-//! - [`teleop`]: teleoperated episodes with the record of their operator.
 //! - [`report`]: input of the HTML page and the page itself.
 //! - [`learn`]: policies trained on the demonstrations of a run.
 //! - [`layouts`], [`plan`]: layouts of tasks as scenario files, and single motions of the arm.
@@ -37,7 +36,6 @@ pub mod report;
 pub mod rerender;
 pub mod sessions;
 pub mod suites;
-pub mod teleop;
 
 pub use folder::{Run, RunFolder, Timings};
 pub use index::{IndexedAttempt, Survey};

@@ -29,7 +29,7 @@ use super::runs;
 use super::socket::Open;
 use super::studio::Studio;
 use crate::run::playback;
-use crate::teleop::session::{HORIZON_S, Shown, Wish};
+use crate::teleop::session::{HORIZON_S, SessionStatus, TakeCommand};
 use crate::teleop::{Phase, Session, SessionSetup};
 
 /// Label of takes among the episodes of a scenario.
@@ -103,7 +103,7 @@ struct Connection {
 struct Attached {
     session: Arc<Session>,
     states: watch::Receiver<Arc<Vec<u8>>>,
-    shown: watch::Receiver<Shown>,
+    status: watch::Receiver<SessionStatus>,
 }
 
 /// Next event to handle.
@@ -116,13 +116,13 @@ enum Next {
 impl Connection {
     /// Serves the page until it disconnects.
     async fn serve(&mut self, mut socket: WebSocket) {
-        let mut told: Option<(Instant, Shown)> = None;
+        let mut told: Option<(Instant, SessionStatus)> = None;
         loop {
             let changes = async {
                 match &mut self.attached {
-                    Some(Attached { states, shown, .. }) => tokio::select! {
+                    Some(Attached { states, status, .. }) => tokio::select! {
                         Ok(()) = states.changed() => Next::State,
-                        Ok(()) = shown.changed() => Next::Status,
+                        Ok(()) = status.changed() => Next::Status,
                         else => std::future::pending().await,
                     },
                     None => std::future::pending().await,
@@ -150,7 +150,7 @@ impl Connection {
                 }
                 Next::Status => {
                     let Some(attached) = &mut self.attached else { continue };
-                    let now = attached.shown.borrow_and_update().clone();
+                    let now = attached.status.borrow_and_update().clone();
                     let is_due =
                         told.as_ref().is_none_or(|(at, before)| is_news(before, &now) || at.elapsed() >= STATUS);
                     if !is_due {
@@ -182,11 +182,11 @@ impl Connection {
                 session.inbox.put(sequence, sent_ms, events, Instant::now());
             }
             FromPage::Gripper => session.inbox.press(Control::Gripper),
-            FromPage::Pause => session.wish(Wish::Pause),
-            FromPage::Resume => session.wish(Wish::Run),
-            FromPage::Retry => session.wish(Wish::Retry),
-            FromPage::Keep => session.wish(Wish::Keep),
-            FromPage::Discard => session.wish(Wish::Discard),
+            FromPage::Pause => session.set_command(TakeCommand::Pause),
+            FromPage::Resume => session.set_command(TakeCommand::Run),
+            FromPage::Retry => session.set_command(TakeCommand::Retry),
+            FromPage::Keep => session.set_command(TakeCommand::Keep),
+            FromPage::Discard => session.set_command(TakeCommand::Discard),
         }
         Ok(None)
     }
@@ -212,20 +212,21 @@ impl Connection {
         let started = tokio::task::spawn_blocking(move || open(&studio, &key, author, teleop, number, &runtime)).await;
         let panicked = |_| Refusal::unsuited("the session panicked; please report this bug", "");
         let (session, answer) = started.map_err(panicked)??;
-        let (mut states, mut shown) = (session.states.subscribe(), session.shown.subscribe());
+        let (mut states, mut status) = (session.states.subscribe(), session.status.subscribe());
         states.mark_changed();
-        shown.mark_changed();
+        status.mark_changed();
         if states.borrow().is_empty() {
             states.mark_unchanged();
         }
-        self.attached = Some(Attached { session, states, shown });
+        self.attached = Some(Attached { session, states, status });
         Ok(answer)
     }
 }
 
 /// True if a status differs from the one before in more than its numbers.
-fn is_news(before: &Shown, now: &Shown) -> bool {
-    let facts = |shown: &Shown| (shown.phase, shown.take, shown.held, shown.closed, shown.frame, shown.success);
+fn is_news(before: &SessionStatus, now: &SessionStatus) -> bool {
+    let facts =
+        |status: &SessionStatus| (status.phase, status.take, status.held, status.closed, status.frame, status.success);
     facts(before) != facts(now) || before.limits != now.limits || before.grasped != now.grasped
 }
 
@@ -240,7 +241,7 @@ fn open(
 ) -> Result<(Arc<Session>, Value), Refusal> {
     let room = studio.room(key)?;
     let known = studio.teleoperations.newest(key);
-    if let Some(session) = known.filter(|session| !session.shown.borrow().phase.is_over()) {
+    if let Some(session) = known.filter(|session| !session.status.borrow().phase.is_over()) {
         if !session.attach(connection) {
             return Err(Refusal::unsuited(
                 "somebody teleoperates this scenario already",
@@ -292,7 +293,7 @@ async fn run(studio: Arc<Studio>, room: Arc<Room>, job: Arc<Job>, session: Arc<S
         Stage::Cancelled => Phase::Discarded,
         _ => Phase::Failed,
     };
-    session.shown.send_modify(|shown| shown.phase = phase);
+    session.status.send_modify(|status| status.phase = phase);
 }
 
 fn refused(refusal: &Refusal) -> Message {

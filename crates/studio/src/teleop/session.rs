@@ -8,7 +8,6 @@ use std::time::{Duration, Instant};
 
 use genmanip_core::{ObjectModel, Seed};
 use genmanip_data::EpisodeStore;
-use genmanip_pipeline::teleop::Take;
 use genmanip_relations::judge_goal;
 use genmanip_rollout::{Environment, RolloutError, RolloutSettings, Stage};
 use genmanip_teleop::device::Control;
@@ -20,6 +19,7 @@ use tokio::sync::watch;
 
 use super::inbox::{Inbox, MOST_EVENTS, PageSource};
 use super::pace::Pace;
+use super::take::Take;
 use crate::run::playback::{Body, row};
 use crate::run::{Place, run_folder_name};
 
@@ -62,9 +62,9 @@ impl Phase {
     }
 }
 
-/// Wish of the person for the take in progress.
+/// Command of the person for the take in progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wish {
+pub enum TakeCommand {
     /// Goes on.
     Run,
     /// Stands still.
@@ -79,7 +79,7 @@ pub enum Wish {
 
 /// State of a session, as the page shows it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Shown {
+pub struct SessionStatus {
     /// Stage.
     pub phase: Phase,
     /// Number of the take, from 1.
@@ -152,18 +152,18 @@ pub struct Session {
     /// Newest state of robot and objects, as little-endian 32-bit numbers like those of a playback.
     pub states: watch::Sender<Arc<Vec<u8>>>,
     /// Newest status.
-    pub shown: watch::Sender<Shown>,
+    pub status: watch::Sender<SessionStatus>,
     /// Facts that a page needs about the scenario: instruction, revision, rates, width of a state.
     pub about: serde_json::Value,
     /// True once the job of the session is to be cancelled.
     stop: Arc<AtomicBool>,
-    desk: Mutex<Desk>,
+    state: Mutex<SessionState>,
     changed: Condvar,
 }
 
 #[derive(Debug)]
-struct Desk {
-    wish: Wish,
+struct SessionState {
+    command: TakeCommand,
     /// Number of the connection that is attached; `None` without one.
     attached: Option<u64>,
     /// Time at which the last connection was lost.
@@ -198,46 +198,48 @@ impl Session {
         Self {
             inbox: Arc::new(Inbox::new(now)),
             states: watch::Sender::default(),
-            shown: watch::Sender::default(),
+            status: watch::Sender::default(),
             about,
             stop,
-            desk: Mutex::new(Desk { wish: Wish::Run, attached: None, alone_since: now }),
+            state: Mutex::new(SessionState { command: TakeCommand::Run, attached: None, alone_since: now }),
             changed: Condvar::new(),
         }
     }
 
     /// Attaches a connection; false if there is another one.
     pub fn attach(&self, connection: u64) -> bool {
-        let mut desk = self.lock();
-        if desk.attached.is_some_and(|other| other != connection) {
+        let mut state = self.lock();
+        if state.attached.is_some_and(|other| other != connection) {
             return false;
         }
-        desk.attached = Some(connection);
+        state.attached = Some(connection);
         self.inbox.reconnect();
         true
     }
 
     /// Detaches a connection: the arm holds and the take pauses.
     pub fn detach(&self, connection: u64) {
-        let mut desk = self.lock();
-        if desk.attached != Some(connection) {
+        let mut state = self.lock();
+        if state.attached != Some(connection) {
             return;
         }
-        (desk.attached, desk.alone_since) = (None, Instant::now());
+        (state.attached, state.alone_since) = (None, Instant::now());
         self.inbox.reconnect();
-        if desk.wish == Wish::Run {
-            desk.wish = Wish::Pause;
+        if state.command == TakeCommand::Run {
+            state.command = TakeCommand::Pause;
         }
         self.changed.notify_all();
     }
 
-    /// Sets the wish of the person. A take that is to be kept cannot be resumed.
-    pub fn wish(&self, wish: Wish) {
-        let mut desk = self.lock();
-        if matches!(wish, Wish::Run | Wish::Pause) && !matches!(desk.wish, Wish::Run | Wish::Pause) {
+    /// Sets the command of the person. A take that is to be kept cannot be resumed.
+    pub fn set_command(&self, command: TakeCommand) {
+        let mut state = self.lock();
+        if matches!(command, TakeCommand::Run | TakeCommand::Pause)
+            && !matches!(state.command, TakeCommand::Run | TakeCommand::Pause)
+        {
             return;
         }
-        desk.wish = wish;
+        state.command = command;
         self.changed.notify_all();
     }
 
@@ -254,21 +256,21 @@ impl Session {
             let before = store.ids().map_err(unwritable)?.len();
             let id = if before == 0 { scenario.id.clone() } else { format!("{}+{before}", scenario.id) };
             let take = self.take(setup, &id, Seed::new(before as u64), number, &progress)?;
-            let wish = match &take {
+            let command = match &take {
                 Some(take) => self.decision(take.episode.result.success),
                 None => self.decided(),
             };
-            match (wish, take) {
-                (Wish::Keep, Some(take)) => {
+            match (command, take) {
+                (TakeCommand::Keep, Some(take)) => {
                     take.store(&store).map_err(unwritable)?;
                     return Ok(Some(Place { store: root, id }));
                 }
-                (Wish::Discard, _) => return Ok(None),
+                (TakeCommand::Discard, _) => return Ok(None),
                 _ => {}
             }
-            let mut desk = self.lock();
-            if desk.wish != Wish::Discard {
-                desk.wish = Wish::Run;
+            let mut state = self.lock();
+            if state.command != TakeCommand::Discard {
+                state.command = TakeCommand::Run;
             }
         }
         Ok(None)
@@ -296,17 +298,17 @@ impl Session {
             .reporting_to(move |now| *told.lock().unwrap_or_else(PoisonError::into_inner) = now.clone());
         let settings = rollout_settings();
         let mut pace = Pace::new(stage.control_rate_hz(), now);
-        self.shown.send_replace(Shown { phase: Phase::Running, take: number, ..Shown::default() });
+        self.status.send_replace(SessionStatus { phase: Phase::Running, take: number, ..SessionStatus::default() });
         let mut ends = false;
         let mut before_turn = |environment: &Environment| {
             if environment.frames().is_empty() {
                 pace.resume(Instant::now());
             }
             let wait = pace.next(Instant::now());
-            let wish = self.wait(wait, || pace.resume(Instant::now()));
-            match wish {
-                Wish::Retry | Wish::Discard => return Err(dropped()),
-                Wish::Keep if !ends => {
+            let command = self.wait(wait, || pace.resume(Instant::now()));
+            match command {
+                TakeCommand::Retry | TakeCommand::Discard => return Err(dropped()),
+                TakeCommand::Keep if !ends => {
                     ends = true;
                     self.inbox.press(Control::Finish);
                 }
@@ -319,63 +321,65 @@ impl Session {
         };
         match Take::run(stage, &mut policy, id, seed, &settings, &mut before_turn) {
             Ok(take) => Ok(Some(take)),
-            Err(_) if matches!(self.decided(), Wish::Retry | Wish::Discard) => Ok(None),
+            Err(_) if matches!(self.decided(), TakeCommand::Retry | TakeCommand::Discard) => Ok(None),
             Err(error) => Err(WorkspaceError::broken(format!("the take {id} broke"), error)),
         }
     }
 
-    /// Waits until the next control step is due, and through pauses; the wish then.
-    fn wait(&self, wait: Duration, resume: impl FnOnce()) -> Wish {
+    /// Waits until the next control step is due, and through pauses; the command then.
+    fn wait(&self, wait: Duration, resume: impl FnOnce()) -> TakeCommand {
         if !wait.is_zero() {
             std::thread::sleep(wait);
         }
-        if self.decided() != Wish::Pause {
+        if self.decided() != TakeCommand::Pause {
             return self.decided();
         }
-        self.shown.send_modify(|shown| shown.phase = Phase::Paused);
-        let wish = self.wait_for(|wish| wish != Wish::Pause);
+        self.status.send_modify(|status| status.phase = Phase::Paused);
+        let command = self.wait_for(|command| command != TakeCommand::Pause);
         self.inbox.restart(Instant::now());
         resume();
-        self.shown.send_modify(|shown| shown.phase = Phase::Running);
-        wish
+        self.status.send_modify(|status| status.phase = Phase::Running);
+        command
     }
 
     /// Shows the verdict on a take and waits for the decision on it.
-    fn decision(&self, success: bool) -> Wish {
+    fn decision(&self, success: bool) -> TakeCommand {
         let known = self.decided();
-        self.shown.send_modify(|shown| {
-            (shown.phase, shown.success) = (Phase::Judged, Some(success));
+        self.status.send_modify(|status| {
+            (status.phase, status.success) = (Phase::Judged, Some(success));
         });
         match known {
-            Wish::Run | Wish::Pause => self.wait_for(|wish| !matches!(wish, Wish::Run | Wish::Pause)),
+            TakeCommand::Run | TakeCommand::Pause => {
+                self.wait_for(|command| !matches!(command, TakeCommand::Run | TakeCommand::Pause))
+            }
             known => known,
         }
     }
 
-    /// Wish now.
-    fn decided(&self) -> Wish {
-        let mut desk = self.lock();
-        self.look(&mut desk)
+    /// Command in force.
+    fn decided(&self) -> TakeCommand {
+        let mut state = self.lock();
+        self.look(&mut state)
     }
 
-    /// Wish after a look for a cancelled job or a connection that is gone for too long.
-    fn look(&self, desk: &mut Desk) -> Wish {
-        let is_abandoned = desk.attached.is_none() && desk.alone_since.elapsed() > ABANDONED;
+    /// TakeCommand after a look for a cancelled job or a connection that is gone for too long.
+    fn look(&self, state: &mut SessionState) -> TakeCommand {
+        let is_abandoned = state.attached.is_none() && state.alone_since.elapsed() > ABANDONED;
         if self.stop.load(Ordering::Relaxed) || is_abandoned {
-            desk.wish = Wish::Discard;
+            state.command = TakeCommand::Discard;
         }
-        desk.wish
+        state.command
     }
 
-    /// Waits for a wish.
-    fn wait_for(&self, is_meant: impl Fn(Wish) -> bool) -> Wish {
-        let mut desk = self.lock();
+    /// Waits for a command.
+    fn wait_for(&self, is_meant: impl Fn(TakeCommand) -> bool) -> TakeCommand {
+        let mut state = self.lock();
         loop {
-            let wish = self.look(&mut desk);
-            if is_meant(wish) {
-                return wish;
+            let command = self.look(&mut state);
+            if is_meant(command) {
+                return command;
             }
-            desk = self.changed.wait_timeout(desk, LOOK).unwrap_or_else(PoisonError::into_inner).0;
+            state = self.changed.wait_timeout(state, LOOK).unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 
@@ -406,22 +410,22 @@ impl Session {
         };
         let received = self.inbox.received();
         let Status { frame, held, limits, closed } = status;
-        self.shown.send_modify(|shown| {
-            (shown.time_s, shown.steps, shown.late_steps) = (time_s, steps, late_steps);
-            (shown.frame, shown.held, shown.limits, shown.closed) = (frame, held, limits, closed);
-            shown.contact_n = last.map_or(0.0, |frame| frame.stray_contact_n);
-            shown.grasped = last.and_then(|frame| frame.grasped).map(|object| stage.name(object).to_owned());
-            (shown.sequence, shown.sent_ms, shown.dropped) = (received.sequence, received.sent_ms, received.dropped);
+        self.status.send_modify(|status| {
+            (status.time_s, status.steps, status.late_steps) = (time_s, steps, late_steps);
+            (status.frame, status.held, status.limits, status.closed) = (frame, held, limits, closed);
+            status.contact_n = last.map_or(0.0, |frame| frame.stray_contact_n);
+            status.grasped = last.and_then(|frame| frame.grasped).map(|object| stage.name(object).to_owned());
+            (status.sequence, status.sent_ms, status.dropped) = (received.sequence, received.sent_ms, received.dropped);
             if let Some((conditions, next)) = goal {
-                (shown.conditions, shown.next) = (conditions, next);
+                (status.conditions, status.next) = (conditions, next);
             }
         });
         Ok(())
     }
 
     // A panic of another thread leaves the values consistent, so a poisoned lock is used.
-    fn lock(&self) -> MutexGuard<'_, Desk> {
-        self.desk.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, SessionState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

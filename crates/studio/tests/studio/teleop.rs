@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 
 use genmanip_assets::{Catalogue, panda};
 use genmanip_data::EpisodeStore;
-use genmanip_pipeline::teleop::is_replayed;
 use genmanip_rollout::Stage;
+use genmanip_studio::teleop::is_replayed;
 use genmanip_studio::teleop::session::rollout_settings;
 use serde_json::{Value, json};
 use tungstenite::Message;
