@@ -94,6 +94,10 @@ fn evaluations(at: &Path) {
         files
     };
     assert!(results("run").is_empty(), "a shard wrote results of the whole");
+    let report = genmanip(at, &["report", "run", "--out", "report.html"]);
+    assert!(report.stderr.contains("The evaluation replay is not finished: its "), "{report:?}");
+    let page = fs::read_to_string(at.join("report.html")).unwrap();
+    assert!(page.contains("are listed without a success rate") && !page.contains("evaluated in"), "{page}");
     evaluate("run", &[]);
     evaluate("straight", &[]);
     let renamed = |run: &str| -> std::collections::BTreeMap<String, Vec<u8>> {

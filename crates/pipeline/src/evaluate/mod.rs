@@ -354,6 +354,25 @@ pub fn results_file(run: &Path, label: &str) -> PathBuf {
     run.join("evaluation").join(format!("{label}.json"))
 }
 
+/// Results of an evaluation that is in progress, was interrupted, or consists of shards that were not gathered.
+pub struct Unfinished {
+    /// Label of the evaluation.
+    pub label: String,
+    /// Results so far.
+    pub results: Vec<EpisodeResult>,
+}
+
+impl Unfinished {
+    /// Results in the journals of the evaluation of that label; `None` if it has none.
+    ///
+    /// # Errors
+    /// If a journal cannot be read.
+    pub fn read(folder: &RunFolder, label: &str) -> Result<Option<Self>, WorkspaceError> {
+        let results = stream::journalled(&folder.join("evaluation").join(label))?;
+        Ok((!results.is_empty()).then(|| Self { label: label.to_owned(), results }))
+    }
+}
+
 /// Path of the kept episodes of an evaluation.
 pub fn kept_episodes(folder: &RunFolder, label: &str) -> PathBuf {
     let evaluation: &Path = &folder.join("evaluation");

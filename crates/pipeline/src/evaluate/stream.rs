@@ -137,6 +137,20 @@ impl Stream {
     }
 }
 
+/// Results in the journals of an evaluation that is not finished, shards included; nothing is locked or changed.
+///
+/// # Errors
+/// If a file cannot be read, or a line of it is no result.
+pub(super) fn journalled(folder: &Path) -> Result<Vec<EpisodeResult>, WorkspaceError> {
+    let mut known: Vec<EpisodeResult> = Vec::new();
+    for path in [folder.join(RESULTS)].into_iter().chain(of_shards(folder)?).filter(|path| path.exists()) {
+        let ids: BTreeSet<String> = known.iter().map(|result| result.id.clone()).collect();
+        let (_, more) = complete_lines(&path)?;
+        known.extend(more.into_iter().filter(|result| !ids.contains(&result.id)));
+    }
+    Ok(known)
+}
+
 /// File name of the journal of a whole evaluation.
 const RESULTS: &str = "results.jsonl";
 
@@ -169,13 +183,18 @@ fn continued(path: &Path) -> Result<(File, Vec<EpisodeResult>), WorkspaceError> 
         // Some file systems do not support locks; the file is then used without one.
         Err(TryLockError::Error(_)) => {}
     }
+    let (length, known) = complete_lines(path)?;
+    file.set_len(length as u64).map_err(unwritable)?;
+    Ok((file, known))
+}
+
+/// Complete lines of a file of results: their length in bytes, and the results. An incomplete last line was being
+/// written when its program was killed, or is being written.
+fn complete_lines(path: &Path) -> Result<(usize, Vec<EpisodeResult>), WorkspaceError> {
     let bytes = files::read_no_follow(path, limits::RESULTS);
     let bytes = bytes.map_err(|error| WorkspaceError::of_file("read", path, error))?;
-    // An incomplete last line was being written when its program was killed.
-    let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
-    let known = known_results(path, &bytes[..whole])?;
-    file.set_len(whole as u64).map_err(unwritable)?;
-    Ok((file, known))
+    let length = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+    Ok((length, known_results(path, &bytes[..length])?))
 }
 
 /// Results in the complete lines, without repetitions of an episode.

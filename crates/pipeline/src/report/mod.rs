@@ -14,6 +14,7 @@ use genmanip_benchmark::{
 
 use genmanip_data::EpisodeStore;
 
+use crate::evaluate::Unfinished;
 use crate::folder::{Run, RunFolder, Timings};
 use genmanip_workspace::Progress;
 use genmanip_workspace::WorkspaceError;
@@ -73,6 +74,7 @@ struct Opened {
     store: EpisodeStore,
     timings: Timings,
     evaluations: Vec<EvaluationReport>,
+    unfinished: Vec<Unfinished>,
     baseline: Option<String>,
     rows: Rows,
     /// Messages about omitted episodes.
@@ -85,14 +87,17 @@ impl Opened {
         let store = folder.store()?;
         let timings = folder.timings();
         let evaluations = rows::evaluations(&folder, progress)?;
+        let unfinished = rows::unfinished(&folder, &evaluations, progress)?;
         let baseline = evaluations.iter().find(|report| report.label == BASELINE).map(|report| report.label.clone());
-        let (rows, left_out) = rows::read(&run, &folder, &store, &evaluations, &timings)?;
-        Ok(Self { path: path.to_owned(), folder, run, store, timings, evaluations, baseline, rows, left_out })
+        let results = rows::results(&evaluations, &unfinished);
+        let (rows, left_out) = rows::read(&run, &folder, &store, results, &timings)?;
+        let path = path.to_owned();
+        Ok(Self { path, folder, run, store, timings, evaluations, unfinished, baseline, rows, left_out })
     }
 
     fn drawing(&self) -> Drawing<'_> {
-        let Self { folder, store, run, evaluations, rows, .. } = self;
-        Drawing { folder, store, run, evaluations, rows }
+        let Self { folder, store, run, evaluations, unfinished, rows, .. } = self;
+        Drawing { folder, store, run, evaluations, unfinished, rows }
     }
 
     fn into_input(self, drawn: Vec<TaskSection>, has_pages: bool) -> ReportInput {
@@ -100,6 +105,7 @@ impl Opened {
         let name = self.path.display().to_string();
         let mut input = page(&name, &self.run, &self.timings, self.evaluations, self.rows, drawn);
         input.baseline = self.baseline;
+        input.notes.extend(self.unfinished.iter().map(rows::note_on_unfinished));
         input.rule = (!is_all).then(|| cases::RULE.to_owned());
         input.notes.extend(self.left_out);
         input.has_pages = has_pages;

@@ -5,10 +5,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use genmanip_benchmark::{EpisodeRow, EvaluationReport, TaskRow};
-use genmanip_core::{AgentFailure, limits};
+use genmanip_core::{AgentFailure, EpisodeResult, limits};
 use genmanip_data::{DataError, EpisodeStore};
 
-use crate::evaluate::kept_episodes;
+use crate::evaluate::{Unfinished, kept_episodes};
 use crate::folder::{Run, RunFolder, Timings};
 use crate::index::IndexedAttempt;
 use crate::policies::POLICIES;
@@ -31,11 +31,11 @@ pub(super) struct Rows {
 ///
 /// # Errors
 /// When the store cannot be listed.
-pub(super) fn read(
+pub(super) fn read<'a>(
     run: &Run,
     folder: &RunFolder,
     store: &EpisodeStore,
-    evaluations: &[EvaluationReport],
+    evaluations: impl Iterator<Item = (&'a str, &'a [EpisodeResult])>,
     timings: &Timings,
 ) -> Result<(Rows, Vec<String>), WorkspaceError> {
     let survey = folder.survey(store)?;
@@ -61,15 +61,15 @@ pub(super) fn read(
     if foreign > 0 {
         left_out.push(format!("{foreign} episodes are of tasks that are not in the run; they are left out"));
     }
-    for report in evaluations {
-        let kept = kept_store(folder, &report.label).unwrap_or_else(|why| {
-            left_out.push(format!("episodes kept by {} are left out: {why}", report.label));
+    for (label, results) in evaluations {
+        let kept = kept_store(folder, label).unwrap_or_else(|why| {
+            left_out.push(format!("episodes kept by {label} are left out: {why}"));
             None
         });
-        for result in &report.results {
+        for result in results {
             let Some(&task) = index.get(result.task_id.as_str()) else { continue };
             let is_kept = kept.as_ref().is_some_and(|store| store.contains(&result.id));
-            rows.episodes.push(EpisodeRow::of(result, task, Some(&report.label), is_kept, None));
+            rows.episodes.push(EpisodeRow::of(result, task, Some(label), is_kept, None));
         }
     }
     Ok((rows, left_out))
@@ -89,14 +89,7 @@ pub(super) fn evaluations(
     folder: &RunFolder,
     progress: &dyn Progress,
 ) -> Result<Vec<EvaluationReport>, WorkspaceError> {
-    let path = folder.join("evaluation");
-    let listed = match fs::read_dir(&path) {
-        Ok(entries) => entries.collect::<Result<Vec<_>, _>>(),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
-        Err(error) => Err(error),
-    };
-    let mut files: Vec<PathBuf> = listed
-        .map_err(|error| WorkspaceError::file("list", &path, error))?
+    let mut files: Vec<PathBuf> = listed(folder)?
         .into_iter()
         .map(|entry| entry.path())
         .filter(|path| path.extension().is_some_and(|extension| extension == "json") && !is_hidden(path))
@@ -117,17 +110,75 @@ pub(super) fn evaluations(
             }
         }
     }
-    // The page identifies evaluations by policy names, so these are replaced by the unique labels.
     for report in &mut reports {
         report.summary.policy.clone_from(&report.label);
-        for result in &mut report.results {
-            result.policy.clone_from(&report.label);
-            result.agent_failure.as_mut().into_iter().for_each(locate_transcript);
-            // Drop the conditions of every verdict to save memory; those of the episodes shown are read again.
-            result.verdict.alternatives = Vec::new();
-        }
+        name_by_label(&mut report.results, &report.label);
     }
     Ok(reports)
+}
+
+/// Evaluations with journals and without a report; those whose journals cannot be read are reported and omitted.
+pub(super) fn unfinished(
+    folder: &RunFolder,
+    finished: &[EvaluationReport],
+    progress: &dyn Progress,
+) -> Result<Vec<Unfinished>, WorkspaceError> {
+    let is_folder = |entry: &fs::DirEntry| entry.file_type().is_ok_and(|kind| kind.is_dir());
+    let entries = listed(folder)?.into_iter().filter(|entry| is_folder(entry) && !is_hidden(&entry.path()));
+    let mut labels: Vec<String> = entries.filter_map(|entry| entry.file_name().into_string().ok()).collect();
+    labels.retain(|label| finished.iter().all(|report| report.label != *label));
+    labels.sort();
+    let mut found = Vec::new();
+    for label in labels {
+        match Unfinished::read(folder, &label) {
+            Ok(unfinished) => found.extend(unfinished),
+            Err(error) => progress.note(&format!("left out of the report: {error}")),
+        }
+    }
+    for Unfinished { label, results } in &mut found {
+        name_by_label(results, label);
+    }
+    found.iter().for_each(|unfinished| progress.note(&note_on_unfinished(unfinished)));
+    Ok(found)
+}
+
+/// Note for the reader of a report that shows an unfinished evaluation.
+pub(super) fn note_on_unfinished(Unfinished { label, results }: &Unfinished) -> String {
+    let count = results.len();
+    format!(
+        "The evaluation {label} is not finished: its {count} results so far are listed without a success rate. The same \
+         `genmanip evaluate` without --shard gathers all shards and does the rest."
+    )
+}
+
+/// Labels and results of all evaluations.
+pub(super) fn results<'a>(
+    finished: &'a [EvaluationReport],
+    unfinished: &'a [Unfinished],
+) -> impl Iterator<Item = (&'a str, &'a [EpisodeResult])> {
+    let finished = finished.iter().map(|report| (report.label.as_str(), report.results.as_slice()));
+    finished.chain(unfinished.iter().map(|one| (one.label.as_str(), one.results.as_slice())))
+}
+
+/// Replaces policy names by the label, by which the page identifies evaluations.
+fn name_by_label(results: &mut [EpisodeResult], label: &str) {
+    for result in results {
+        result.policy = label.to_owned();
+        result.agent_failure.as_mut().into_iter().for_each(locate_transcript);
+        // Drop the conditions of every verdict to save memory; those of the episodes shown are read again.
+        result.verdict.alternatives = Vec::new();
+    }
+}
+
+/// Entries of the folder of evaluations.
+fn listed(folder: &RunFolder) -> Result<Vec<fs::DirEntry>, WorkspaceError> {
+    let path = folder.join("evaluation");
+    let listed = match fs::read_dir(&path) {
+        Ok(entries) => entries.collect::<Result<Vec<_>, _>>(),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) => Err(error),
+    };
+    listed.map_err(|error| WorkspaceError::file("list", &path, error))
 }
 
 /// Makes the path of a transcript absolute, so that pages in any folder can link to it, and prefers its HTML page. The

@@ -10,7 +10,8 @@ use genmanip_data::EpisodeStore;
 use genmanip_rollout::Stage;
 use genmanip_viz::{graph_svg, layout_svg};
 
-use super::rows::{Rows, kept_store, locate_transcript};
+use super::rows::{Rows, kept_store, locate_transcript, results};
+use crate::evaluate::Unfinished;
 use crate::folder::{Run, RunFolder};
 use genmanip_viz::scene_images;
 use genmanip_workspace::WorkspaceError;
@@ -32,6 +33,7 @@ pub(super) struct Drawing<'a> {
     pub store: &'a EpisodeStore,
     pub run: &'a Run,
     pub evaluations: &'a [EvaluationReport],
+    pub unfinished: &'a [Unfinished],
     pub rows: &'a Rows,
 }
 
@@ -45,7 +47,7 @@ impl Drawing<'_> {
         let own = self.rows.episodes.iter().filter(|row| row.task == case.task && row.is_attempt());
         let attempts = own.map(attempt).collect();
         let mut section = self.empty(case, attempts)?;
-        let results = self.evaluations.iter().flat_map(|report| &report.results);
+        let results = results(self.evaluations, self.unfinished).flat_map(|(_, results)| results);
         section.results = results.filter(|result| result.task_id == section.task.id).cloned().collect();
         if let Some(row) = episode.map(|index| &self.rows.episodes[index])
             && let Some(store) = self.store_of(row)?
