@@ -4,7 +4,7 @@
 
 import { AxeBuilder } from "@axe-core/playwright";
 import assert from "node:assert/strict";
-import { existsSync, mkdirSync } from "node:fs";
+import { existsSync, mkdirSync, readFileSync } from "node:fs";
 import path from "node:path";
 import { fileURLToPath } from "node:url";
 import { parseArgs } from "node:util";
@@ -42,10 +42,12 @@ let server;
 
 // What a test works with
 
-async function openPage(url = values.url ?? server.url, options = {}) {
+/** A page of its own; `script`, a function and its argument, runs in it before the page does. */
+async function openPage(url = values.url ?? server.url, options = {}, script = null) {
   const context = await browser.newContext({ viewport: SIZE, ...options });
   if (values.dist) await context.route(/\/assets\//, (route) => route.fulfill({ path: path.join(DIST, new URL(route.request().url()).pathname) }));
   const page = await context.newPage();
+  if (script) await page.addInitScript(...script);
   page.failures = [];
   page.on("dialog", (dialog) => dialog.accept());
   page.on("pageerror", (error) => page.failures.push(error.stack ?? error.message));
@@ -676,6 +678,30 @@ withMock("the robot is teleoperated, paused and a take kept, by keyboard alone",
   assert.equal(await revision(page), start);
   const driven = server.studio.driven.join(" ");
   assert.match(driven, /^start connected KeyR down KeyR up Space down Space up KeyF down blurred (ShiftLeft up )?pause resume retry keep$/);
+  assert.deepEqual(page.failures, []);
+  await page.context().close();
+});
+
+withMock("a SpaceMouse is connected through WebHID, and the keyboard takes over when it is gone", async () => {
+  const device = JSON.parse(readFileSync(new URL("../../crates/teleop/testdata/space_navigator_webhid.json", import.meta.url), "utf8"));
+  const plug = (collections) => {
+    const mouse = Object.assign(new EventTarget(), { productName: "SpaceNavigator", collections, opened: false, open: async () => {} });
+    const hid = Object.assign(new EventTarget(), { requestDevice: async () => [mouse] });
+    Object.defineProperty(navigator, "hid", { value: hid });
+    window.deflect = (...bytes) => mouse.dispatchEvent(Object.assign(new Event("inputreport"), { reportId: 1, data: new DataView(Uint8Array.from(bytes).buffer) }));
+    window.unplug = () => hid.dispatchEvent(Object.assign(new Event("disconnect"), { device: mouse }));
+  };
+  const page = await openPage(undefined, undefined, [plug, device.collections]);
+  await page.keyboard.press("Shift+E");
+  await page.click("button:has-text('Connect a SpaceMouse')");
+  await until("it is connected", async () => server.studio.device?.kind === "space_mouse");
+  assert.deepEqual(server.studio.device, { kind: "space_mouse", name: "SpaceNavigator", descriptor: device.descriptor });
+  assert.equal(await page.locator(".teleop select option:checked").textContent(), "SpaceNavigator");
+  await page.evaluate(() => window.deflect(0, 0, 0x5e, 0x01, 0, 0));
+  await until("its report is sent", async () => server.studio.report === "0100005e010000");
+  await page.evaluate(() => window.unplug());
+  await until("the keyboard takes over", async () => server.studio.device?.kind === "keyboard");
+  assert.deepEqual(server.studio.driven.filter((one) => !["connected", "blurred"].includes(one)), ["start", "report", "disconnected"]);
   assert.deepEqual(page.failures, []);
   await page.context().close();
 });

@@ -51,6 +51,8 @@ export function teleoperate(studio, socket) {
         if (event.type === "key" && event.code === "Space" && event.down) session.closed = !session.closed;
         if (event.type === "key") session.keys[event.down ? "add" : "delete"](event.code);
         if (event.type === "blurred" || event.type === "connected") session.keys.clear();
+        if (event.type === "connected") studio.device = event.device;
+        if (event.type === "report") studio.report = event.bytes;
       }
     } else if (message.type === "pause" || message.type === "resume") {
       session.phase = message.type === "pause" ? "paused" : "running";

@@ -75,7 +75,7 @@ function Active() {
         </dl>
       </div>
       <p role="status" aria-live="polite">
-        {status ? statusWords(status, teleop.hasFocus.value || teleop.gamepad.value !== null) : "The simulation starts"}
+        {status ? statusWords(status, teleop.hasFocus.value || teleop.device.value !== "keyboard") : "The simulation starts"}
       </p>
       {status && (
         <>
@@ -92,8 +92,9 @@ function Active() {
       )}
       <label class="field">
         <span>Device</span>
-        <select value={String(teleop.gamepad.value ?? "")} onChange={({ currentTarget: { value } }) => teleop.choose(value === "" ? null : Number(value))}>
-          <option value="">Keyboard</option>
+        <select value={String(teleop.device.value)} onChange={({ currentTarget: { value } }) => teleop.choose(value === "keyboard" || value === "space_mouse" ? value : Number(value))}>
+          <option value="keyboard">Keyboard</option>
+          {teleop.spaceMouse.value && <option value="space_mouse">{teleop.spaceMouse.value.productName}</option>}
           {teleop.gamepads.value.map((one) => (
             <option key={one.index} value={one.index}>
               {one.name}
@@ -101,6 +102,13 @@ function Active() {
           ))}
         </select>
       </label>
+      {teleop.hasHid && !teleop.spaceMouse.value && (
+        <div class="actions">
+          <button type="button" onClick={teleop.chooseSpaceMouse}>
+            Connect a SpaceMouse…
+          </button>
+        </div>
+      )}
       <div class="actions">
         {TAKE_KEYS.map((one) => (
           <button key={one.key} type="button" class={one.command === "keep" ? "primary" : ""} onClick={() => teleop.command(one.command)}>

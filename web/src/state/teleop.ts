@@ -1,6 +1,7 @@
 // Teleoperation of the open scenario: what the devices report goes to the server, what it simulates comes back.
 
 import { batch, computed, signal } from "@preact/signals";
+import { descriptor, hexadecimal, MULTI_AXIS_CONTROLLER, report, type ReportCollection } from "../logic/hid.ts";
 import { posedAt } from "../logic/track.ts";
 import { meaning, type Command, type TeleopStatus } from "../logic/teleop.ts";
 import { leave, live, loadEpisodes } from "./playback.ts";
@@ -14,12 +15,26 @@ export const status = signal<TeleopStatus | null>(null);
 export const isActive = signal(false);
 /** True while the pad has the focus and the page is visible: only then keys move the arm. */
 export const hasFocus = signal(false);
-/** Index of the gamepad that moves the arm; null for the keyboard. */
-export const gamepad = signal<number | null>(null);
+/** Device that moves the arm: a gamepad by its index, or a SpaceMouse. */
+export const device = signal<"keyboard" | "space_mouse" | number>("keyboard");
 export const gamepads = signal<{ index: number; name: string }[]>([]);
+export const spaceMouse = signal<HidDevice | null>(null);
 /** Takes kept since the page was opened. */
 export const kept = signal(0);
 export const isOver = computed(() => ["kept", "discarded", "failed"].includes(status.value?.phase ?? ""));
+
+/** Parts of WebHID's `HIDDevice` and `HID`; only some browsers have them. */
+interface HidDevice extends EventTarget {
+  readonly productName: string;
+  readonly opened: boolean;
+  readonly collections: readonly ReportCollection[];
+  open(): Promise<void>;
+}
+interface Hid extends EventTarget {
+  requestDevice(options: { filters: object[] }): Promise<HidDevice[]>;
+}
+const hid = (navigator as { hid?: Hid }).hid;
+export const hasHid = hid !== undefined;
 
 let socket: WebSocket | null = null;
 let sequence = 0;
@@ -127,7 +142,7 @@ export function key(event: KeyboardEvent, down: boolean): boolean {
   if (!meant) return false;
   if ("command" in meant) {
     if (down && !event.repeat) command(meant.command);
-  } else if (gamepad.peek() === null && !event.repeat) {
+  } else if (device.peek() === "keyboard" && !event.repeat) {
     queue.push({ type: "key", code: meant.arm, down });
   }
   return true;
@@ -142,31 +157,73 @@ export function focus(has: boolean): void {
   hasFocus.value = has;
 }
 
-export function choose(index: number | null): void {
-  gamepad.value = index;
+export function choose(chosen: "keyboard" | "space_mouse" | number): void {
+  device.value = chosen;
   connectDevice();
 }
 
 function connectDevice(): void {
-  const pad = gamepads.peek().find((one) => one.index === gamepad.peek());
-  const device = pad ? { kind: "gamepad", name: pad.name.slice(0, 100) } : { kind: "keyboard" };
-  queue = [{ type: "connected", device }];
+  const [chosen, mouse] = [device.peek(), spaceMouse.peek()];
+  const pad = gamepads.peek().find((one) => one.index === chosen);
+  const name = (text: string) => text.slice(0, 100);
+  const connected = pad
+    ? { kind: "gamepad", name: name(pad.name) }
+    : chosen === "space_mouse" && mouse
+      ? { kind: "space_mouse", name: name(mouse.productName), descriptor: hexadecimal(descriptor(mouse.collections)) }
+      : { kind: "keyboard" };
+  queue = [{ type: "connected", device: connected }];
 }
+
+/** Asks the browser for a SpaceMouse and moves the arm with it; needs a click or a key, and shows the browser's dialogue. */
+export async function chooseSpaceMouse(): Promise<void> {
+  try {
+    const found = (await hid?.requestDevice({ filters: [MULTI_AXIS_CONTROLLER] }))?.find((one) =>
+      one.collections.some(({ usage, usagePage }) => usage === MULTI_AXIS_CONTROLLER.usage && usagePage === MULTI_AXIS_CONTROLLER.usagePage),
+    );
+    if (!found) return;
+    if (!found.opened) await found.open();
+    if (found !== spaceMouse.peek()) {
+      spaceMouse.peek()?.removeEventListener("inputreport", heardReport);
+      found.addEventListener("inputreport", heardReport);
+      spaceMouse.value = found;
+    }
+    choose("space_mouse");
+  } catch (error) {
+    const hint = "close other programs that use it; on Linux your user needs read access to its /dev/hidraw file";
+    store.notify(`The SpaceMouse cannot be opened: ${(error as Error).message}`, { hint, isError: true });
+  }
+}
+
+function heardReport(event: Event): void {
+  const { reportId, data } = event as Event & { reportId: number; data: DataView };
+  // Reports in the background are dropped: the arm holds, and nothing is made up for later.
+  if (!isActive.peek() || device.peek() !== "space_mouse" || document.hidden || !document.hasFocus()) return;
+  queue.push({ type: "report", bytes: hexadecimal(report(reportId, data)) });
+}
+
+hid?.addEventListener("disconnect", (event) => {
+  if ((event as Event & { device: HidDevice }).device !== spaceMouse.peek()) return;
+  spaceMouse.value = null;
+  if (device.peek() !== "space_mouse") return;
+  queue.push({ type: "disconnected" });
+  send();
+  choose("keyboard");
+});
 
 /** Gamepads with the standard mapping that are connected now. */
 export function findGamepads(): void {
   const found = (navigator.getGamepads?.() ?? []).filter((one) => one?.mapping === "standard").map((one) => ({ index: one!.index, name: one!.id }));
   gamepads.value = found;
-  if (gamepad.peek() !== null && !found.some((one) => one.index === gamepad.peek())) choose(null);
+  if (typeof device.peek() === "number" && !found.some((one) => one.index === device.peek())) choose("keyboard");
 }
 
 function tick(): void {
   if (document.hidden || !document.hasFocus()) return;
-  const index = gamepad.peek();
-  if (index !== null) {
-    const pad = navigator.getGamepads()[index];
+  const chosen = device.peek();
+  if (typeof chosen === "number") {
+    const pad = navigator.getGamepads()[chosen];
     if (pad) queue.push({ type: "gamepad", axes: pad.axes.slice(0, 4), buttons: pad.buttons.slice(0, 17).map((button) => button.value) });
-  } else if (hasFocus.peek()) {
+  } else if (chosen === "keyboard" && hasFocus.peek()) {
     queue.push({ type: "alive" });
   }
   if (queue.length > 0) send();
