@@ -137,7 +137,7 @@ pub fn describe_suite(shown: &SuiteOverview) -> String {
     if let Some(changed) = &file.perturbation {
         text.truncate(text.trim_end().len());
         text += &format!(
-            "\n{} with another {}, dial {}, seed {}; the control arm is suite {}\n\n",
+            "\n{} with another {}, dial {}, seed {}; the unchanged suite is {}\n\n",
             changed.of, changed.axis, changed.dial, changed.seed, changed.of_hash
         );
     }

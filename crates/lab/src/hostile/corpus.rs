@@ -188,7 +188,7 @@ impl Corpus {
                 "data convert lerobot --to lerobot-v2.1 --out out",
                 "evaluate run --policy playback:dataset=lerobot",
             ],
-            "v21" => &["data check v21", "data show v21", "data import v21 --out out", "data import v21 --out out"],
+            "v21" => &["data check v21", "data show v21", "data import v21 --out out"],
             "original" => &["data import original --out out"],
             _ => &["data check zarr", "data show zarr"],
         };

@@ -1,7 +1,7 @@
 //! Files of the page (`web/dist`), embedded in the program.
 
 use axum::body::Body;
-use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, ETAG, IF_NONE_MATCH};
+use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, ETAG, HOST, IF_NONE_MATCH};
 use axum::http::{HeaderMap, StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
 use genmanip_core::hexadecimal;
@@ -14,10 +14,17 @@ use super::answer::not_found;
 #[allow_missing = true]
 struct Files;
 
-/// Content security policy: scripts and data come from this server alone. The page itself makes `blob:` and `data:`
-/// URLs and inline styles; WebSockets are not restricted to this server.
-const POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; connect-src 'self' ws: wss: blob:; \
-                      style-src 'self' 'unsafe-inline'; worker-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'";
+/// Content security policy: scripts, data and WebSockets come from this server alone. The page itself makes `blob:` and
+/// `data:` URLs and inline styles. Not every browser counts WebSockets of the same host as `'self'`, so the host, which
+/// was checked before, is named.
+fn policy(headers: &HeaderMap) -> String {
+    let host = headers.get(HOST).and_then(|host| host.to_str().ok());
+    let sockets = host.map_or_else(String::new, |host| format!(" ws://{host} wss://{host}"));
+    format!(
+        "default-src 'self'; img-src 'self' blob: data:; connect-src 'self'{sockets} blob:; style-src 'self' \
+         'unsafe-inline'; worker-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'"
+    )
+}
 
 /// A file of the page; `index.html` for `/`.
 pub async fn file(headers: HeaderMap, uri: Uri) -> Response {
@@ -42,7 +49,7 @@ fn answer(path: &str, file: EmbeddedFile, headers: &HeaderMap) -> Response {
         (CONTENT_TYPE, media_type(path).to_owned()),
         (ETAG, tag),
         (CACHE_CONTROL, "no-cache".to_owned()),
-        (CONTENT_SECURITY_POLICY, POLICY.to_owned()),
+        (CONTENT_SECURITY_POLICY, policy(headers)),
     ];
     if is_known {
         return (StatusCode::NOT_MODIFIED, head).into_response();
