@@ -54,8 +54,8 @@ pub struct AgentSettings {
     pub grasp_radius_m: f64,
     /// Settings of the conversion from grid cells to placement targets.
     pub cells: CellSettings,
-    /// Ask for a cell of a finer grid where a coarse cell is ambiguous: between objects, and where at least two objects
-    /// stand close to the place.
+    /// Ask for a cell of a finer grid where a coarse cell is ambiguous: between objects, where it shows several surfaces,
+    /// and where at least two objects stand close to the place.
     #[serde(default)]
     pub fine_cells: bool,
     /// Yaw changes of the object to try if the model does not give one (degrees).

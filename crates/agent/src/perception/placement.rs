@@ -51,6 +51,8 @@ pub struct PlacementTarget {
     pub rim_m: f64,
     /// Number of objects on the table close to the place; 0 for a place on a receiver.
     pub neighbours: usize,
+    /// True if the cell shows several surfaces, so that it may mean another one.
+    pub mixed: bool,
 }
 
 /// Placement targets of all cells of a grid over the shown image that can receive the object.
@@ -101,6 +103,10 @@ const NEIGHBOUR_M: f64 = 0.05;
 const REACH_M: [DVec2; 2] = [DVec2::new(-0.2, -1.0), DVec2::new(1.2, 1.0)];
 /// Clearance levels that rank candidate points (m); more clearance is no better.
 const CLEARANCE_LEVELS_M: [f64; 4] = [0.01, 0.006, 0.003, 0.0];
+/// Minimum share of a cell for an object to be one of its surfaces, and (`MAIN_SHARE`) share from which a single object is
+/// what the cell means. Chosen by hand.
+const SURFACE_SHARE: f64 = 0.05;
+const MAIN_SHARE: f64 = 0.5;
 /// Height above the target below which points do not count as obstacles (m). Chosen by hand.
 const MIN_OBSTACLE_HEIGHT_M: f64 = 0.006;
 /// A receiver longer than this multiple of the moved object holds two of them.
@@ -140,15 +146,18 @@ impl<'a> Resolver<'a> {
             return self.measured(middle);
         }
         let covered = |mask: &Mask| pixels.iter().filter(|&&pixel| mask.pixels[pixel]).count();
-        let counts = self.view.masks.iter().enumerate().filter(|(index, _)| *index != self.moved);
-        let most = counts
-            .map(|(index, mask)| (covered(mask), index))
-            .max_by_key(|&(count, index)| (count, usize::MAX - index));
-        let covering = most.filter(|(count, _)| *count as f64 >= self.settings.thing_share * pixels.len() as f64);
-        match covering {
+        let share = |mask: &Mask| covered(mask) as f64 / pixels.len() as f64;
+        let others = self.view.masks.iter().enumerate().filter(|(index, _)| *index != self.moved);
+        let mut shares: Vec<(f64, usize)> = others.map(|(index, mask)| (share(mask), index)).collect();
+        shares.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let shares: Vec<(f64, usize)> = shares.into_iter().filter(|(share, _)| *share >= SURFACE_SHARE).collect();
+        let main = shares.first().copied();
+        let target = match main.filter(|(share, _)| *share >= self.settings.thing_share) {
             Some((_, index)) => self.on_receiver(index, &pixels),
             None => self.on_table(&pixels),
-        }
+        };
+        let mixed = shares.len() > 1 || main.is_some_and(|(share, _)| share < MAIN_SHARE);
+        target.map(|target| PlacementTarget { mixed, ..target })
     }
 
     /// Pixel indices sampled over a cell, its centre in the middle of the list.
@@ -175,7 +184,7 @@ impl<'a> Resolver<'a> {
         let receiver = index.and_then(|index| self.receivers.get(index)?.as_ref());
         let rim_m = receiver.map_or(point.z, |receiver| receiver.top_m);
         let hollow = receiver.is_some_and(|receiver| receiver.hollow);
-        Some(PlacementTarget { point, others: Vec::new(), hollow, rim_m, neighbours: 0 })
+        Some(PlacementTarget { point, others: Vec::new(), hollow, rim_m, neighbours: 0, mixed: false })
     }
 
     /// Intersection of a pixel's view ray with the table plane; `None` if there is none.
@@ -214,7 +223,8 @@ impl<'a> Resolver<'a> {
         let points: Vec<DVec3> = points.into_iter().map(|(_, point)| point).collect();
         let point = free.first().or(points.first()).copied()?;
         let neighbours = self.neighbours(point);
-        Some(PlacementTarget { point, others: alternatives(&free), hollow: false, rim_m: self.table_m, neighbours })
+        let (others, rim_m) = (alternatives(&free), self.table_m);
+        Some(PlacementTarget { point, others, hollow: false, rim_m, neighbours, mixed: false })
     }
 
     fn on_receiver(&self, index: usize, pixels: &[usize]) -> Option<PlacementTarget> {
@@ -234,7 +244,8 @@ impl<'a> Resolver<'a> {
             choices.iter().copied().map(at).filter(|point| self.is_free(*point, Some(index))).collect();
         let point = free.first().copied().unwrap_or_else(|| at(receiver.middle));
         let (hollow, rim_m) = (receiver.hollow, receiver.top_m);
-        Some(PlacementTarget { point, others: alternatives(&free), hollow, rim_m, neighbours: 0 })
+        let others = alternatives(&free);
+        Some(PlacementTarget { point, others, hollow, rim_m, neighbours: 0, mixed: false })
     }
 
     /// Number of objects whose bounding boxes are at most [`NEIGHBOUR_M`] from the moved object at a point of the

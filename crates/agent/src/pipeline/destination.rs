@@ -177,14 +177,14 @@ impl PlacementQuestion<'_> {
         Ok((Placement { fine, ..placement }, found))
     }
 
-    /// True if the coarse cell is ambiguous: it lies between objects, or close to several of them.
+    /// True if the coarse cell is ambiguous: it shows several surfaces, lies close to several objects, or is to lie
+    /// between objects.
     fn needs_fine_cell(&self, target: &PlacementTarget) -> bool {
-        let is_on_table = !target.hollow && target.rim_m <= self.places.agent.settings.table_m;
         let is_between = self.subtask.to_lowercase().split(|c: char| !c.is_alphabetic()).any(|word| word == "between");
         let settings = &self.places.agent.settings;
         // Answers recorded with `Asks::Every` contain none to this question.
         let is_asked = settings.fine_cells && settings.asks == Asks::Needed;
-        is_asked && is_on_table && (is_between || target.neighbours >= CROWDED)
+        is_asked && (is_between || target.mixed || target.neighbours >= CROWDED)
     }
 }
 

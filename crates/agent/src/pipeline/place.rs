@@ -102,7 +102,8 @@ pub(super) fn put_back(
     seed: Seed,
 ) -> Result<Vec<Vec<f32>>, PlanError> {
     let point = held.subtask.object.pose.position;
-    let target = PlacementTarget { point, others: Vec::new(), hollow: false, rim_m: point.z, neighbours: 0 };
+    let target =
+        PlacementTarget { point, others: Vec::new(), hollow: false, rim_m: point.z, neighbours: 0, mixed: false };
     let release_goals = [release_goal(agent, &target, point, 0.0)];
     let (carry_paths, release, pose) = plan_motions(agent, held, state, &release_goals, &[], seed.fork("back"))?;
     Ok(commands(agent, held, state, &carry_paths, &release, &pose))
