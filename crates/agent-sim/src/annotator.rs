@@ -13,7 +13,7 @@ use genmanip_agent::ask::{
 use genmanip_agent::perception::on_plane;
 use genmanip_agent::services::{GraspError, GraspQuestion, GraspSource};
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Aabb, AgentStage, Atom, FailureClass, Grasp, Relation};
+use genmanip_core::{Aabb, AgentStage, Atom, FailureClass, Grasp, ReferenceId, Relation};
 use genmanip_layout::Move;
 use genmanip_motion::Planner;
 use genmanip_relations::{PosedScene, judge_atom};
@@ -119,7 +119,7 @@ impl Annotator {
                 );
             }
             let fits = |step: &&Move| {
-                let wanted: Vec<&String> = (step.atoms.iter().flat_map(genmanip_layout::references))
+                let wanted: Vec<&String> = (step.atoms.iter().flat_map(Atom::references))
                     .filter_map(|id| Some(&names[scene.index_of(id)?]))
                     .collect();
                 references.iter().all(|reference| wanted.contains(&&names[*reference]))
@@ -220,12 +220,12 @@ impl Annotator {
         // The reference is wrong if the same relation would hold to another object, which is nearer to the point than
         // the correct reference.
         let apart = |other: usize| scene.bounds(other).map_or(f64::INFINITY, |bounds| distance(&bounds, *point));
-        let right = steps.iter().flat_map(|step| &step.atoms).flat_map(genmanip_layout::references);
+        let right = steps.iter().flat_map(|step| &step.atoms).flat_map(Atom::references);
         let right = right.filter_map(|id| scene.index_of(id)).map(apart).fold(f64::INFINITY, f64::min);
-        let others = (0..scene.objects().len()).filter(|other| *other != object && apart(*other) < right);
-        for other in others {
-            let id = scene.objects().nth(other).map(|posed| posed.id.clone()).unwrap_or_default();
-            let to_other = |step: &Move| -> Vec<Atom> { step.atoms.iter().map(|atom| aimed_at(atom, &id)).collect() };
+        let others = scene.objects().enumerate();
+        for (other, posed) in others.filter(|(other, _)| *other != object && apart(*other) < right) {
+            let to_other =
+                |step: &Move| -> Vec<Atom> { step.atoms.iter().map(|atom| aimed_at(atom, &posed.id)).collect() };
             if steps.iter().any(|step| to_other(step) != step.atoms && would_hold(&to_other(step))) {
                 let name = self.truth.stage().name(other);
                 return (Some(FailureClass::PlanGrounding), format!("in {cell} it would stand so to {name}"));
@@ -288,12 +288,12 @@ fn is_met(after: &PosedScene, atom: &Atom, point: DVec3, truth: &GroundTruth) ->
 }
 
 /// Goal condition with its first reference replaced by the object `id`.
-fn aimed_at(atom: &Atom, id: &str) -> Atom {
+fn aimed_at(atom: &Atom, id: &ReferenceId) -> Atom {
     match atom {
         Atom::Relation { subject, relation, second_reference, .. } => Atom::Relation {
             subject: subject.clone(),
             relation: *relation,
-            reference: id.to_owned(),
+            reference: id.clone(),
             second_reference: second_reference.clone(),
         },
         other @ Atom::State { .. } => other.clone(),

@@ -1,6 +1,6 @@
 //! Errors of finding and building objects.
 
-use genmanip_core::AssetRef;
+use genmanip_core::{AssetRef, InstanceId};
 
 /// Errors of the catalogue, of robots and of worlds.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -51,7 +51,7 @@ pub enum AssetError {
     )]
     Mismatch {
         /// Instance id in the scenario.
-        id: String,
+        id: InstanceId,
         /// Name of the field that differs.
         what: &'static str,
         /// Value stated in the scenario.

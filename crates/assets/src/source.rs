@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{AssetHashes, AssetRef, ObjectCard, ObjectModel, PlacedObject};
+use genmanip_core::{AssetHashes, AssetRef, InstanceId, ObjectCard, ObjectModel, PlacedObject};
 
 use crate::AssetError;
 
@@ -78,7 +78,7 @@ pub trait AssetSource: Send + Sync {
     ///
     /// # Errors
     /// As [`AssetSource::model`].
-    fn changed_appearance(&self, objects: &[PlacedObject]) -> Result<Vec<String>, AssetError> {
+    fn changed_appearance(&self, objects: &[PlacedObject]) -> Result<Vec<InstanceId>, AssetError> {
         let mut changed = Vec::new();
         for placed in objects {
             let hashes = self.hashes(&placed.asset)?;

@@ -1,4 +1,4 @@
-//! Assets, the instances made from them, and the ids of both.
+//! Assets, from which instances are made.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,8 @@ use crate::Seed;
 
 /// Source of an instance's geometry and physics.
 ///
-/// Uids are opaque strings without `#` (which marks copies) and `/` (which separates the parts of an instance).
+/// Uids are opaque strings without `#` (which marks copies, see [`crate::InstanceId`]) and `/` (which separates the parts of an
+/// instance).
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "source", rename_all = "snake_case", deny_unknown_fields)]
 pub enum AssetRef {
@@ -55,40 +56,4 @@ impl std::fmt::Display for AssetRef {
             Self::Imported { hash } => write!(f, "imported {hash}"),
         }
     }
-}
-
-/// Instance id of the `copy`-th instance of an asset, counted from 1: `001`, `001#2`, …
-///
-/// ```
-/// use genmanip_core::asset::instance_id;
-/// assert_eq!([instance_id("001", 1), instance_id("001", 2)], ["001", "001#2"]);
-/// ```
-pub fn instance_id(uid: &str, copy: usize) -> String {
-    if copy <= 1 { uid.to_owned() } else { format!("{uid}#{copy}") }
-}
-
-/// Instance ids for a list of asset uids, in order.
-///
-/// ```
-/// use genmanip_core::asset::instance_ids;
-/// assert_eq!(instance_ids(["7", "001", "7", "7"]), ["7", "001", "7#2", "7#3"]);
-/// ```
-pub fn instance_ids<'a>(uids: impl IntoIterator<Item = &'a str>) -> Vec<String> {
-    let mut seen: BTreeMap<&str, usize> = BTreeMap::new();
-    let mut number = |uid| {
-        let copy = seen.entry(uid).or_default();
-        *copy += 1;
-        instance_id(uid, *copy)
-    };
-    uids.into_iter().map(&mut number).collect()
-}
-
-/// Asset uid of an instance id.
-///
-/// ```
-/// use genmanip_core::asset::uid_of;
-/// assert_eq!([uid_of("001"), uid_of("001#2")], ["001", "001"]);
-/// ```
-pub fn uid_of(id: &str) -> &str {
-    id.split_once('#').map_or(id, |(uid, _)| uid)
 }

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::failure::{AgentFailure, Failure};
-use crate::{Document, GoalVerdict, Pose, Scenario, Seed, Upgrade, WorldHashes, named_enum, upgrade};
+use crate::{Document, GoalVerdict, Pose, ReferenceId, Scenario, Seed, Upgrade, WorldHashes, named_enum, upgrade};
 
 /// Simulation state at one control step, and the command applied during the following interval.
 #[derive(Clone, Debug, PartialEq)]
@@ -191,7 +191,7 @@ pub struct CloudVerdict {
     /// Fraction of conditions that hold in the best alternative, 0-1.
     pub score: f64,
     /// Ids of the goal's objects with too few visible points; conditions on them do not hold.
-    pub unseen: Vec<String>,
+    pub unseen: Vec<ReferenceId>,
 }
 
 impl Document for EpisodeResult {

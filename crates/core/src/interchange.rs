@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::{Atom, Goal, Task};
+use crate::{Atom, Goal, InstanceId, ReferenceId, Task};
 
 /// Maximum number of instances in a group; their permutations are enumerated (24 for four).
 pub const MAX_INTERCHANGEABLE: usize = 4;
@@ -25,7 +25,7 @@ pub enum InterchangeError {
     #[error("interchangeable instance `{id}` is {what}")]
     Instance {
         /// The invalid id.
-        id: String,
+        id: InstanceId,
         /// Message, e.g. that the id is listed twice.
         what: &'static str,
     },
@@ -33,9 +33,9 @@ pub enum InterchangeError {
     #[error("`{first}` and `{second}` are made from different assets and cannot be exchanged")]
     Assets {
         /// First id of the group.
-        first: String,
+        first: InstanceId,
         /// Id with a different asset.
-        second: String,
+        second: InstanceId,
     },
     /// More than [`MAX_ALTERNATIVES`] alternatives after expansion.
     #[error("exchanging copies gives the goal {got} alternatives, expected at most {MAX_ALTERNATIVES}")]
@@ -84,7 +84,8 @@ impl Task {
                     return refused("listed twice");
                 }
             }
-            let asset = |id: &String| self.scene_graph.index_of(id).map(|index| &self.scene_graph.nodes[index].asset);
+            let asset =
+                |id: &InstanceId| self.scene_graph.index_of(id).map(|index| &self.scene_graph.nodes[index].asset);
             if let Some(other) = group.iter().find(|id| asset(id) != asset(&group[0])) {
                 return Err(InterchangeError::Assets { first: group[0].clone(), second: other.clone() });
             }
@@ -98,27 +99,17 @@ impl Task {
 }
 
 impl Atom {
-    /// Ids of the instances in the condition, the subject first.
-    pub fn ids(&self) -> impl Iterator<Item = &str> {
-        let (subject, reference, second) = match self {
-            Self::Relation { subject, reference, second_reference, .. } => {
-                (subject, Some(reference), second_reference.as_ref())
-            }
-            Self::State { object, .. } => (object, None, None),
-        };
-        std::iter::once(subject).chain(reference).chain(second).map(String::as_str)
-    }
-
     /// The condition with instances renamed; ids missing from the table are kept.
     #[must_use]
-    pub fn renamed(&self, other: &BTreeMap<&str, &str>) -> Self {
-        let new = |id: &String| other.get(id.as_str()).map_or_else(|| id.clone(), |id| (*id).to_owned());
+    pub fn renamed(&self, other: &BTreeMap<&ReferenceId, &InstanceId>) -> Self {
+        let new = |id: &InstanceId| other.get(&**id).map_or_else(|| id.clone(), |id| (*id).clone());
+        let known = |id: &ReferenceId| other.get(id).map_or_else(|| id.clone(), |id| (*id).clone().into());
         match self {
             Self::Relation { subject, relation, reference, second_reference } => Self::Relation {
                 subject: new(subject),
                 relation: *relation,
-                reference: new(reference),
-                second_reference: second_reference.as_ref().map(new),
+                reference: known(reference),
+                second_reference: second_reference.as_ref().map(known),
             },
             Self::State { object, state } => Self::State { object: new(object), state: state.clone() },
         }
@@ -126,28 +117,29 @@ impl Atom {
 }
 
 /// For each group, its members that occur in the conditions, and the whole group.
-fn concerned<'g>(groups: &'g [Vec<String>], atoms: &[Atom]) -> Vec<(Vec<&'g str>, &'g [String])> {
-    let is_meant = |id: &&str| atoms.iter().flat_map(Atom::ids).any(|other| other == *id);
-    groups.iter().map(|group| (group.iter().map(String::as_str).filter(is_meant).collect(), group.as_slice())).collect()
+fn concerned<'g>(groups: &'g [Vec<InstanceId>], atoms: &[Atom]) -> Vec<(Vec<&'g InstanceId>, &'g [InstanceId])> {
+    let is_meant = |id: &&InstanceId| atoms.iter().flat_map(Atom::ids).any(|other| *other == **id);
+    groups.iter().map(|group| (group.iter().filter(is_meant).collect(), group.as_slice())).collect()
 }
 
 /// Number of ways to replace the instances in the conditions by interchangeable copies.
-fn count(groups: &[Vec<String>], atoms: &[Atom]) -> usize {
-    let ways =
-        |(meant, group): &(Vec<&str>, &[String])| (0..meant.len()).map(|taken| group.len() - taken).product::<usize>();
+fn count(groups: &[Vec<InstanceId>], atoms: &[Atom]) -> usize {
+    let ways = |(meant, group): &(Vec<&InstanceId>, &[InstanceId])| {
+        (0..meant.len()).map(|taken| group.len() - taken).product::<usize>()
+    };
     concerned(groups, atoms).iter().map(ways).product()
 }
 
 /// All replacements of the instances in the conditions by interchangeable copies, the identity first.
-fn exchanges<'g>(groups: &'g [Vec<String>], atoms: &[Atom]) -> Vec<BTreeMap<&'g str, &'g str>> {
+fn exchanges<'g>(groups: &'g [Vec<InstanceId>], atoms: &[Atom]) -> Vec<BTreeMap<&'g ReferenceId, &'g InstanceId>> {
     let mut all = vec![BTreeMap::new()];
     for (meant, group) in concerned(groups, atoms) {
         for id in meant {
             // The copy itself comes first, so that the first replacement is the identity.
             let own = group.iter().filter(|other| *other == id);
-            let others: Vec<&str> = own.chain(group.iter().filter(|other| *other != id)).map(String::as_str).collect();
-            let with = |so_far: BTreeMap<&'g str, &'g str>| {
-                let free: Vec<&str> =
+            let others: Vec<&InstanceId> = own.chain(group.iter().filter(|other| *other != id)).collect();
+            let with = |so_far: BTreeMap<&'g ReferenceId, &'g InstanceId>| {
+                let free: Vec<&InstanceId> =
                     others.iter().copied().filter(|other| !so_far.values().any(|v| v == other)).collect();
                 free.into_iter().map(move |other| {
                     let mut more = so_far.clone();
@@ -168,7 +160,7 @@ mod tests {
 
     fn on(subject: &str, reference: &str) -> Atom {
         Atom::Relation {
-            subject: subject.into(),
+            subject: subject.parse().unwrap(),
             relation: Relation::On,
             reference: reference.into(),
             second_reference: None,
@@ -177,14 +169,15 @@ mod tests {
 
     fn task(ids: &[&str], goal: Vec<Vec<Atom>>, groups: &[&[&str]]) -> Task {
         let mut task = Task::from_json(include_str!("../testdata/task.json")).unwrap();
-        let of = |id: &&str| crate::GraphNode {
-            id: (*id).into(),
-            asset: crate::AssetRef::builtin(crate::asset::uid_of(id), 2).into(),
-            state: None,
+        let of = |id: &&str| {
+            let id: InstanceId = id.parse().unwrap();
+            let asset = crate::AssetRef::builtin(id.asset(), 2).into();
+            crate::GraphNode { id, asset, state: None }
         };
         task.scene_graph.nodes = ids.iter().map(of).collect();
         task.goal.alternatives = goal;
-        task.interchangeable = groups.iter().map(|group| group.iter().map(|id| (*id).to_owned()).collect()).collect();
+        task.interchangeable =
+            groups.iter().map(|group| group.iter().map(|id| id.parse().unwrap()).collect()).collect();
         task
     }
 

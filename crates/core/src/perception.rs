@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::OrientedBox;
-use crate::{Document, Pose, Projection, RgbdImage};
+use crate::{Document, InstanceId, Pose, Projection, RgbdImage};
 
 /// Instance id of the first object in [`RgbdImage::ids`]; object `i` of the scenario has `FIRST_OBJECT + i`.
 pub const FIRST_OBJECT: u16 = 3;
@@ -50,7 +50,7 @@ impl Document for ImageLabels {
 #[serde(deny_unknown_fields)]
 pub struct ObjectLabel {
     /// Instance id in the scenario.
-    pub id: String,
+    pub id: InstanceId,
     /// Bounding box of the visible pixels (modal box); null if none is visible.
     pub visible_box_px: Option<[u32; 4]>,
     /// Number of visible pixels.
@@ -121,16 +121,16 @@ impl VisibleRegion {
 /// box in the world.
 pub fn labels<'a>(
     projection: &Projection,
-    objects: impl IntoIterator<Item = (&'a str, VisibleRegion, VisibleRegion, OrientedBox)>,
+    objects: impl IntoIterator<Item = (&'a InstanceId, VisibleRegion, VisibleRegion, OrientedBox)>,
 ) -> Vec<ObjectLabel> {
     let size = [projection.intrinsics.width, projection.intrinsics.height];
     let camera_from_world = projection.world_from_camera.inverse();
-    let label = |(id, visible, whole, placed): (&str, VisibleRegion, VisibleRegion, OrientedBox)| {
+    let label = |(id, visible, whole, placed): (&InstanceId, VisibleRegion, VisibleRegion, OrientedBox)| {
         let bounds = |region: VisibleRegion| (region.pixels > 0).then_some(region.bounds_px);
         let [left, top, right, bottom] = whole.bounds_px;
         let is_at_edge = left == 0 || top == 0 || right >= size[0] || bottom >= size[1];
         ObjectLabel {
-            id: id.to_owned(),
+            id: id.clone(),
             visible_box_px: bounds(visible),
             visible_pixels: visible.pixels,
             whole_box_px: bounds(whole),
@@ -188,9 +188,8 @@ mod tests {
         assert_eq!([3, 4, 5].map(|id| visible_region(&ids, 6, id)), visible[..]);
         let whole = [VisibleRegion { bounds_px: [1, 1, 5, 3], pixels: 8 }, VisibleRegion::default(), visible[2]];
         let placed = OrientedBox { outer_from_box: Pose::from_position(DVec3::X), size: DVec3::splat(0.1) };
-        let names = ["mug", "fork", "box"];
-        let described =
-            names.into_iter().zip(visible).zip(whole).map(|((id, visible), whole)| (id, visible, whole, placed));
+        let names = ["mug", "fork", "box"].map(|name| InstanceId::new(name, 1));
+        let described = names.iter().zip(visible).zip(whole).map(|((id, visible), whole)| (id, visible, whole, placed));
         let labels = labels(&projection, described);
         let shares: Vec<_> = labels.iter().map(|label| label.visible_share).collect();
         assert_eq!(shares, [Some(0.25), None, Some(1.0)]);

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::names::is_file_name;
 use crate::upgrade;
-use crate::{AssetRef, Document, DocumentError, Goal, Pose, Seed, Task, Upgrade, World};
+use crate::{AssetRef, Document, DocumentError, Goal, InstanceId, Pose, ReferenceId, Seed, Task, Upgrade, World};
 
 /// A task with poses: the initial conditions of an episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -76,7 +76,7 @@ pub const MAX_OBJECTS: usize = 256;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PlacedObject {
     /// Instance id, as in the task's graph.
-    pub id: String,
+    pub id: InstanceId,
     /// Asset of which this is an instance.
     pub asset: AssetRef,
     /// Physics hash, [`crate::AssetHashes::physics`]; a mismatch is an error.
@@ -144,7 +144,7 @@ impl Default for PhysicsFactors {
 
 impl Scenario {
     /// Index of an instance by id; `None` if there is none.
-    pub fn index_of(&self, id: &str) -> Option<usize> {
-        self.objects.iter().position(|object| object.id == id)
+    pub fn index_of(&self, id: &ReferenceId) -> Option<usize> {
+        self.objects.iter().position(|object| object.id == *id)
     }
 }

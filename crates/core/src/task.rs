@@ -6,9 +6,8 @@ use std::sync::Arc;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::asset::uid_of;
 use crate::upgrade;
-use crate::{AssetRef, Document, ObjectCard, Relation, Upgrade, named_enum};
+use crate::{AssetRef, Document, InstanceId, ObjectCard, ReferenceId, Relation, Upgrade, named_enum};
 
 /// A task: instruction, goal and initial scene described by relations. Valid by construction: only the validator in
 /// `tasks` makes one from a language model's answer.
@@ -31,7 +30,7 @@ pub struct Task {
     pub surfaces: Vec<NamedSurface>,
     /// Groups of interchangeable instances of one asset: the goal holds if it holds for any permutation.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub interchangeable: Vec<Vec<String>>,
+    pub interchangeable: Vec<Vec<InstanceId>>,
     /// Origin of the task, e.g. `recorded answer 001_long_horizon.json` or `rules`.
     pub source: String,
 }
@@ -136,19 +135,19 @@ pub enum Atom {
     /// `subject` stands in `relation` to `reference`.
     Relation {
         /// Id of the placed instance.
-        subject: String,
+        subject: InstanceId,
         /// Relation of the subject to the reference.
         relation: Relation,
         /// Id of the reference instance or support surface.
-        reference: String,
+        reference: ReferenceId,
         /// Second reference of `between`; `None` for all other relations.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        second_reference: Option<String>,
+        second_reference: Option<ReferenceId>,
     },
     /// The object is in a named state.
     State {
         /// Id of the articulated instance.
-        object: String,
+        object: InstanceId,
         /// Name of the state.
         state: String,
     },
@@ -169,7 +168,7 @@ pub struct SceneGraph {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct GraphNode {
     /// Instance id: the asset's uid, or `001#2` for its second copy.
-    pub id: String,
+    pub id: InstanceId,
     /// Asset of which the node is an instance.
     pub asset: Arc<AssetRef>,
     /// Initial state of an articulated object; `None` if none is given.
@@ -181,14 +180,14 @@ pub struct GraphNode {
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 pub struct GraphEdge {
     /// Id of the instance that stands in the relation.
-    pub subject: String,
+    pub subject: InstanceId,
     /// Relation of the subject to the reference.
     pub relation: Relation,
     /// Id of the reference instance or support surface.
-    pub reference: String,
+    pub reference: ReferenceId,
     /// Second reference of `between`; `None` for all other relations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub second_reference: Option<String>,
+    pub second_reference: Option<ReferenceId>,
 }
 
 impl GraphEdge {
@@ -205,56 +204,62 @@ impl GraphEdge {
 
 impl SceneGraph {
     /// Index of an instance's node by id; `None` if there is none.
-    pub fn index_of(&self, id: &str) -> Option<usize> {
-        self.nodes.iter().position(|node| node.id == id)
+    pub fn index_of(&self, id: &ReferenceId) -> Option<usize> {
+        self.nodes.iter().position(|node| node.id == *id)
     }
 }
 
 impl GraphNode {
     /// Node for the first instance of a card's object, without a state.
     pub fn of(card: &ObjectCard) -> Self {
-        Self { id: card.uid.clone(), asset: Arc::new(card.asset.clone()), state: None }
+        Self { id: InstanceId::new(&card.uid, 1), asset: Arc::new(card.asset.clone()), state: None }
     }
 }
 
 impl Task {
     /// Card of an instance in the scene; `None` for an unknown id.
-    pub fn card(&self, id: &str) -> Option<&ObjectCard> {
+    pub fn card(&self, id: &ReferenceId) -> Option<&ObjectCard> {
         self.objects.get(self.scene_graph.index_of(id)?).map(Arc::as_ref)
     }
 
     /// A support surface by id; `None` if the task does not refer to it.
-    pub fn surface(&self, id: &str) -> Option<&NamedSurface> {
-        self.surfaces.iter().find(|surface| surface.id == id)
+    pub fn surface(&self, id: &ReferenceId) -> Option<&NamedSurface> {
+        self.surfaces.iter().find(|surface| surface.id == id.as_str())
     }
 
     /// Display name of an instance: `Red Mug`, or `Red Mug #2` for its second copy; a surface's name; the id if there
     /// is no card.
-    pub fn name_of(&self, id: &str) -> String {
+    pub fn name_of(&self, id: &ReferenceId) -> String {
         if let Some(surface) = self.surface(id) {
             return surface.name.clone();
         }
-        let name = self.card(id).map_or_else(|| uid_of(id).to_owned(), |card| card.name.clone());
-        id.split_once('#').map_or(name.clone(), |(_, copy)| format!("{name} #{copy}"))
+        let (uid, copy) = id.parts();
+        let name = self.card(id).map_or(uid, |card| &card.name);
+        copy.map_or_else(|| name.to_owned(), |copy| format!("{name} #{copy}"))
     }
 }
 
 impl Atom {
     /// Id of the instance whose place or state is tested.
-    pub fn subject(&self) -> &str {
+    pub fn subject(&self) -> &InstanceId {
         match self {
             Self::Relation { subject, .. } => subject,
             Self::State { object, .. } => object,
         }
     }
 
-    /// Ids of all instances in the condition, the subject first.
-    pub fn objects(&self) -> impl Iterator<Item = &str> {
+    /// Ids of all instances and surfaces in the condition, the subject first.
+    pub fn ids(&self) -> impl Iterator<Item = &ReferenceId> {
+        std::iter::once(&**self.subject()).chain(self.references())
+    }
+
+    /// Ids of the references of a relation, none for a state.
+    pub fn references(&self) -> impl Iterator<Item = &ReferenceId> {
         let (reference, second) = match self {
             Self::Relation { reference, second_reference, .. } => (Some(reference), second_reference.as_ref()),
             Self::State { .. } => (None, None),
         };
-        std::iter::once(self.subject()).chain(reference.into_iter().chain(second).map(String::as_str))
+        reference.into_iter().chain(second)
     }
 }
 

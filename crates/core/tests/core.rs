@@ -42,9 +42,9 @@ fn documents_of_version_1_open_and_name_instances_by_their_uid() {
     let text = std::fs::read_to_string(folder.join("scenarios/001_long_horizon-000.json")).unwrap();
     let scenario = Scenario::from_json(&text).unwrap();
     for (node, placed) in scenario.task.scene_graph.nodes.iter().zip(&scenario.objects) {
-        assert_eq!((&node.id, &*node.asset), (&placed.id, &AssetRef::builtin(&placed.id, 2)));
+        assert_eq!((&node.id, &*node.asset), (&placed.id, &AssetRef::builtin(placed.id.asset(), 2)));
         assert_eq!(placed.asset, *node.asset);
-        assert_eq!(scenario.task.card(&node.id).unwrap().uid, node.id);
+        assert_eq!(scenario.task.card(&node.id).unwrap().uid, node.id.asset());
         assert!(placed.physics_hash.starts_with("v1:") && placed.judging_hash.is_none());
     }
     assert_eq!(Scenario::from_json(&scenario.to_json()).unwrap(), scenario);
@@ -118,7 +118,7 @@ fn verdict(margin: f64, unit: Unit) -> AtomVerdict {
     let measurement =
         Measurement { quantity: "q".into(), value: 0.0, threshold: -margin, unit, met: margin >= 0.0, margin };
     AtomVerdict {
-        atom: Atom::State { object: "057".into(), state: "open".into() },
+        atom: Atom::State { object: "057".parse().unwrap(), state: "open".into() },
         holds: margin >= 0.0,
         margin,
         measurements: vec![measurement],

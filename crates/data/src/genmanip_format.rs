@@ -137,7 +137,7 @@ impl Folder<'_> {
         let (scenario, result) = (&source.episode.scenario, &source.episode.result);
         let placed = scenario.objects.iter().map(|object| {
             let row = pose_to_row(&object.pose);
-            (object.id.clone(), json!({"position": row[..3], "orientation": row[3..], "asset": object.asset}))
+            (object.id.to_string(), json!({"position": row[..3], "orientation": row[3..], "asset": object.asset}))
         });
         let cameras = source.tracks.iter().map(|track| {
             let k = &track.camera.intrinsics;

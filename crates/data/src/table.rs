@@ -68,9 +68,9 @@ impl Columns {
     }
 
     /// Adds a column of variable-length lists of texts.
-    pub fn text_lists(&mut self, name: &str, rows: &[Vec<String>]) {
-        let values = StringArray::from_iter_values(rows.iter().flatten());
-        self.nested(name, Arc::new(values), rows.iter().map(Vec::len));
+    pub fn text_lists<T: AsRef<str>>(&mut self, name: &str, rows: &[impl AsRef<[T]>]) {
+        let values = StringArray::from_iter_values(rows.iter().flat_map(AsRef::as_ref));
+        self.nested(name, Arc::new(values), rows.iter().map(|row| row.as_ref().len()));
     }
 
     /// Adds a column of fixed-size lists; length 1 gives a scalar column.

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{ActionSpace, Document, Failure, FailureCause, PlacedObject, Pose, RotationEncoding};
+use genmanip_core::{ActionSpace, Document, Failure, FailureCause, InstanceId, PlacedObject, Pose, RotationEncoding};
 use genmanip_data::export::ExtraColumns;
 use genmanip_data::export::choice::{self, ACTIONS, ROTATIONS};
 use genmanip_data::lerobot::{self, LerobotDataset};
@@ -589,7 +589,7 @@ fn simulator_ground_truth_is_exported_on_request() {
     let state = crowded.frames[0].objects[0].clone();
     let placed = crowded.scenario.objects[0].clone();
     for number in 0..20 {
-        crowded.scenario.objects.push(PlacedObject { id: format!("more-{number}"), ..placed.clone() });
+        crowded.scenario.objects.push(PlacedObject { id: InstanceId::new("more", number + 1), ..placed.clone() });
         crowded.frames.iter_mut().for_each(|frame| frame.objects.push(state.clone()));
     }
     let crowd = EpisodeStore::create(folder.path().join("crowd")).unwrap();

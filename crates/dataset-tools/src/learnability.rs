@@ -11,7 +11,7 @@ mod neighbours;
 use std::collections::BTreeMap;
 
 use genmanip_core::glam::{DMat3, DQuat, DVec2, DVec3};
-use genmanip_core::{Episode, Pose};
+use genmanip_core::{Atom, Episode, Pose, ReferenceId};
 use genmanip_data::{DataError, EpisodeStore, Selection};
 use serde::Serialize;
 
@@ -119,7 +119,7 @@ impl Demonstration {
             Some(Grasped { object, tool: frame.tcp, joints: frame.joint_position.clone() })
         });
         let named = episode.scenario.task.goal.alternatives.iter().flatten();
-        let named: Vec<&str> = named.flat_map(|atom| atom.objects()).collect();
+        let named: Vec<&ReferenceId> = named.flat_map(Atom::ids).collect();
         let objects = episode.scenario.objects.iter().enumerate();
         let watched: Vec<usize> =
             objects.filter(|(_, object)| named.contains(&&*object.id)).map(|(index, _)| index).collect();

@@ -17,7 +17,8 @@ use genmanip_benchmark::statistics::{Rate, StatisticsSettings};
 use genmanip_benchmark::suites;
 use genmanip_core::limits::Limit;
 use genmanip_core::{
-    Atom, CameraRequest, Episode, ImageChannels, ObjectState, PlacedObject, RgbdImage, Scenario, Seed, Task,
+    Atom, CameraRequest, Episode, ImageChannels, ObjectState, PlacedObject, ReferenceId, RgbdImage, Scenario, Seed,
+    Task,
 };
 use genmanip_data::EpisodeStore;
 use genmanip_render::FIRST_OBJECT;
@@ -339,11 +340,10 @@ fn key(subject: &Subject) -> Result<Key, LabError> {
 
 /// All ways to fulfil a task, each the set of moves of objects by their numbers on the card.
 fn ways(scenario: &Scenario) -> Vec<BTreeSet<Move>> {
-    let number = |id: &str| scenario.objects.iter().position(|placed| placed.id == id).map_or(0, |index| index + 1);
+    let number = |id: &ReferenceId| scenario.index_of(id).map_or(0, |index| index + 1);
     let moved = |atom: &Atom| match atom {
-        Atom::Relation { subject, reference, second_reference, .. } => {
-            let place = std::iter::once(reference).chain(second_reference).map(|id| number(id)).collect();
-            Some(Move { object: number(subject), place })
+        Atom::Relation { subject, .. } => {
+            Some(Move { object: number(subject), place: atom.references().map(number).collect() })
         }
         Atom::State { .. } => None,
     };

@@ -6,7 +6,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, GraspLibrary};
-use genmanip_core::{Atom, AtomVerdict, Camera, Pose, Relation, RgbdImage, RobotModel, Scenario, Seed, Task, World};
+use genmanip_core::{
+    Atom, AtomVerdict, Camera, InstanceId, Pose, Relation, RgbdImage, RobotModel, Scenario, Seed, Task, World,
+};
 use genmanip_layout::{GoalOrder, GoalPoseSettings, GoalSearch, LayoutSettings, lay_out, moves, posed};
 use genmanip_motion::PlannerSettings;
 use genmanip_relations::observed::clouds_of_views;
@@ -150,7 +152,7 @@ impl Bench {
             .collect();
         let instances: Vec<u16> = (0..models.len()).map(|index| FIRST_OBJECT + index as u16).collect();
         let clouds = scene.objects().zip(clouds_of_views(&views, &instances));
-        Ok(CloudScene::new(clouds.filter_map(|(object, cloud)| Some((object.id.clone(), cloud?)))))
+        Ok(CloudScene::new(clouds.filter_map(|(object, cloud)| Some((object.id.clone().into(), cloud?)))))
     }
 
     /// Compares every pair of objects with every relation and label, one *between* triple per object, and the goal.
@@ -163,7 +165,7 @@ impl Bench {
         agreement: &mut Agreement,
     ) -> Result<(), LabError> {
         let clouds = self.clouds(scene)?;
-        let ids: Vec<&str> = scene.objects().map(|object| object.id.as_str()).collect();
+        let ids: Vec<&InstanceId> = scene.objects().map(|object| &object.id).collect();
         agreement.scenes += 1;
         agreement.unseen_objects += ids.iter().filter(|id| clouds.index_of(id).is_none()).count();
         for atom in atoms(&ids, seed) {
@@ -245,24 +247,24 @@ fn after_moves(scene: &PosedScene, task: &Task, world: &World, seed: Seed) -> Op
     Some(after)
 }
 
-fn relation(subject: &str, relation: Relation, reference: &str) -> Atom {
-    Atom::Relation { subject: subject.into(), relation, reference: reference.into(), second_reference: None }
+fn relation(subject: &InstanceId, relation: Relation, reference: &InstanceId) -> Atom {
+    Atom::Relation { subject: subject.clone(), relation, reference: reference.clone().into(), second_reference: None }
 }
 
 /// Conditions to compare: every ordered pair with every relation of pairs, and for every object *between* with one
 /// random pair of others.
-fn atoms(ids: &[&str], seed: Seed) -> Vec<Atom> {
+fn atoms(ids: &[&InstanceId], seed: Seed) -> Vec<Atom> {
     let mut atoms = Vec::new();
     for (index, subject) in ids.iter().enumerate() {
-        let others: Vec<&str> = ids.iter().copied().filter(|other| other != subject).collect();
+        let others: Vec<&InstanceId> = ids.iter().copied().filter(|other| other != subject).collect();
         atoms.extend(others.iter().flat_map(|other| Relation::OF_PAIRS.map(|word| relation(subject, word, other))));
         if others.len() >= 2 {
             let draw = (seed.fork("between").fork_index(index as u64).value() % others.len() as u64) as usize;
             atoms.push(Atom::Relation {
-                subject: (*subject).into(),
+                subject: (*subject).clone(),
                 relation: Relation::Between,
-                reference: others[draw].into(),
-                second_reference: Some(others[(draw + 1) % others.len()].into()),
+                reference: others[draw].clone().into(),
+                second_reference: Some(others[(draw + 1) % others.len()].clone().into()),
             });
         }
     }

@@ -1,6 +1,6 @@
 //! Mismatches between sentence and goal, planted in designed tasks, and how many of them the answer check finds.
 
-use genmanip_core::{Atom, ObjectCard, Relation, Seed, Task, TaskKind};
+use genmanip_core::{Atom, InstanceId, ObjectCard, ReferenceId, Relation, Seed, Task, TaskKind};
 use genmanip_tasks::answer::{AnswerReport, FlawKind, TaskRequest, Verdict, check_answer};
 use genmanip_tasks::designer::{DesignSettings, as_answer, design_many};
 use rand::seq::SliceRandom;
@@ -73,7 +73,7 @@ fn checked(task: &Task) -> AnswerReport {
 
 /// All tasks that differ from this one in one condition of the goal.
 fn changes(task: &Task) -> Vec<Task> {
-    let ids: Vec<&String> = task.scene_graph.nodes.iter().map(|node| &node.id).collect();
+    let ids: Vec<&InstanceId> = task.scene_graph.nodes.iter().map(|node| &node.id).collect();
     let mut changed = Vec::new();
     for (alternative, atoms) in task.goal.alternatives.iter().enumerate() {
         for (index, atom) in atoms.iter().enumerate() {
@@ -87,17 +87,17 @@ fn changes(task: &Task) -> Vec<Task> {
     changed
 }
 
-fn others(atom: &Atom, ids: &[&String], task: &Task) -> Vec<Atom> {
+fn others(atom: &Atom, ids: &[&InstanceId], task: &Task) -> Vec<Atom> {
     let mut others = Vec::new();
     match atom {
         Atom::Relation { subject, relation, reference, second_reference } => {
-            let with = |subject: &str, relation: Relation, reference: &str| Atom::Relation {
-                subject: subject.to_owned(),
+            let with = |subject: &InstanceId, relation: Relation, reference: &ReferenceId| Atom::Relation {
+                subject: subject.clone(),
                 relation,
-                reference: reference.to_owned(),
+                reference: reference.clone(),
                 second_reference: second_reference.clone(),
             };
-            for id in ids.iter().filter(|id| !atom.ids().any(|own| own == id.as_str())) {
+            for id in ids.iter().filter(|id| !atom.ids().any(|own| *own == ***id)) {
                 others.extend([with(id, *relation, reference), with(subject, *relation, id)]);
             }
             others.extend(

@@ -2,7 +2,7 @@
 
 use genmanip_assets::AssetSource;
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Aabb, ObjectModel, ObjectState, Pose, Scenario, Seed};
+use genmanip_core::{Aabb, InstanceId, ObjectModel, ObjectState, Pose, Scenario, Seed};
 use genmanip_relations::{PosedObject, ShapeCache};
 use rand::RngExt;
 
@@ -37,14 +37,15 @@ pub fn add_distractors(
             break;
         }
         let model = assets.model(asset)?;
-        if objects.iter().any(|other| other.id == model.card.uid) {
+        let id = InstanceId::new(&model.card.uid, 1);
+        if objects.iter().any(|other| other.id == id) {
             continue;
         }
         let stream = seed.fork("places").fork_index(number as u64);
         let Some(pose) = place(&objects, &model, stream, scenario, settings) else { continue };
         let joint_positions = vec![0.0; model.joint_count()];
         let mut with_it = objects.clone();
-        with_it.push(PosedObject { id: model.card.uid.clone(), model, pose, joint_positions });
+        with_it.push(PosedObject { id, model, pose, joint_positions });
         let start: Vec<_> = with_it.iter().map(scene_object).collect();
         let Some(end) = rest_states(&start, &scenario.world, settings)? else { continue };
         let moved_m = |(object, end): (&PosedObject, &ObjectState)| object.pose.position.distance(end.pose.position);

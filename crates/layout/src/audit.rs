@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_assets::AssetSource;
-use genmanip_core::{Atom, ObjectState, PhysicsFactors, RobotModel, Scenario, World};
+use genmanip_core::{Atom, ObjectState, PhysicsFactors, ReferenceId, RobotModel, Scenario, World};
 use genmanip_relations::{PosedObject, PosedScene, Rest, ShapeCache, judge_edges, judge_goal, judge_states};
 use genmanip_sim::{BodyId, Model, SceneObject, SettleSettings, Sim, SimError};
 
@@ -123,7 +123,7 @@ pub struct Overlap {
     /// Index of the object in the scene.
     pub object: usize,
     /// Id of the other object, of a surface, or `floor`.
-    pub other: String,
+    pub other: ReferenceId,
     /// Deepest penetration of any contact of the two bodies, m.
     pub depth_m: f64,
 }
@@ -135,7 +135,7 @@ pub struct Overlap {
 pub fn overlaps(scene: &PosedScene, world: &World, settings: &LayoutSettings) -> Result<Vec<Overlap>, SimError> {
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
     let mut sim = Sim::new(Arc::new(Model::compile_without_robot(world, &objects)?));
-    let surface = |index: usize| world.surfaces.get(index).map_or("table", |surface| surface.id.as_str()).to_owned();
+    let surface = |index: usize| world.surfaces.get(index).map_or("table", |surface| surface.id.as_str());
     let mut found: Vec<Overlap> = Vec::new();
     for contact in sim.contacts().into_iter().filter(|contact| -contact.distance > settings.max_penetration_m) {
         let depth_m = -contact.distance;
@@ -143,10 +143,10 @@ pub fn overlaps(scene: &PosedScene, world: &World, settings: &LayoutSettings) ->
             (BodyId::Object { object, .. }, other) | (other, BodyId::Object { object, .. }) => (object, other),
             _ => continue,
         };
-        let other = match other {
-            BodyId::Object { object, .. } => objects[object].name.clone(),
-            BodyId::Table => surface(0),
-            BodyId::Surface { surface: index } => surface(index),
+        let other: ReferenceId = match other {
+            BodyId::Object { object, .. } => objects[object].name.as_str().into(),
+            BodyId::Table => surface(0).into(),
+            BodyId::Surface { surface: index } => surface(index).into(),
             BodyId::Floor => "floor".into(),
             BodyId::Robot { .. } => continue,
         };
@@ -182,7 +182,7 @@ fn steps(seconds: f64, world: &World) -> u32 {
 
 pub(crate) fn scene_object(object: &PosedObject) -> SceneObject {
     SceneObject {
-        name: object.id.clone(),
+        name: object.id.to_string(),
         model: Arc::clone(&object.model),
         pose: object.pose,
         joint_positions: object.joint_positions.clone(),

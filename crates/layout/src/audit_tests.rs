@@ -6,7 +6,7 @@ use std::sync::Arc;
 use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, panda};
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{ObjectModel, Pose};
+use genmanip_core::{InstanceId, ObjectModel, Pose};
 use genmanip_relations::{PosedObject, PosedScene, ShapeCache};
 
 use crate::audit::{check_stability, scene_object, simulate_drift};
@@ -17,7 +17,7 @@ fn scene(model: &Arc<ObjectModel>, tilt_rad: f64) -> PosedScene {
     let tilted = Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_y(tilt_rad) };
     let lowest = model.world_bounds(&tilted, &vec![0.0; model.joint_count()]).min.z;
     let object = PosedObject {
-        id: model.card.uid.clone(),
+        id: InstanceId::new(&model.card.uid, 1),
         pose: Pose { position: DVec3::new(0.45, 0.0, -lowest), ..tilted },
         joint_positions: vec![0.0; model.joint_count()],
         model: Arc::clone(model),

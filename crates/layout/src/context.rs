@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Atom, Goal, ObjectModel, Relation, RobotModel, Task, Workspace, World};
+use genmanip_core::{Atom, Goal, InstanceId, ObjectModel, Relation, RobotModel, Task, Workspace, World};
 use genmanip_relations::{RelationSettings, Window, placement_window};
 
 use crate::LayoutSettings;
@@ -77,10 +77,10 @@ impl Context<'_> {
         }
     }
 
-    /// Id of an object in the scene: its node's id, or the uid of a distractor.
-    pub fn id(&self, object: usize) -> String {
+    /// Id of an object in the scene; a distractor is the only instance of its asset.
+    pub fn id(&self, object: usize) -> InstanceId {
         let node = self.task.scene_graph.nodes.get(object);
-        node.map_or_else(|| self.models[object].card.uid.clone(), |node| node.id.clone())
+        node.map_or_else(|| InstanceId::new(&self.models[object].card.uid, 1), |node| node.id.clone())
     }
 
     /// Index of the supporting or containing object; `None` for the table and other surfaces.

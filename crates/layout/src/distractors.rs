@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{AssetRef, Atom, ObjectCard, Seed, Task, TaskKind};
+use genmanip_core::{AssetRef, Atom, InstanceId, ObjectCard, Seed, Task, TaskKind};
 use rand::RngExt;
 
 /// Maximum horizontal extent of a distractor (m). Chosen: visible in the images but not in the way.
@@ -29,7 +29,8 @@ pub fn is_harmless(card: &ObjectCard, task: &Task) -> bool {
             || other.name.eq_ignore_ascii_case(&card.name)
             || other.category.eq_ignore_ascii_case(&card.category)
     };
-    let in_goal = |id: &str| task.goal.alternatives.iter().flatten().any(|atom| mentions(atom, id));
+    let in_goal =
+        |id: &InstanceId| task.goal.alternatives.iter().flatten().flat_map(Atom::ids).any(|named| named == id);
     let mut nodes = task.scene_graph.nodes.iter().zip(known());
     let serves_the_need = task.kind == TaskKind::CommonSense
         && nodes.any(|(node, other)| in_goal(&node.id) && other.general_category == card.general_category);
@@ -41,10 +42,6 @@ pub fn is_harmless(card: &ObjectCard, task: &Task) -> bool {
 /// True for an object that is small enough and has no joints.
 fn fits(card: &ObjectCard) -> bool {
     card.size_m.truncate().max_element() <= MAX_EXTENT_M && !card.is_articulated
-}
-
-fn mentions(atom: &Atom, id: &str) -> bool {
-    atom.subject() == id || crate::references(atom).any(|reference| reference == id)
 }
 
 /// Words that may describe an object.

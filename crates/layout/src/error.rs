@@ -1,7 +1,7 @@
 //! Layout errors.
 
 use genmanip_assets::AssetError;
-use genmanip_core::{Atom, InterchangeError, PlacedObject};
+use genmanip_core::{Atom, InstanceId, InterchangeError, PlacedObject, ReferenceId};
 use genmanip_relations::Window;
 use genmanip_render::RenderError;
 use genmanip_sim::SimError;
@@ -30,7 +30,7 @@ pub enum LayoutError {
         /// The edge as text.
         edge: String,
         /// Id of the object that is not a node.
-        id: String,
+        id: ReferenceId,
     },
     /// The task refers to a surface that the world does not have.
     #[error("the task needs surface `{id}`, but the world has {}", if known.is_empty() { "only a table".into() } else { known.join(", ") })]
@@ -44,7 +44,7 @@ pub enum LayoutError {
     #[error("object id `{id}` is also the id of a surface of the world")]
     ObjectLikeSurface {
         /// Id of both the object and the surface.
-        id: String,
+        id: InstanceId,
     },
     /// The task's groups of interchangeable copies are invalid.
     #[error(transparent)]
@@ -53,7 +53,7 @@ pub enum LayoutError {
     #[error("support cycle: {}", ids.join(" → "))]
     SupportCycle {
         /// Ids of the objects that could not be ordered.
-        ids: Vec<String>,
+        ids: Vec<InstanceId>,
     },
     /// Grasps of an object were tested with different physics; a defect, independent of the task.
     #[error(transparent)]
@@ -85,7 +85,7 @@ pub struct Unfinished {
     /// Placed objects; if no attempt placed any, all objects of a layout without the conflicting edges.
     pub placed: Vec<PlacedObject>,
     /// Id of the object without a valid pose.
-    pub object: String,
+    pub object: InstanceId,
     /// Region of its centre allowed by each of its relations to a placed object.
     pub windows: Vec<(Atom, Window)>,
 }

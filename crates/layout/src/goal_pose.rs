@@ -3,12 +3,12 @@
 use std::f64::consts::{PI, TAU};
 
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
-use genmanip_core::{Aabb, Atom, AtomVerdict, Pose, Relation, Seed, Unit, Workspace};
+use genmanip_core::{Aabb, Atom, AtomVerdict, Pose, ReferenceId, Relation, Seed, Unit, Workspace};
 use genmanip_relations::{PosedObject, PosedScene, RelationSettings, judge_atom, placement_window, planar_gap};
 use rand::{Rng, RngExt};
 
 use crate::between;
-use crate::moves::{Move, references};
+use crate::moves::Move;
 use crate::placement::{LOWERING_HEIGHT_M, lower_onto};
 use crate::settings::GoalPoseSettings;
 
@@ -205,14 +205,14 @@ impl GoalSearch<'_> {
             if surface.is_some() && relation.is_support() {
                 continue;
             }
-            let anchor = |id: &str| self.scene.bounds(self.scene.index_of(id)?);
-            let anchors: Vec<Aabb> = references(atom).filter_map(anchor).collect();
+            let anchor = |id: &ReferenceId| self.scene.bounds(self.scene.index_of(id)?);
+            let anchors: Vec<Aabb> = atom.references().filter_map(anchor).collect();
             if let (Relation::Between, [one, other]) = (relation, anchors.as_slice()) {
                 let [least, most] = between::free_window(one, other, bounds.size());
                 (low, high) = (low.max(least), high.min(most));
                 continue;
             }
-            for reference in references(atom) {
+            for reference in atom.references() {
                 let Some(anchor) = anchor(reference) else { return false };
                 let Some(window) = placement_window(*relation, &anchor, bounds.size(), self.relations) else {
                     return false;

@@ -15,7 +15,7 @@ fn scene(carrier: &str, turn: f64, objects: &[&str]) -> PosedScene {
         let bounds = model.world_bounds(&Pose::IDENTITY, &vec![0.0; model.joint_count()]);
         let pose = if index == 0 { DVec3::new(0.45, 0.0, 0.0) } else { DVec3::new(0.0, 2.0 + index as f64, 0.0) };
         PosedObject {
-            id: uid.into(),
+            id: uid.parse().unwrap(),
             pose: Pose::from_position_yaw(pose - DVec3::Z * bounds.min.z, turn),
             joint_positions: vec![0.0; model.joint_count()],
             model,
@@ -38,7 +38,7 @@ fn check_in(order: GoalOrder, carrier: &str, relation: Relation, objects: &[&str
         .map(|object| Move {
             object,
             atoms: vec![Atom::Relation {
-                subject: objects[object - 1].into(),
+                subject: objects[object - 1].parse().unwrap(),
                 relation,
                 reference: carrier.into(),
                 second_reference: None,
@@ -87,7 +87,7 @@ fn from_the_middle_the_first_goal_pose_is_the_same_for_every_seed() {
     for (carrier, relation, object) in [("014", Relation::On, "032"), ("051", Relation::Top, "030")] {
         let scene = scene(carrier, 0.4, &[object]);
         let atoms = vec![Atom::Relation {
-            subject: object.into(),
+            subject: object.parse().unwrap(),
             relation,
             reference: carrier.into(),
             second_reference: None,

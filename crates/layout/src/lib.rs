@@ -37,7 +37,7 @@ pub use audit::{AuditError, Drift, LayoutAudit, Overlap, audit, first_drift, ove
 pub use distractors::is_harmless;
 pub use error::{LayoutError, Unfinished};
 pub use goal_pose::{GoalOrder, GoalPose, GoalSearch};
-pub use moves::{Move, moves, references};
+pub use moves::{Move, moves};
 pub use reach::ReachCheck;
 pub use rejection::{NamedObject, Rejection, Rejections};
 pub use settings::{GoalPoseSettings, LayoutSettings};
@@ -47,7 +47,8 @@ use attempt::AttemptError;
 use context::{Context, GoalRegion};
 use genmanip_assets::{AssetSource, GraspLibrary};
 use genmanip_core::{
-    Atom, Goal, ObjectModel, Relation, RobotModel, Scenario, Seed, Task, VerifiedGrasp, Workspace, World,
+    Atom, Goal, InstanceId, ObjectModel, ReferenceId, Relation, RobotModel, Scenario, Seed, Task, VerifiedGrasp,
+    Workspace, World,
 };
 use genmanip_motion::Planner;
 use genmanip_relations::{
@@ -287,7 +288,8 @@ fn reach_m(world: &World, robot: &RobotModel) -> [f64; 2] {
 
 /// Checks that the world has every surface of the task and that no object id equals a surface id.
 fn check_surfaces(task: &Task, world: &World) -> Result<(), LayoutError> {
-    if let Some(missing) = task.surfaces.iter().find(|named| world.further_surface(&named.id).is_none()) {
+    if let Some(missing) = task.surfaces.iter().find(|named| world.further_surface(&named.id.as_str().into()).is_none())
+    {
         let known = world.named_surfaces().into_iter().map(|surface| surface.id).collect();
         return Err(LayoutError::UnknownSurface { id: missing.id.clone(), known });
     }
@@ -324,8 +326,8 @@ fn grounds(edges: &[(Atom, Vec<usize>)], count: usize, world: &World) -> Vec<usi
 /// Edges of the graph with the node indices of their objects, subject first; surfaces get no index.
 fn indexed_edges(task: &Task) -> Result<Vec<(Atom, Vec<usize>)>, LayoutError> {
     let graph = &task.scene_graph;
-    let index_of = |id: &String, edge: &Atom| {
-        let found = graph.nodes.iter().position(|node| node.id == *id);
+    let index_of = |id: &ReferenceId, edge: &Atom| {
+        let found = graph.index_of(id);
         found.ok_or_else(|| LayoutError::NotANode { edge: edge.to_string(), id: id.clone() })
     };
     graph
@@ -333,28 +335,32 @@ fn indexed_edges(task: &Task) -> Result<Vec<(Atom, Vec<usize>)>, LayoutError> {
         .iter()
         .map(|edge| {
             let atom = edge.atom();
-            let ids = [&edge.subject, &edge.reference].into_iter().chain(&edge.second_reference);
-            let ids = ids.enumerate().filter(|(place, id)| *place == 0 || task.surface(id).is_none()).map(|(_, id)| id);
+            let ids = atom
+                .ids()
+                .enumerate()
+                .filter(|(place, id)| *place == 0 || task.surface(id).is_none())
+                .map(|(_, id)| id);
             let indices = ids.map(|id| index_of(id, &atom)).collect::<Result<Vec<_>, _>>()?;
             Ok((atom, indices))
         })
         .collect()
 }
 
-fn is_moved(goal: &Goal, id: &str) -> bool {
+fn is_moved(goal: &Goal, id: &InstanceId) -> bool {
     let atoms = || goal.alternatives.iter().flatten();
     atoms().any(|atom| matches!(atom, Atom::Relation { .. }) && atom.subject() == id)
 }
 
 /// Per goal alternative, the target regions of moved objects relative to objects and surfaces that stay.
 fn goal_regions(task: &Task, goal: &Goal, world: &World) -> Vec<Vec<GoalRegion>> {
-    let index_of = |id: &str| task.scene_graph.index_of(id);
+    let index_of = |id: &ReferenceId| task.scene_graph.index_of(id);
     let of_alternative = |atoms: &Vec<Atom>| {
         let mut regions: Vec<GoalRegion> = Vec::new();
         for atom in atoms {
             let Atom::Relation { subject, relation, reference, .. } = atom else { continue };
-            let moves =
-                |id: &str| atoms.iter().any(|atom| matches!(atom, Atom::Relation { .. }) && atom.subject() == id);
+            let moves = |id: &ReferenceId| {
+                atoms.iter().any(|atom| matches!(atom, Atom::Relation { .. }) && *atom.subject() == *id)
+            };
             let surface = world.further_surface(reference);
             let (Some(object), anchor) = (index_of(subject), index_of(reference)) else { continue };
             if moves(reference) || relation.has_two_references() || (anchor.is_none() && surface.is_none()) {
@@ -374,9 +380,9 @@ fn goal_regions(task: &Task, goal: &Goal, world: &World) -> Vec<Vec<GoalRegion>>
 
 /// Per goal alternative, the `between` relations with two references that stay.
 fn goal_betweens(task: &Task, goal: &Goal) -> Vec<Vec<[usize; 3]>> {
-    let index_of = |id: &str| task.scene_graph.index_of(id);
+    let index_of = |id: &ReferenceId| task.scene_graph.index_of(id);
     let of_alternative = |atoms: &Vec<Atom>| {
-        let moves = |id: &str| atoms.iter().any(|atom| atom.subject() == id);
+        let moves = |id: &ReferenceId| atoms.iter().any(|atom| *atom.subject() == *id);
         let wanted = atoms.iter().filter_map(|atom| match atom {
             Atom::Relation { subject, relation: Relation::Between, reference, second_reference: Some(second) }
                 if !moves(reference) && !moves(second) =>
@@ -396,7 +402,7 @@ fn goal_sides(task: &Task, goal: &Goal) -> Vec<(Vec<Atom>, Vec<usize>)> {
     let sides = goal.alternatives.iter().filter(|atoms| atoms.iter().all(is_side));
     sides
         .map(|atoms| {
-            let ids = atoms.iter().flat_map(|atom| [atom.subject()].into_iter().chain(references(atom)));
+            let ids = atoms.iter().flat_map(Atom::ids);
             (atoms.clone(), ids.filter_map(|id| task.scene_graph.index_of(id)).collect())
         })
         .collect()
@@ -433,7 +439,8 @@ fn without_conflicts(
     context.edges.retain(|(atom, _)| !conflicts.iter().any(|(conflict, _)| *conflict == atom));
     let nodes = context.task.scene_graph.nodes.len();
     context.set_distractors(Vec::new());
-    context.steps = order::steps(&context.edges, nodes, |_| String::new()).ok()?;
+    let task = context.task;
+    context.steps = order::steps(&context.edges, nodes, |index| task.scene_graph.nodes[index].id.clone()).ok()?;
     context.goal_regions.clear();
     context.goal_betweens.clear();
     context.goal_sides.clear();

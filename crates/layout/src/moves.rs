@@ -67,7 +67,8 @@ fn moves_of(atoms: &[Atom], scene: &PosedScene) -> Option<Vec<Move>> {
 /// True if one move must precede another.
 fn comes_first(one: &Move, other: &Move, scene: &PosedScene) -> bool {
     let refers_to = |step: &Move, object: usize| {
-        step.object != object && step.atoms.iter().flat_map(references).any(|id| scene.index_of(id) == Some(object))
+        step.object != object
+            && step.atoms.iter().flat_map(Atom::references).any(|id| scene.index_of(id) == Some(object))
     };
     match (one.state(), other.state()) {
         // A container is opened before it is filled and closed afterwards; a laptop is closed before something is
@@ -112,13 +113,4 @@ fn is_filled(step: &Move, container: usize, scene: &PosedScene) -> bool {
 
 fn is_hollow(object: usize, scene: &PosedScene) -> bool {
     scene.objects().nth(object).is_some_and(|object| object.model.is_hollow())
-}
-
-/// Ids of the references of an atom.
-pub fn references(atom: &Atom) -> impl Iterator<Item = &str> {
-    let (first, second) = match atom {
-        Atom::Relation { reference, second_reference, .. } => (Some(reference.as_str()), second_reference.as_deref()),
-        Atom::State { .. } => (None, None),
-    };
-    first.into_iter().chain(second)
 }

@@ -17,7 +17,7 @@ pub fn around(scene: &PosedScene, without: Option<usize>) -> CollisionWorld {
     }
     for (index, object) in scene.objects().enumerate() {
         if Some(index) != without {
-            let _ = world.add(&object.id, &object.model.pieces(&object.joint_positions), &object.pose);
+            let _ = world.add(object.id.as_str(), &object.model.pieces(&object.joint_positions), &object.pose);
         }
     }
     world

@@ -2,7 +2,7 @@
 
 use std::cmp::Reverse;
 
-use genmanip_core::{Atom, Relation};
+use genmanip_core::{Atom, InstanceId, Relation};
 
 use crate::LayoutError;
 
@@ -27,7 +27,7 @@ pub(crate) struct Step {
 pub(crate) fn steps(
     edges: &[(Atom, Vec<usize>)],
     count: usize,
-    id: impl Fn(usize) -> String,
+    id: impl Fn(usize) -> InstanceId,
 ) -> Result<Vec<Step>, LayoutError> {
     let relation = |atom: &Atom| match atom {
         Atom::Relation { relation, .. } => Some(*relation),

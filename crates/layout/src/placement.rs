@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::{Aabb, Atom, ObjectCard, Pose, Relation, Seed, Unit};
+use genmanip_core::{Aabb, Atom, Pose, Relation, Seed, Unit};
 use genmanip_relations::{
     PosedObject, PosedScene, RelationSettings, ShapeCache, Window, contact_below, judge_atom, outlines_apart,
     placement_window,
@@ -421,9 +421,7 @@ impl<'a> Search<'a> {
 
     fn named(&self, object: usize) -> NamedObject {
         let context = self.context;
-        let node = context.task.scene_graph.nodes.get(object);
-        let ObjectCard { uid, name, .. } = &context.models[object].card;
-        NamedObject { id: node.map_or(uid, |node| &node.id).clone(), name: name.clone() }
+        NamedObject { id: context.id(object), name: context.models[object].card.name.clone() }
     }
 
     /// Adds all placed objects that share an edge or a bound with this one to the blockers.

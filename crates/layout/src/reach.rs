@@ -140,7 +140,7 @@ impl ReachCheck<'_> {
         let query = PickQuery {
             planner,
             world: occupied,
-            object: PickedObject { name: &object.id, world_from_object: object.pose, pieces: &pieces },
+            object: PickedObject { name: object.id.as_str(), world_from_object: object.pose, pieces: &pieces },
             goals: &[],
             arm: &planner.robot().home,
             settings: &FeasibilitySettings { wanted: most, ..self.settings.grasp.clone() },

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use genmanip_core::Atom;
+use genmanip_core::{Atom, InstanceId};
 use genmanip_relations::PosedObject;
 
 /// Maximum number of different reasons in a message.
@@ -70,7 +70,7 @@ pub enum Rejection {
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct NamedObject {
     /// Id of the object in the scene.
-    pub id: String,
+    pub id: InstanceId,
     /// Display name, e.g. `Red Mug`.
     pub name: String,
 }
@@ -180,7 +180,7 @@ mod tests {
     use super::*;
 
     fn named(name: &str) -> NamedObject {
-        NamedObject { id: "001#2".into(), name: name.into() }
+        NamedObject { id: "001#2".parse().unwrap(), name: name.into() }
     }
 
     #[test]

@@ -139,11 +139,11 @@ fn the_same_seed_gives_the_same_bytes_and_another_seed_another_layout() {
 }
 
 fn node(uid: &str) -> GraphNode {
-    GraphNode { id: uid.into(), asset: AssetRef::builtin(uid, 2).into(), state: None }
+    GraphNode { id: uid.parse().unwrap(), asset: AssetRef::builtin(uid, 2).into(), state: None }
 }
 
 fn edge(subject: &str, relation: Relation, reference: &str) -> GraphEdge {
-    GraphEdge { subject: subject.into(), relation, reference: reference.into(), second_reference: None }
+    GraphEdge { subject: subject.parse().unwrap(), relation, reference: reference.into(), second_reference: None }
 }
 
 /// A task with a custom graph; its goal, a cube on a cube, is never reached.
@@ -289,7 +289,7 @@ fn distractors_mean_nothing_to_the_task_and_spoil_nothing() {
         let (known, added) = scenario.objects.split_at(task.scene_graph.nodes.len());
         assert_eq!(added.len(), 3, "{id}");
         for placed in added {
-            let card = Catalogue::builtin().card(&placed.id).unwrap();
+            let card = Catalogue::builtin().card(placed.id.as_str()).unwrap();
             assert!(
                 task.objects.iter().all(|other| other.name != card.name && other.category != card.category),
                 "{id}"
@@ -377,12 +377,12 @@ fn the_audit_notices_a_lifted_and_a_sunk_object() {
 #[test]
 fn a_shut_container_is_opened_before_it_is_filled() {
     let placed = |relation: Relation, uid: &str| Atom::Relation {
-        subject: "046".into(),
+        subject: "046".parse().unwrap(),
         relation,
         reference: uid.into(),
         second_reference: None,
     };
-    let state = |uid: &str, state: &str| Atom::State { object: uid.into(), state: state.into() };
+    let state = |uid: &str, state: &str| Atom::State { object: uid.parse().unwrap(), state: state.into() };
     let (inside, top) = (Relation::In, Relation::Top);
     let cases = [
         ("a drawer", inside, "057", vec![0.0, 0.0], vec![], vec!["057 is top_open", "046 in 057"]),
@@ -402,7 +402,7 @@ fn a_shut_container_is_opened_before_it_is_filled() {
     ];
     for (name, relation, uid, joints, said, expected) in cases {
         let posed = [(uid, 0.0, joints), ("046", 0.3, Vec::new())].map(|(uid, y, joint_positions)| PosedObject {
-            id: uid.into(),
+            id: uid.parse().unwrap(),
             model: Catalogue::builtin().build(uid).unwrap(),
             pose: Pose::from_position(glam::DVec3::new(0.5, y, 0.0)),
             joint_positions,

@@ -211,7 +211,7 @@ fn paths(
 /// An object at its initial pose. Its collision pieces are omitted, since it is not lifted here.
 fn picked_object(stage: &Stage, index: usize) -> PickedObject<'_> {
     let placed = &stage.scenario.objects[index];
-    PickedObject { name: &placed.id, world_from_object: placed.pose, pieces: &[] }
+    PickedObject { name: placed.id.as_str(), world_from_object: placed.pose, pieces: &[] }
 }
 
 /// Trajectory at the control rate over all paths, with rest at the end of each path.

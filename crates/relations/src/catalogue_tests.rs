@@ -20,7 +20,7 @@ fn scene(upper: &str, lower: &str, offset: DVec3) -> PosedScene {
     let posed = |uid: &str, position: DVec3| {
         let model = catalogue.build(uid).unwrap();
         let joint_positions = vec![0.0; model.joint_count()];
-        PosedObject { id: uid.into(), model, pose: Pose::from_position(position), joint_positions }
+        PosedObject { id: uid.parse().unwrap(), model, pose: Pose::from_position(position), joint_positions }
     };
     let anchor = DVec3::new(0.5, 0.0, 0.0);
     let objects = vec![posed(upper, anchor + offset), posed(lower, anchor)];

@@ -13,7 +13,7 @@
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
-use genmanip_core::{Aabb, Atom, AtomVerdict, Goal, GoalVerdict};
+use genmanip_core::{Aabb, Atom, AtomVerdict, Goal, GoalVerdict, ReferenceId};
 use glam::{DVec2, DVec3};
 
 use super::contact::Contact;
@@ -50,7 +50,7 @@ pub struct CloudScene {
 /// A cloud with its outline, hull and samples, computed on first use.
 #[derive(Debug)]
 pub(super) struct CloudBody {
-    id: String,
+    id: ReferenceId,
     cloud: Cloud,
     /// Points in a canonical order, so that results do not depend on the input order.
     sorted: OnceLock<Vec<DVec3>>,
@@ -60,7 +60,7 @@ pub(super) struct CloudBody {
 
 impl CloudScene {
     /// `clouds` are object ids with points in the world frame, metres.
-    pub fn new(clouds: impl IntoIterator<Item = (String, Cloud)>) -> Self {
+    pub fn new(clouds: impl IntoIterator<Item = (ReferenceId, Cloud)>) -> Self {
         let body = |(id, cloud)| CloudBody {
             id,
             cloud,
@@ -72,8 +72,8 @@ impl CloudScene {
     }
 
     /// Index of an object; `None` for an unknown id.
-    pub fn index_of(&self, id: &str) -> Option<usize> {
-        self.bodies.iter().position(|body| body.id == id)
+    pub fn index_of(&self, id: &ReferenceId) -> Option<usize> {
+        self.bodies.iter().position(|body| body.id == *id)
     }
 
     /// Judges one condition on objects at rest, like [`super::judge_atom`].
@@ -95,7 +95,7 @@ impl CloudScene {
 impl Extents for CloudScene {
     type Extent = CloudBody;
 
-    fn find(&self, id: &str) -> Option<usize> {
+    fn find(&self, id: &ReferenceId) -> Option<usize> {
         self.index_of(id)
     }
 

@@ -4,7 +4,7 @@
 use std::f64::consts::TAU;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{Atom, Pose, Relation, Seed};
+use genmanip_core::{Atom, Pose, ReferenceId, Relation, Seed};
 use glam::{DQuat, DVec3};
 use rand::seq::SliceRandom;
 use rand::{Rng, RngExt};
@@ -16,7 +16,7 @@ const NAMES: [&str; 3] = ["a", "b", "c"];
 
 fn atom(word: Relation, one: usize, other: usize, second: Option<usize>) -> Atom {
     Atom::Relation {
-        subject: NAMES[one].into(),
+        subject: NAMES[one].parse().unwrap(),
         relation: word,
         reference: NAMES[other].into(),
         second_reference: second.map(|index| NAMES[index].into()),
@@ -25,7 +25,7 @@ fn atom(word: Relation, one: usize, other: usize, second: Option<usize>) -> Atom
 
 fn clouds(points: Vec<Vec<DVec3>>) -> CloudScene {
     let cloud = |points: Vec<DVec3>| Cloud::new(points.iter().map(DVec3::to_array).collect()).unwrap();
-    CloudScene::new(NAMES.map(String::from).into_iter().zip(points.into_iter().map(cloud)))
+    CloudScene::new(NAMES.map(ReferenceId::from).into_iter().zip(points.into_iter().map(cloud)))
 }
 
 /// A random object of the catalogue at z = 0, at most `spread` (m) in x and y from (0.5, 0), with a random yaw.
@@ -36,7 +36,7 @@ fn object(name: &str, spread: f64, rng: &mut impl Rng) -> PosedObject {
     let place = DVec3::new(0.5 + rng.random_range(-spread..spread), rng.random_range(-spread..spread), 0.0);
     let turn = DQuat::from_rotation_z(rng.random_range(0.0..TAU));
     let joint_positions = vec![0.0; model.joint_count()];
-    PosedObject { id: name.into(), model, pose: Pose::new(place, turn), joint_positions }
+    PosedObject { id: name.parse().unwrap(), model, pose: Pose::new(place, turn), joint_positions }
 }
 
 /// Three objects of the catalogue; the first is dropped onto, into or beside the second.

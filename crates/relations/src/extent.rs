@@ -1,6 +1,6 @@
 //! The quantities of objects on which relations are based, for exact geometry and for point clouds.
 
-use genmanip_core::Aabb;
+use genmanip_core::{Aabb, ReferenceId};
 use glam::DVec3;
 
 use super::RelationSettings;
@@ -32,8 +32,8 @@ pub(super) trait Extents {
     /// Representation of an object: exact geometry or a point cloud.
     type Extent: Extent;
 
-    /// Index of an object by its instance id; `None` for an unknown id.
-    fn find(&self, id: &str) -> Option<usize>;
+    /// Index of an object or a surface by its id; `None` for an unknown id.
+    fn find(&self, id: &ReferenceId) -> Option<usize>;
     /// The object with an index; `None` if the index is out of range.
     fn extent(&self, index: usize) -> Option<&Self::Extent>;
 }

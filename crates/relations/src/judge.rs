@@ -68,14 +68,11 @@ pub fn judge_states(scene: &PosedScene, graph: &SceneGraph, settings: &RelationS
 
 /// Judges one condition, for any representation of the objects.
 pub(super) fn judge(scene: &impl Extents, atom: &Atom, rest: &Rest, settings: &RelationSettings) -> AtomVerdict {
-    let (ids, word): (Vec<&str>, &str) = match atom {
-        Atom::State { object, state } => (vec![object], state),
-        Atom::Relation { subject, relation, reference, second_reference } => (
-            std::iter::once(subject).chain([reference]).chain(second_reference).map(String::as_str).collect(),
-            relation.name(),
-        ),
+    let word = match atom {
+        Atom::State { state, .. } => state,
+        Atom::Relation { relation, .. } => relation.name(),
     };
-    let Some(indices) = ids.iter().map(|id| scene.find(id)).collect::<Option<Vec<_>>>() else {
+    let Some(indices) = atom.ids().map(|id| scene.find(id)).collect::<Option<Vec<_>>>() else {
         return verdict(atom, word, vec![Requirement::fact("in the scene", false)]);
     };
     let bodies: Vec<_> = indices.iter().filter_map(|&index| scene.extent(index)).collect();

@@ -1,6 +1,6 @@
 //! Space occupied by objects at their poses, as exact convex pieces.
 
-use genmanip_core::{Aabb, Pose};
+use genmanip_core::{Aabb, Pose, ReferenceId};
 use glam::DVec3;
 
 use super::contact::{Contact, vertical_gap};
@@ -14,7 +14,7 @@ use super::{PosedScene, RelationSettings};
 impl Extents for PosedScene {
     type Extent = Body;
 
-    fn find(&self, id: &str) -> Option<usize> {
+    fn find(&self, id: &ReferenceId) -> Option<usize> {
         self.index_of(id)
     }
 

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use genmanip_core::{Aabb, ObjectModel, Piece, Pose, Shape, SupportSurface};
+use genmanip_core::{Aabb, InstanceId, ObjectModel, Piece, Pose, ReferenceId, Shape, SupportSurface};
 use glam::{DAffine3, DVec2, DVec3};
 
 use super::fixed;
@@ -16,8 +16,8 @@ const SURFACE_TOLERANCE_M: f64 = 0.002;
 /// An object at its pose.
 #[derive(Clone, Debug)]
 pub struct PosedObject {
-    /// Id of the object in the scene.
-    pub id: String,
+    /// Id in the scene.
+    pub id: InstanceId,
     /// Object model, shared by instances of the same asset.
     pub model: Arc<ObjectModel>,
     /// `world_from_object`.
@@ -88,7 +88,8 @@ impl PosedScene {
             let model = Arc::new(fixed::model(surface));
             // Not cached: another world may have another surface with the same id.
             let shape = Arc::new(shapes.shape_of(&model));
-            let (id, pose) = (surface.id.clone(), surface.world_from_surface());
+            // A surface is the only instance of its model.
+            let (id, pose) = (InstanceId::new(&model.card.uid, 1), surface.world_from_surface());
             Body::new(PosedObject { id, model, pose, joint_positions: Vec::new() }, shape)
         }));
         Self { bodies, count, surfaces: surfaces.into() }
@@ -127,8 +128,8 @@ impl PosedScene {
     }
 
     /// Index of an object, or of a support surface other than the table; `None` for an unknown id.
-    pub fn index_of(&self, id: &str) -> Option<usize> {
-        self.bodies.iter().position(|body| body.object.id == id)
+    pub fn index_of(&self, id: &ReferenceId) -> Option<usize> {
+        self.bodies.iter().position(|body| body.object.id == *id)
     }
 
     /// Moves one object and keeps the geometry of the others. An index out of range has no effect.

@@ -152,7 +152,7 @@ mod tests {
     /// Checks that the deciding requirement is the one nearest to its threshold, whatever the units and order.
     #[test]
     fn the_deciding_requirement_is_the_one_nearest_to_its_threshold() {
-        let atom = Atom::State { object: "057".into(), state: "open".into() };
+        let atom = Atom::State { object: "057".parse().unwrap(), state: "open".into() };
         for (name, requirements, deciding) in [
             ("a few millimetres before a third of a share", vec![share(0.3), length(0.02)], ("length", 0.02)),
             ("a twentieth of a share before some centimetres", vec![length(0.02), share(0.05)], ("share", 0.05)),

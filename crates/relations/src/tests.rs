@@ -2,8 +2,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
 use genmanip_core::{
-    AssetRef, Atom, BetweenReading, Goal, Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink,
-    ObjectModel, Piece, Pose, Relation, Shape,
+    AssetRef, Atom, BetweenReading, Goal, InstanceId, Joint, JointKind, JointState, MassProperties, ObjectCard,
+    ObjectLink, ObjectModel, Piece, Pose, Relation, Shape,
 };
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use proptest::prelude::*;
@@ -83,7 +83,7 @@ fn drawer() -> Arc<ObjectModel> {
 
 fn scene(objects: &[(&Arc<ObjectModel>, Pose)]) -> PosedScene {
     let posed = objects.iter().map(|(model, pose)| PosedObject {
-        id: model.card.uid.clone(),
+        id: InstanceId::new(&model.card.uid, 1),
         model: Arc::clone(model),
         pose: *pose,
         joint_positions: vec![0.0; model.joint_count()],
@@ -96,7 +96,7 @@ fn at(x: f64, y: f64, z: f64) -> Pose {
 }
 
 fn relation(subject: &str, relation: Relation, reference: &str) -> Atom {
-    Atom::Relation { subject: subject.into(), relation, reference: reference.into(), second_reference: None }
+    Atom::Relation { subject: subject.parse().unwrap(), relation, reference: reference.into(), second_reference: None }
 }
 
 /// Compares the label of the first object relative to the second, and all relations that the label implies.
@@ -130,8 +130,9 @@ fn every_relation_holds_here_and_not_there() {
     let settings = RelationSettings::default();
     let holds = |relation: Relation, [x, y, z]: [f64; 3]| {
         let scene = scene(&[(&coin, at(x, y, z)), (&cup, at(0.5, 0.0, 0.0)), (&post, at(0.5, -0.3, 0.0))]);
-        let second_reference = relation.has_two_references().then(|| "post".to_owned());
-        let atom = Atom::Relation { subject: "coin".into(), relation, reference: "cup".into(), second_reference };
+        let second_reference = relation.has_two_references().then(|| "post".into());
+        let atom =
+            Atom::Relation { subject: "coin".parse().unwrap(), relation, reference: "cup".into(), second_reference };
         judge_atom(&scene, &atom, &settings).holds
     };
     let cases = [
@@ -238,7 +239,7 @@ fn between_three() {
     let check = |subject: &Arc<ObjectModel>, x: f64, [plane, space]: [bool; 2]| {
         let scene = scene(&[(subject, at(x, 0.0, 0.0)), (&a, at(0.5, 0.1, 0.0)), (&c, at(0.5, -0.1, 0.0))]);
         let atom = Atom::Relation {
-            subject: subject.card.uid.clone(),
+            subject: subject.card.uid.parse().unwrap(),
             relation: Relation::Between,
             reference: "a".into(),
             second_reference: Some("c".into()),
@@ -268,7 +269,7 @@ fn states_have_hysteresis() {
         scene.set_previous_states([previous.map(String::from)]);
         assert_eq!(joint_state(&scene, 0, &settings).as_deref(), expected);
         for state in ["open", "closed"] {
-            let atom = Atom::State { object: "drawer".into(), state: state.into() };
+            let atom = Atom::State { object: "drawer".parse().unwrap(), state: state.into() };
             assert_eq!(judge_atom(&scene, &atom, &settings).holds, expected == Some(state), "{position} {state}");
         }
     };
@@ -326,7 +327,7 @@ fn a_goal_prepares_nothing_twice_and_outlines_only_what_it_names() {
     let mut shapes = ShapeCache::default();
     let mut posed = || {
         let objects = cups.iter().enumerate().map(|(index, model)| PosedObject {
-            id: model.card.uid.clone(),
+            id: InstanceId::new(&model.card.uid, 1),
             model: Arc::clone(model),
             pose: at(0.3 + 0.12 * (index / 5) as f64, -0.2 + 0.1 * (index % 5) as f64, 0.0),
             joint_positions: Vec::new(),

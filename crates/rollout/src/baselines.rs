@@ -1,8 +1,8 @@
 //! Baselines: policies that ignore the instruction or follow it badly, as lower bounds.
 
 use genmanip_core::{
-    ActionChunk, Atom, EpisodeStart, Goal, Observation, Policy, PolicyError, PolicySpec, Relation, RelationKind, Seed,
-    Support,
+    ActionChunk, Atom, EpisodeStart, Goal, InstanceId, Observation, Policy, PolicyError, PolicySpec, Relation,
+    RelationKind, Seed, Support,
 };
 use genmanip_motion::commands;
 use rand::RngExt;
@@ -97,7 +97,7 @@ impl Blind {
     /// Randomly sampled placements as alternatives; the expert takes the first feasible one.
     fn goal(&self, seed: Seed) -> Goal {
         let mut rng = seed.rng();
-        let ids: Vec<&str> = self.stage.scenario.objects.iter().map(|object| object.id.as_str()).collect();
+        let ids: Vec<&InstanceId> = self.stage.scenario.objects.iter().map(|object| &object.id).collect();
         let is_movable = |index: &usize| self.stage.models[*index].card.can_grasp;
         let movable: Vec<usize> = (0..ids.len()).filter(is_movable).collect();
         if movable.is_empty() || ids.len() < 2 {
@@ -110,7 +110,7 @@ impl Blind {
                 let subject = movable[rng.random_range(0..movable.len())];
                 let reference = (subject + rng.random_range(1..ids.len())) % ids.len();
                 let relation = relations[rng.random_range(0..relations.len())];
-                let (subject, reference) = (ids[subject].to_owned(), ids[reference].to_owned());
+                let (subject, reference) = (ids[subject].clone(), ids[reference].clone().into());
                 vec![Atom::Relation { subject, relation, reference, second_reference: None }]
             })
             .collect();

@@ -1,6 +1,6 @@
 //! Goal verdict by the original GenManip's method: on point clouds of the final scene, seen by the fixed cameras.
 
-use genmanip_core::{Atom, Camera, CameraMount, CloudVerdict, Episode, ImageChannels};
+use genmanip_core::{Atom, Camera, CameraMount, CloudVerdict, Episode, ImageChannels, InstanceId, ReferenceId};
 use genmanip_relations::observed::clouds_of_views;
 use genmanip_relations::{CloudScene, Rest};
 use genmanip_render::FIRST_OBJECT;
@@ -27,12 +27,12 @@ pub fn cloud_verdict(stage: &Stage, episode: &Episode) -> Result<Option<CloudVer
     let exposure = Exposure::still(episode.result.seed);
     let views = cameras.iter().map(|camera| renderer.render_frame(frame, camera, channels, exposure));
     let views = views.collect::<Result<Vec<_>, _>>()?;
-    let ids: Vec<&str> = stage.scenario.objects.iter().map(|object| object.id.as_str()).collect();
+    let ids: Vec<&InstanceId> = stage.scenario.objects.iter().map(|object| &object.id).collect();
     let instances: Vec<u16> = (0..ids.len()).map(|index| FIRST_OBJECT + index as u16).collect();
     let clouds = ids.iter().zip(clouds_of_views(&views, &instances));
-    let scene = CloudScene::new(clouds.filter_map(|(id, cloud)| Some(((*id).to_owned(), cloud?))));
+    let scene = CloudScene::new(clouds.filter_map(|(id, cloud)| Some(((*id).clone().into(), cloud?))));
     let named = stage.goal.alternatives.iter().flatten().flat_map(Atom::ids);
-    let mut unseen: Vec<String> = named.filter(|id| scene.index_of(id).is_none()).map(String::from).collect();
+    let mut unseen: Vec<ReferenceId> = named.filter(|id| scene.index_of(id).is_none()).cloned().collect();
     unseen.sort();
     unseen.dedup();
     let verdict = scene.judge_goal(&stage.goal, &Rest::default(), &stage.relations);

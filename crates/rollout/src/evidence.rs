@@ -61,7 +61,7 @@ pub fn explain(
     let missing: Vec<&AtomVerdict> = verdict.best().into_iter().flatten().filter(|atom| !atom.holds).collect();
     let slips = slips(frames);
     let is_missing = |slip: &&Slip| {
-        let id = stage.scenario.objects.get(slip.object).map(|object| object.id.as_str());
+        let id = stage.scenario.objects.get(slip.object).map(|object| &object.id);
         missing.iter().any(|atom| Some(atom.atom.subject()) == id)
     };
     let slipped = |slip: &Slip| {
@@ -133,7 +133,7 @@ pub fn slips(frames: &[Frame]) -> Vec<Slip> {
 fn disturbed(stage: &Stage, last: &Frame, settings: &RolloutSettings) -> Option<String> {
     let goal = &stage.goal;
     stage.scenario.objects.iter().zip(&last.objects).enumerate().find_map(|(index, (before, now))| {
-        let moved = goal.alternatives.iter().flatten().any(|atom| atom.subject() == before.id);
+        let moved = goal.alternatives.iter().flatten().any(|atom| *atom.subject() == before.id);
         let shift = before.pose.position.distance(now.pose.position);
         let up = |pose: &Pose| pose.transform_vector(DVec3::Z);
         let tilt = up(&before.pose).angle_between(up(&now.pose));

@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use genmanip_assets::{AssetError, AssetSource};
 use genmanip_core::{
-    Camera, CameraRequest, Goal, InterchangeError, ObjectModel, ObjectState, PlacedObject, RobotModel, Scenario,
+    Atom, Camera, CameraRequest, Goal, InterchangeError, ObjectModel, ObjectState, PlacedObject, RobotModel, Scenario,
 };
 use genmanip_relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache};
 use genmanip_render::RenderAssets;
@@ -176,23 +176,23 @@ impl Stage {
             None => Model::compile_without_robot(&scenario.world, &objects)?,
         };
         let scene = Arc::new(scene);
-        let posed = objects.into_iter().map(|object| PosedObject {
-            id: object.name,
-            model: object.model,
-            pose: object.pose,
-            joint_positions: object.joint_positions,
+        let posed = scenario.objects.iter().zip(&models).map(|(placed, model)| PosedObject {
+            id: placed.id.clone(),
+            model: Arc::clone(model),
+            pose: placed.pose,
+            joint_positions: placed.joint_positions.clone(),
         });
         let posed = PosedScene::new(posed.collect(), &scenario.world.surfaces, &mut ShapeCache::default());
         let relations = scenario.world.relations;
         scenario.task.check_interchangeable()?;
         let goal = Arc::new(scenario.task.judged_goal().into_owned());
-        let name = |(placed, model): (&PlacedObject, &Arc<ObjectModel>)| match placed.id == model.card.uid {
+        let name = |(placed, model): (&PlacedObject, &Arc<ObjectModel>)| match placed.id == model.card.uid.as_str() {
             true => model.card.name.clone(),
             false => scenario.task.name_of(&placed.id),
         };
         let names = scenario.objects.iter().zip(&models).map(name).collect();
         let judged = scenario.objects.iter().zip(&models).enumerate().filter(|(_, (placed, model))| {
-            let named = goal.alternatives.iter().flatten().any(|atom| atom.objects().any(|id| id == placed.id));
+            let named = goal.alternatives.iter().flatten().flat_map(Atom::ids).any(|id| *id == placed.id);
             named || !model.joint_states.is_empty()
         });
         let judged = judged.map(|(index, _)| index).collect();

@@ -23,7 +23,7 @@ impl SceneObject {
     /// An object of a scenario with its model.
     pub fn placed(placed: &PlacedObject, model: &Arc<ObjectModel>) -> Self {
         Self {
-            name: placed.id.clone(),
+            name: placed.id.to_string(),
             model: Arc::clone(model),
             pose: placed.pose,
             joint_positions: placed.joint_positions.clone(),

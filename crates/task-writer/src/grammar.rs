@@ -1,7 +1,7 @@
 //! Restrictive JSON Schema of an answer, for servers that convert a schema to a grammar: limited list lengths and one
 //! shape per kind of condition and object, so that many flaws cannot occur.
 
-use genmanip_core::{ObjectCard, TaskKind};
+use genmanip_core::{ObjectCard, ReferenceId, TaskKind};
 use genmanip_tasks::answer::TaskRequest;
 use serde_json::{Value, json};
 
@@ -46,7 +46,7 @@ pub(crate) fn reply_grammar(request: &TaskRequest) -> Option<Value> {
 
 /// The offered objects, and the ids of objects and surfaces.
 struct Objects<'a> {
-    ids: Vec<String>,
+    ids: Vec<ReferenceId>,
     offered: &'a [ObjectCard],
 }
 
@@ -105,7 +105,7 @@ impl Objects<'_> {
 
     /// Offered objects, each with its id.
     fn known(&self) -> impl Iterator<Item = (&str, &ObjectCard)> {
-        self.ids.iter().map(String::as_str).zip(self.offered)
+        self.ids.iter().map(ReferenceId::as_str).zip(self.offered)
     }
 
     /// Schemas of relations between two different objects, one per subject up to [`MAX_SUBJECTS`].
@@ -119,7 +119,7 @@ impl Objects<'_> {
             return Vec::new();
         }
         let others = |subject: Option<&str>| -> Vec<&str> {
-            self.ids.iter().map(String::as_str).filter(|id| Some(*id) != subject).collect()
+            self.ids.iter().map(ReferenceId::as_str).filter(|id| Some(*id) != subject).collect()
         };
         match subjects.len() <= MAX_SUBJECTS {
             true => subjects.iter().map(|&subject| shape(&[subject], &others(Some(subject)))).collect(),

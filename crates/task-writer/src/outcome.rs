@@ -1,6 +1,6 @@
 //! Outcome of a task request: the task or the reason for failure, with all rounds.
 
-use genmanip_core::{Document, Task, TaskKind, Upgrade, upgrade};
+use genmanip_core::{Document, ReferenceId, Task, TaskKind, Upgrade, upgrade};
 use genmanip_llm::{ChatError, ChatReply, Ledger};
 use genmanip_tasks::answer::{Flaw, Repair, Verdict};
 use serde::{Deserialize, Serialize};
@@ -21,7 +21,7 @@ pub struct GenerationOutcome {
     /// Names and hashes of the prompts used.
     pub prompts: Vec<PromptStamp>,
     /// Uids of the offered objects, in prompt order.
-    pub offered: Vec<String>,
+    pub offered: Vec<ReferenceId>,
     /// Requested minimum number of objects.
     pub min_objects: usize,
     /// Answers with their validation results, oldest first.

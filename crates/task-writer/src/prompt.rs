@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use genmanip_core::{NamedSurface, ObjectCard, TaskKind, hexadecimal, limits};
+use genmanip_core::{NamedSurface, ObjectCard, ReferenceId, TaskKind, hexadecimal, limits};
 use genmanip_llm::ReplySchema;
 use genmanip_llm::files::read_text;
 use genmanip_tasks::answer::TaskRequest;
@@ -197,8 +197,10 @@ impl PromptSet {
                 states.push(state);
             }
         }
-        let schema =
-            filled(&self.schema, &[("{{uids}}", uids.iter().map(String::as_str).collect()), ("{{states}}", states)]);
+        let schema = filled(
+            &self.schema,
+            &[("{{uids}}", uids.iter().map(ReferenceId::as_str).collect()), ("{{states}}", states)],
+        );
         // The contents of a user's schema are unknown, so it gets no restrictive variant.
         let is_builtin =
             serde_json::from_str(builtin!("tosg_answer.schema.json").1).is_ok_and(|own: Value| own == self.schema);
@@ -288,10 +290,11 @@ impl Prompt {
 /// Object list for the prompt, one line each, followed by the surfaces.
 fn object_list(request: &TaskRequest) -> String {
     let ids = request.ids();
-    let line = |(card, id): (&ObjectCard, &String)| {
+    let line = |(card, id): (&ObjectCard, &ReferenceId)| {
         let yes = |value: bool| if value { "yes" } else { "no" };
         let states = if card.states.is_empty() { "none".to_owned() } else { card.states.join(", ") };
-        let copy = if *id == card.uid { String::new() } else { format!(" Another one just like {:?}.", card.uid) };
+        let copy =
+            if *id == card.uid.as_str() { String::new() } else { format!(" Another one just like {:?}.", card.uid) };
         format!(
             "- uid {:?}: {}. {} Can be picked up: {}. Holds things: {}. States: {states}.{copy}",
             id,

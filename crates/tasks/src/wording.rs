@@ -4,7 +4,7 @@
 //! back by [`references`], which shares no table with this module, and is only used if it states exactly the goal of
 //! the task.
 
-use genmanip_core::{Atom, Relation, RelationKind, Support, Task};
+use genmanip_core::{Atom, InstanceId, ReferenceId, Relation, RelationKind, Support, Task};
 
 use crate::references;
 
@@ -210,9 +210,9 @@ fn capitalised(text: &str) -> String {
 ///
 /// `alternative` is the index of the goal alternative that is attempted. An object that this alternative does not move
 /// is assumed to be in the way.
-pub fn step(task: &Task, object: &str, alternative: usize) -> String {
-    let twins = task.interchangeable.iter().find(|group| group.iter().any(|id| id == object));
-    let is_meant = |id: &str| id == object || twins.is_some_and(|group| group.iter().any(|twin| twin == id));
+pub fn step(task: &Task, object: &InstanceId, alternative: usize) -> String {
+    let twins = task.interchangeable.iter().find(|group| group.contains(object));
+    let is_meant = |id: &InstanceId| id == object || twins.is_some_and(|group| group.contains(id));
     let goal = &task.goal.alternatives;
     let aimed = goal.get(alternative).or(goal.first());
     let atom = aimed.into_iter().flatten().find(|atom| is_meant(atom.subject()));
@@ -228,7 +228,7 @@ pub fn step(task: &Task, object: &str, alternative: usize) -> String {
             format!("Put the {} {} the {place}{other}.", name(task, object), relation.facts().located[0])
         }
         Some(Atom::State { state, .. }) => {
-            let node = task.scene_graph.nodes.iter().find(|node| node.id == object);
+            let node = task.scene_graph.nodes.iter().find(|node| node.id == *object);
             changed(&name(task, object), state, node.and_then(|node| node.state.as_deref()))
         }
         None => format!("Move the {} out of the way.", name(task, object)),
@@ -236,11 +236,11 @@ pub fn step(task: &Task, object: &str, alternative: usize) -> String {
 }
 
 /// Name of an instance or a surface in lower case.
-fn name(task: &Task, id: &str) -> String {
-    let surface = task.surfaces.iter().find(|surface| surface.id == id).map(|surface| surface.name.clone());
+fn name(task: &Task, id: &ReferenceId) -> String {
+    let surface = task.surface(id).map(|surface| surface.name.clone());
     surface
         .or_else(|| task.card(id).map(|card| card.name.clone()))
-        .unwrap_or_else(|| id.replace('_', " "))
+        .unwrap_or_else(|| id.as_str().replace('_', " "))
         .to_lowercase()
 }
 
@@ -328,12 +328,12 @@ mod tests {
     fn steps_name_what_the_goal_asks_of_an_object() {
         let mut task = tasks(760_003, 1).remove(0);
         let [one, other, third] = [0, 1, 2].map(|index: usize| task.scene_graph.nodes[index].id.clone());
-        let called = |id: &str| task.card(id).unwrap().name.to_lowercase();
+        let called = |id: &ReferenceId| task.card(id).unwrap().name.to_lowercase();
         let [a, b, c] = [called(&one), called(&other), called(&third)];
         let place = |relation| Atom::Relation {
             subject: one.clone(),
             relation,
-            reference: other.clone(),
+            reference: other.clone().into(),
             second_reference: None,
         };
         let state = |state: &str| Atom::State { object: other.clone(), state: state.into() };

@@ -4,7 +4,9 @@ use crate::drawing::color_of_word;
 use crate::{DrawnEdge, EdgeRole, Footprint, PlaceWindow, Refusal, Svg, TopView, explain_svg};
 use genmanip_assets::{AssetSource, robots};
 use genmanip_core::glam::DVec2;
-use genmanip_core::{Atom, Episode, ImageChannels, PlacedObject, RgbdImage, Scenario, SupportSurface, Task, World};
+use genmanip_core::{
+    Atom, Episode, ImageChannels, PlacedObject, ReferenceId, RgbdImage, Scenario, SupportSurface, Task, World,
+};
 use genmanip_layout::LayoutError;
 use genmanip_relations::{PosedObject, PosedScene, ShapeCache, Window};
 use genmanip_render::encode;
@@ -131,7 +133,7 @@ pub fn explained_refusal(
     world: &World,
     catalogue: &dyn AssetSource,
 ) -> Result<Svg, WorkspaceError> {
-    let name = |id: &str| task.name_of(id);
+    let name = |id: &ReferenceId| task.name_of(id);
     let describe = |atom: &Atom| match atom {
         Atom::Relation { subject, relation, reference, second_reference } => {
             let second = second_reference.iter().map(|id| format!(" and {}", name(id)));
@@ -197,10 +199,10 @@ fn footprints(
         let scene = PosedScene::new(vec![object], &[], &mut shapes);
         let corners = |polygon: &[DVec2]| polygon.iter().map(|point| point.to_array()).collect();
         let polygons = scene.footprints(0).into_iter().map(corners).collect();
-        Ok(Footprint { id: placed.id.clone(), name, color, polygons })
+        Ok(Footprint { id: placed.id.clone().into(), name, color, polygons })
     };
     let surface = |surface: &SupportSurface| Footprint {
-        id: surface.id.clone(),
+        id: surface.id.as_str().into(),
         name: surface.name.clone(),
         color: SURFACE_COLOR,
         polygons: vec![surface.top_corners().iter().map(|corner| [corner.x, corner.y]).collect()],

@@ -5,7 +5,6 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use genmanip_core::asset::uid_of;
 use genmanip_core::{Atom, Document, ObjectCard, Seed, Task, TaskKind, limits};
 use genmanip_data::files;
 use genmanip_rollout::collect::in_parallel;
@@ -143,14 +142,8 @@ fn hint_for(error: &SentenceError) -> &'static str {
 fn compose(series: &mut Series, include: Option<&str>) -> Result<Result<Task, Missing>, WorkspaceError> {
     let Some(uid) = include else { return Ok(series.compose()) };
     let involves = |task: &Task| {
-        task.goal.alternatives.iter().flatten().any(|atom| {
-            let second = match atom {
-                Atom::Relation { reference, second_reference, .. } => Some((reference, second_reference.as_ref())),
-                Atom::State { .. } => None,
-            };
-            let others = second.into_iter().flat_map(|(reference, second)| [Some(reference), second]).flatten();
-            others.map(String::as_str).chain([atom.subject()]).any(|id| uid_of(id) == uid)
-        })
+        let named = task.goal.alternatives.iter().flatten().flat_map(Atom::ids);
+        named.filter_map(|id| task.card(id)).any(|card| card.uid == uid)
     };
     for _ in 0..MOST_WITHOUT {
         match series.compose() {

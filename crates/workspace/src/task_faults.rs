@@ -1,9 +1,8 @@
 //! Validation of task documents from untrusted sources: every fault of a document.
 
 use genmanip_assets::{AssetSource, Catalogue};
-use genmanip_core::Task;
 use genmanip_core::names::is_file_name;
-use genmanip_layout::references;
+use genmanip_core::{ReferenceId, Task};
 
 /// Maximum length of a task id, characters; an attempt's number is appended to it.
 pub const MAX_ID_LENGTH: usize = 120;
@@ -31,7 +30,7 @@ impl Fault {
         Self { flaw, place: format!("$.{place}"), message, hint: hint.into() }
     }
 
-    fn of_object(flaw: &'static str, place: &str, id: &str, reason: &str) -> Self {
+    fn of_object(flaw: &'static str, place: &str, id: &ReferenceId, reason: &str) -> Self {
         let hint = "every object needs a node in scene_graph.nodes and, at the same place, its card in objects";
         Self::new(flaw, place, format!("object `{id}` {reason}"), hint)
     }
@@ -79,7 +78,7 @@ pub fn faults(task: &Task) -> Vec<Fault> {
         if graph.index_of(atom.subject()).is_none() {
             faults.push(Fault::of_object("missing_node", place, atom.subject(), "is no node of the scene"));
         }
-        for id in references(&atom) {
+        for id in atom.references() {
             if graph.index_of(id).is_none() && task.surface(id).is_none() {
                 let reason = "is no node of the scene, and no support surface of the task";
                 faults.push(Fault::of_object("missing_node", place, id, reason));

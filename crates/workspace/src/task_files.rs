@@ -7,10 +7,9 @@ use std::path::{Path, PathBuf};
 
 use genmanip_assets::Catalogue;
 use genmanip_assets::search::Filter;
-use genmanip_core::asset::uid_of;
 use genmanip_core::limits::{self, Limit};
 use genmanip_core::names::fits_file_name;
-use genmanip_core::{Document, DocumentError, ObjectCard, Seed, SharedCards, Task, TaskKind, json};
+use genmanip_core::{Document, DocumentError, InstanceId, ObjectCard, Seed, SharedCards, Task, TaskKind, json};
 use genmanip_data::{DataError, files};
 use genmanip_tasks::answer::{AnswerReport, MAX_ANSWER_BYTES, RecordedAnswer, TaskRequest, check_answer};
 use genmanip_tasks::designer::{DesignSettings, design_many};
@@ -217,13 +216,16 @@ pub fn select_objects(text: &str, catalogue: &Catalogue) -> Result<Vec<ObjectCar
     let parts = text.split(',').map(|part| part.trim().to_owned()).filter(|part| !part.is_empty());
     let parts: Vec<String> = parts.collect();
     let is_uid = |part: &String| {
-        let uid = uid_of(part);
+        let Ok(id) = part.parse::<InstanceId>() else { return false };
+        let uid = id.asset();
         let is_like_one = uid.contains(|c: char| c.is_ascii_digit())
             && uid.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
         is_like_one || Catalogue::builtin().card(uid).or_else(|| Catalogue::all().card(uid)).is_some()
     };
     if parts.iter().any(is_uid) {
-        return offered(&parts, "--objects");
+        let ids = parts.iter().map(|part| part.parse()).collect::<Result<Vec<_>, _>>();
+        let ids = ids.map_err(|error| WorkspaceError::input("--objects").because(error))?;
+        return offered(&ids, "--objects");
     }
     let index = catalogue.index();
     let found = index.search(text, &Filter::default(), usize::MAX);
@@ -278,13 +280,13 @@ pub fn task_kind(name: &str) -> Result<TaskKind, WorkspaceError> {
 /// Default minimum number of objects of a bare answer.
 const MIN_OBJECTS: usize = 2;
 
-fn offered(uids: &[String], place: &str) -> Result<Vec<ObjectCard>, WorkspaceError> {
+fn offered(ids: &[InstanceId], place: &str) -> Result<Vec<ObjectCard>, WorkspaceError> {
     let catalogue = Catalogue::builtin();
-    uids.iter()
-        .map(|uid| match catalogue.card(uid_of(uid)).or_else(|| Catalogue::all().card(uid_of(uid))) {
+    ids.iter()
+        .map(|id| match catalogue.card(id.asset()).or_else(|| Catalogue::all().card(id.asset())) {
             Some(card) => Ok(card.clone()),
             // Building the model of an unknown object yields an error with similar uids.
-            None => catalogue.build(uid).map(|model| model.card.clone()).map_err(|error| {
+            None => catalogue.build(id.as_str()).map(|model| model.card.clone()).map_err(|error| {
                 WorkspaceError::input(format!("{place}: an offered object is not in the catalogue"))
                     .because(error)
                     .with_hint("uids are 001 to 064, or as `genmanip assets list` says")

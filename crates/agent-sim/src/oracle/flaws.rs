@@ -8,7 +8,7 @@ use genmanip_agent::perception::on_plane;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Atom, FailureClass, Relation, RelationKind};
 use genmanip_layout::Move;
-use genmanip_relations::{PosedScene, judge_atom};
+use genmanip_relations::{PosedObject, PosedScene, judge_atom};
 
 use super::{HIGHEST_M, Oracle, Room, best_mask, checked, part_named};
 use crate::annotator::distance;
@@ -72,7 +72,7 @@ fn decomposition(oracle: &Oracle, question: &Question) -> Option<serde_json::Val
 }
 
 fn is_reference(step: &Move, object: usize, scene: &PosedScene) -> bool {
-    step.atoms.iter().flat_map(genmanip_layout::references).any(|id| scene.index_of(id) == Some(object))
+    step.atoms.iter().flat_map(Atom::references).any(|id| scene.index_of(id) == Some(object))
 }
 
 /// Variants of the move whose first reference is another object with a different name.
@@ -80,21 +80,20 @@ fn to_others(oracle: &Oracle, step: &Move, scene: &PosedScene) -> Vec<Move> {
     let stage = oracle.truth.stage();
     let Some(Atom::Relation { reference, .. }) = step.atoms.first() else { return Vec::new() };
     let Some(right) = scene.index_of(reference) else { return Vec::new() };
-    let fits = |other: &usize| {
+    let fits = |(other, _): &(usize, &PosedObject)| {
         *other != step.object && !is_reference(step, *other, scene) && stage.name(*other) != stage.name(right)
     };
-    let aimed = |other: usize| {
-        let id = scene.objects().nth(other).map(|posed| posed.id.clone()).unwrap_or_default();
+    let aimed = |(_, posed): (usize, &PosedObject)| {
         let atom = |atom: &Atom| match atom {
             Atom::Relation { subject, relation, reference: known, second_reference } if known == reference => {
                 let (subject, second_reference) = (subject.clone(), second_reference.clone());
-                Atom::Relation { subject, relation: *relation, reference: id.clone(), second_reference }
+                Atom::Relation { subject, relation: *relation, reference: posed.id.clone().into(), second_reference }
             }
             other => other.clone(),
         };
         Move { object: step.object, atoms: step.atoms.iter().map(atom).collect() }
     };
-    (0..scene.objects().len()).filter(fits).map(aimed).collect()
+    scene.objects().enumerate().filter(fits).map(aimed).collect()
 }
 
 /// Answer with the mask of an object that need not move; `None` if there is none.
@@ -143,7 +142,7 @@ fn other_reference(oracle: &Oracle, question: &Question) -> Option<serde_json::V
     let scene = oracle.truth.scene();
     let Marks::Grid { targets, .. } = &question.marks else { return None };
     let apart = |to: &Move, cell: &Cell| {
-        let reference = to.atoms.iter().flat_map(genmanip_layout::references).next();
+        let reference = to.atoms.iter().flat_map(Atom::references).next();
         let bounds = reference.and_then(|id| scene.index_of(id)).and_then(|object| scene.bounds(object));
         bounds.zip(targets.get(cell)).map(|(bounds, point)| distance(&bounds, *point))
     };

@@ -12,7 +12,7 @@ use genmanip_agent::ask::{Marks, ModelReply, Question, QuestionKind, ServiceErro
 use genmanip_agent::grid::{Cell, Grid};
 use genmanip_agent::segmentation::Mask;
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Atom, AtomVerdict, FailureClass, VerifiedGrasp};
+use genmanip_core::{Atom, AtomVerdict, FailureClass, ReferenceId, VerifiedGrasp};
 use genmanip_layout::{GoalOrder, GoalPoseSettings, GoalSearch, Move};
 use genmanip_motion::Planner;
 use genmanip_relations::{PosedScene, judge_atom, planar_gap};
@@ -148,13 +148,14 @@ impl Oracle {
 
     fn words(&self, step: &Move) -> String {
         let stage = self.truth.stage();
-        let name = |id: &str| stage.start().index_of(id).map_or(id, |index| stage.name(index)).to_owned();
+        let name =
+            |id: &ReferenceId| stage.start().index_of(id).map_or(id.as_str(), |index| stage.name(index)).to_owned();
         let places: Vec<String> = step
             .atoms
             .iter()
             .filter_map(|atom| match atom {
                 Atom::Relation { relation, reference, second_reference, .. } => {
-                    let second = second_reference.as_deref().map(name);
+                    let second = second_reference.as_ref().map(name);
                     Some(relation.describe(&name(reference), second.as_deref()))
                 }
                 Atom::State { .. } => None,

@@ -273,7 +273,7 @@ fn a_scenario_with_other_physics_is_rejected() {
     let catalogue = Catalogue::builtin();
     let model = catalogue.build("019").unwrap();
     let placed = PlacedObject {
-        id: "019#2".into(),
+        id: "019#2".parse().unwrap(),
         asset: model.asset.clone(),
         physics_hash: model.physics_hash(),
         judging_hash: Some(model.judging_hash()),

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{Atom, JointKind, Task};
+use genmanip_core::{Atom, JointKind, ReferenceId, Task};
 
 use crate::suites::candidates::{need, traits};
 
@@ -29,8 +29,8 @@ pub fn axes(task: &Task, catalogue: &Catalogue) -> Axes {
         _ => "alternatives",
     };
     let steps = alternatives.iter().map(Vec::len).min().unwrap_or(0).clamp(1, MOST_STEPS);
-    let named: BTreeSet<&str> = alternatives.iter().flatten().flat_map(Atom::ids).collect();
-    let others = task.scene_graph.nodes.iter().filter(|node| !named.contains(node.id.as_str())).count();
+    let named: BTreeSet<&ReferenceId> = alternatives.iter().flatten().flat_map(Atom::ids).collect();
+    let others = task.scene_graph.nodes.iter().filter(|node| !named.contains(&*node.id)).count();
     let clutter = match others {
         0..=2 => "up to 2",
         3..=4 => "3-4",
@@ -59,8 +59,7 @@ fn joints(task: &Task, catalogue: &Catalogue) -> BTreeSet<&'static str> {
     let mut kinds = BTreeSet::new();
     for atom in task.goal.alternatives.iter().flatten() {
         let Atom::State { object, state } = atom else { continue };
-        let uid = object.split('#').next().unwrap_or(object);
-        let Ok(model) = catalogue.build(uid) else { continue };
+        let Ok(model) = catalogue.build(object.asset()) else { continue };
         let meant = model.joint_states.iter().filter(|known| known.name == *state);
         let names: BTreeSet<&str> = meant.flat_map(|known| &known.intervals).map(|(name, _)| name.as_str()).collect();
         let joints = model.links.iter().filter_map(|link| link.joint.as_ref());

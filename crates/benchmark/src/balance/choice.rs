@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use genmanip_core::{Document, Task};
+use genmanip_core::{Atom, Document, Task};
 use serde::{Deserialize, Serialize};
 
 use super::axes::Axes;
@@ -44,7 +44,7 @@ impl Document for Choice {
 
 /// Candidate of a task with its axes. The choice avoids repeating objects of the goal and templates of the instruction.
 pub fn candidate(task: &Task, axes: Axes, is_preferred: bool) -> Candidate {
-    let things = task.goal.alternatives.iter().flatten().flat_map(|atom| atom.ids().map(String::from));
+    let things = task.goal.alternatives.iter().flatten().flat_map(Atom::ids).map(ToString::to_string);
     Candidate {
         kind: task.kind.name().into(),
         traits: axes,

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use genmanip_core::{Atom, Goal, GraphNode, ObjectCard, SceneGraph, Seed, Task};
+use genmanip_core::{Atom, Goal, GraphNode, InstanceId, ObjectCard, ReferenceId, SceneGraph, Seed, Task};
 use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt};
 
@@ -31,25 +31,31 @@ pub(super) fn draw(file: &DistributionsFile, distribution: &Distribution, place:
     let wording = goal.as_ref().and_then(|goal| goal.wordings.choose(rng)).cloned().unwrap_or_default();
     let others = others(&distribution.distractors, &cast, rng);
     let player = |role: &str| distribution.roles.iter().position(|it| it.role == role).map(|index| cast[index]);
-    let uid = |role: &String| player(role).map(|card| card.uid.clone()).unwrap_or_default();
+    // The conditions of a distribution name roles, which the checked file has.
+    let instance =
+        |role: &InstanceId| player(role.as_str()).map_or_else(|| role.clone(), |card| InstanceId::new(&card.uid, 1));
+    let reference = |role: &ReferenceId| {
+        player(role.as_str()).map_or_else(|| role.clone(), |card| InstanceId::new(&card.uid, 1).into())
+    };
     let mut instruction = wording.clone();
     for role in placeholders(&wording) {
         let category = player(role).map(|card| card.category.as_str()).unwrap_or_default();
         instruction = instruction.replace(&format!("{{{role}}}"), category);
     }
     let states = goal.iter().flat_map(|goal| &goal.initial_states);
-    let states: Vec<(String, String)> = states.map(|(role, state)| (uid(role), state.clone())).collect();
+    let states: Vec<(&str, &String)> =
+        states.filter_map(|(role, state)| Some((player(role)?.uid.as_str(), state))).collect();
     let atom = |atom: &Atom| match atom {
-        Atom::Relation { subject, relation, reference, second_reference } => Atom::Relation {
-            subject: uid(subject),
+        Atom::Relation { subject, relation, reference: first, second_reference } => Atom::Relation {
+            subject: instance(subject),
             relation: *relation,
-            reference: uid(reference),
-            second_reference: second_reference.as_ref().map(uid),
+            reference: reference(first),
+            second_reference: second_reference.as_ref().map(reference),
         },
-        Atom::State { object, state } => Atom::State { object: uid(object), state: state.clone() },
+        Atom::State { object, state } => Atom::State { object: instance(object), state: state.clone() },
     };
     let node = |card: &&ObjectCard| {
-        let state = states.iter().find(|(uid, _)| *uid == card.uid).map(|(_, state)| state.clone());
+        let state = states.iter().find(|(uid, _)| *uid == card.uid).map(|(_, state)| (*state).clone());
         GraphNode { state, ..GraphNode::of(card) }
     };
     let cards: Vec<&ObjectCard> = cast.iter().copied().chain(others).collect();

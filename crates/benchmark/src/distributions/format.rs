@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use genmanip_assets::Catalogue;
 use genmanip_assets::metadata::Split as AssetSplit;
 use genmanip_core::names::is_file_name;
-use genmanip_core::{Atom, BetweenReading, Document, ObjectCard, Seed, TaskKind, named_enum};
+use genmanip_core::{Atom, BetweenReading, Document, ObjectCard, ReferenceId, Seed, TaskKind, named_enum};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -186,7 +186,7 @@ impl Distribution {
         }
         for goal in goals {
             let states = goal.initial_states.keys().map(String::as_str);
-            let named = goal.conditions.iter().flat_map(Atom::objects).chain(states);
+            let named = goal.conditions.iter().flat_map(Atom::ids).map(ReferenceId::as_str).chain(states);
             let said = goal.wordings.iter().flat_map(|wording| placeholders(wording));
             if let Some(role) = named.chain(said).find(|name| self.roles.iter().all(|role| role.role != *name)) {
                 return Some(format!("{}: there is no role `{role}`", split.name()));

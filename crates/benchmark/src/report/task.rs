@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use genmanip_core::{
-    Atom, AtomVerdict, AttemptOutcome, Correction, EpisodeResult, Failure, GoalVerdict, Measurement, Task,
+    Atom, AtomVerdict, AttemptOutcome, Correction, EpisodeResult, Failure, GoalVerdict, Measurement, ReferenceId, Task,
 };
 
 use super::agent_failures::failure_markup;
@@ -158,7 +158,7 @@ fn atom_row(task: &Task, prefix: &str, verdict: &AtomVerdict) -> Vec<String> {
 
 /// HTML of a condition with names of objects instead of ids.
 fn atom_markup(task: &Task, atom: &Atom) -> String {
-    let name = |id: &str| format!("<b>{}</b>", escape(&task.name_of(id)));
+    let name = |id: &ReferenceId| format!("<b>{}</b>", escape(&task.name_of(id)));
     match atom {
         Atom::State { object, state } => format!("{} is <em>{}</em>", name(object), escape(state)),
         Atom::Relation { subject, relation, reference, second_reference } => {

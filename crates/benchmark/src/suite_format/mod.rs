@@ -173,8 +173,8 @@ pub fn balanced_traits(
         6..=7 => "6-7",
         _ => "8 or more",
     };
-    let named = |atom: &Atom| atom.ids().any(|id| is_unseen(id.split('#').next().unwrap_or(id)));
-    let axis = if atoms().any(named) { "unseen" } else { "train" };
+    let mut named = atoms().flat_map(Atom::ids).filter_map(|id| task.card(id));
+    let axis = if named.any(|card| is_unseen(&card.uid)) { "unseen" } else { "train" };
     let mut traits = BTreeMap::from([
         ("relation".to_owned(), relations),
         ("objects".to_owned(), vec![range.to_owned()]),

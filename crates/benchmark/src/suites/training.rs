@@ -170,7 +170,7 @@ fn sentence(task: &Task) -> String {
 
 /// Objects and relations of a scene graph as text, independent of their order.
 fn graph(task: &Task) -> String {
-    let mut lines: Vec<String> = task.scene_graph.nodes.iter().map(|node| node.id.clone()).collect();
+    let mut lines: Vec<String> = task.scene_graph.nodes.iter().map(|node| node.id.to_string()).collect();
     lines.extend(task.scene_graph.edges.iter().map(|edge| serde_json::to_string(edge).unwrap_or_default()));
     lines.sort();
     lines.join("\n")

@@ -1,6 +1,7 @@
 //! Made-up but realistic input: real tasks, invented layouts, images and results.
 #![allow(clippy::unwrap_used)] // shared with the example, which clippy does not take for a test
 
+use genmanip_core::ReferenceId;
 use std::collections::BTreeMap;
 
 use genmanip_benchmark::*;
@@ -20,7 +21,7 @@ pub fn parse_tasks(text: &str) -> Vec<Task> {
 
 /// Positions that satisfy the relations, one object after the other.
 fn positions(task: &Task) -> Vec<[f64; 2]> {
-    let index = |uid: &str| task.objects.iter().position(|card| card.uid == uid).unwrap();
+    let index = |id: &ReferenceId| task.scene_graph.index_of(id).unwrap();
     let mut at: Vec<Option<[f64; 2]>> = vec![None; task.objects.len()];
     at[0] = Some([0.5, 0.0]);
     for _ in 0..task.objects.len() {
@@ -59,7 +60,7 @@ pub fn top_view(task: &Task) -> TopView {
             [at[0] + x * turn.cos() - y * turn.sin(), at[1] + x * turn.sin() + y * turn.cos()]
         });
         Footprint {
-            id: card.uid.clone(),
+            id: card.uid.as_str().into(),
             name: card.name.clone(),
             color: color_of_word(&card.colors[0]),
             polygons: vec![outline.collect()],

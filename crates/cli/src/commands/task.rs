@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use genmanip_core::{Document, Task};
+use genmanip_core::{Document, ReferenceId, Task};
 use genmanip_tasks::answer::Verdict;
 use genmanip_workspace::MAX_ROWS;
 use genmanip_workspace::difference::listed;
@@ -115,7 +115,7 @@ pub fn show(arguments: &ShowArguments, printer: &Printer) -> Result<ExitStatus, 
 }
 
 fn describe_task(task: &Task) -> String {
-    let name = |id: &str| task.name_of(id);
+    let name = |id: &ReferenceId| task.name_of(id);
     let mut text = format!("{} ({})\n  {}\n\ngoal\n", task.id, task.kind.name(), task.instruction);
     for (index, atoms) in task.goal.alternatives.iter().enumerate() {
         let atoms: Vec<String> = atoms.iter().map(|atom| with_names(atom, &name)).collect();
@@ -132,7 +132,7 @@ fn describe_task(task: &Task) -> String {
     text
 }
 
-fn with_names(atom: &genmanip_core::Atom, name: &dyn Fn(&str) -> String) -> String {
+fn with_names(atom: &genmanip_core::Atom, name: &dyn Fn(&ReferenceId) -> String) -> String {
     use genmanip_core::Atom;
     match atom {
         Atom::Relation { subject, relation, reference, second_reference } => {

@@ -24,7 +24,7 @@ pub use settings::{BetweenReading, PhysicsSettings, RelationSettings};
 pub use surface::{Board, SupportSurface};
 pub use workspace::Workspace;
 
-use crate::{AppearanceRandomisation, Camera, Document, NamedSurface};
+use crate::{AppearanceRandomisation, Camera, Document, NamedSurface, ReferenceId};
 
 /// Everything in a scenario except its task and objects.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -87,13 +87,13 @@ impl World {
     }
 
     /// A support surface by id; `None` if there is none.
-    pub fn surface(&self, id: &str) -> Option<&SupportSurface> {
-        self.surfaces.iter().find(|surface| surface.id == id)
+    pub fn surface(&self, id: &ReferenceId) -> Option<&SupportSurface> {
+        self.surfaces.iter().find(|surface| surface.id == id.as_str())
     }
 
     /// Index of a surface other than the table, by id; `None` if no such surface has this id.
-    pub fn further_surface(&self, id: &str) -> Option<usize> {
-        self.surfaces.iter().position(|surface| surface.id == id).filter(|&index| index > 0)
+    pub fn further_surface(&self, id: &ReferenceId) -> Option<usize> {
+        self.surfaces.iter().position(|surface| surface.id == id.as_str()).filter(|&index| index > 0)
     }
 
     /// The support surfaces that tasks may refer to: all but the table.

@@ -1,6 +1,6 @@
 //! Episode-level metadata of an export.
 
-use genmanip_core::{Document, EpisodeResult, Seed};
+use genmanip_core::{Document, EpisodeResult, InstanceId, Seed};
 use genmanip_tasks::wording;
 
 use super::steps::Steps;
@@ -23,7 +23,7 @@ pub struct EpisodeMetadata {
     /// Steps (subtasks) of the episode, with their instructions.
     pub steps: Steps,
     /// Ids of the objects in the scene, in the order of the scenario.
-    pub objects: Vec<String>,
+    pub objects: Vec<InstanceId>,
     /// Name of the task's kind.
     pub kind: &'static str,
     /// Initial scenario as JSON text.

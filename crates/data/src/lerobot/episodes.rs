@@ -56,10 +56,7 @@ pub fn episodes_table<F: EpisodeColumns>(entries: &[EpisodeEntry<F>]) -> Result<
         entries.iter().map(move |entry| i64::try_from(value(entry)).unwrap_or(i64::MAX))
     };
     columns.i64("episode_index", integer(|entry| entry.episode));
-    columns.text_lists(
-        "tasks",
-        &entries.iter().map(|entry| vec![entry.metadata.instruction().to_owned()]).collect::<Vec<_>>(),
-    );
+    columns.text_lists("tasks", &entries.iter().map(|entry| [entry.metadata.instruction()]).collect::<Vec<_>>());
     columns.i64("length", integer(|entry| entry.length));
     columns.i64("data/chunk_index", integer(|entry| entry.chunk));
     columns.i64("data/file_index", integer(|entry| entry.file));
@@ -128,12 +125,10 @@ impl EpisodeColumns for EpisodeMetadata {
         columns.text("failure", results().map(failure));
         let cause = |result: &EpisodeResult| result.failure().map_or("", |failure| failure.cause.name());
         columns.text("failure_cause", results().map(cause));
-        let lists = |list: fn(&EpisodeMetadata) -> &[String]| {
-            all_metadata().map(|metadata| list(metadata).to_vec()).collect::<Vec<_>>()
-        };
+        let lists = |list: fn(&EpisodeMetadata) -> &[String]| all_metadata().map(list).collect::<Vec<_>>();
         columns.text_lists("subtasks", &lists(|metadata| &metadata.steps.texts));
         columns.text_lists("paraphrases", &lists(|metadata| &metadata.paraphrases));
-        columns.text_lists("objects", &lists(|metadata| &metadata.objects));
+        columns.text_lists("objects", &all_metadata().map(|metadata| &metadata.objects[..]).collect::<Vec<_>>());
         columns.i64("seed", results().map(|result| i64::try_from(result.seed.value()).unwrap_or(i64::MAX)));
         if all_metadata().any(|metadata| metadata.variation_seed.is_some()) {
             let seed = |metadata: &EpisodeMetadata| {

@@ -136,7 +136,7 @@ impl Recording {
                 if (row == 0 || track.camera.mount == CameraMount::Hand)
                     && let Some(pose) = track.pose_at(row)
                 {
-                    recording.add(*time, transforms, schemas::transforms(*time, &[(frame.clone(), *pose)]));
+                    recording.add(*time, transforms, schemas::transforms(*time, &[(&frame, *pose)]));
                 }
                 recording.add(*time, video, schemas::video(*time, &frame, data));
             }
@@ -172,8 +172,8 @@ impl Recording {
         let objects = &source.episode.scenario.objects;
         for frame in &source.episode.frames {
             let time = nanoseconds(frame.time_s);
-            let placed = objects.iter().zip(&frame.objects).map(|(object, state)| (object.id.clone(), state.pose));
-            let poses: Vec<_> = [("tool".to_owned(), frame.tcp)].into_iter().chain(placed).collect();
+            let placed = objects.iter().zip(&frame.objects).map(|(object, state)| (object.id.as_str(), state.pose));
+            let poses: Vec<_> = [("tool", frame.tcp)].into_iter().chain(placed).collect();
             self.add(time, transforms, schemas::transforms(time, &poses));
             let moved = frame.joint_position.iter().zip(frame.joint_velocity.iter().zip(&frame.joint_torque));
             let arm = names
@@ -210,7 +210,12 @@ impl Recording {
         let known: Vec<_> = scenario.objects.iter().filter_map(cube).collect();
         let cubes: Vec<Cube> = known
             .iter()
-            .map(|(frame, name, size)| Cube { frame, name, center: [0.0, 0.0, 0.5 * size[2]], size: *size })
+            .map(|(frame, name, size)| Cube {
+                frame: frame.as_str(),
+                name,
+                center: [0.0, 0.0, 0.5 * size[2]],
+                size: *size,
+            })
             .collect();
         if !cubes.is_empty() {
             let topic = self.topic("/scene", "foxglove.SceneUpdate");

@@ -165,7 +165,7 @@ fn rotation(pose: &Pose) -> Wire {
 }
 
 /// Message of the poses of named frames in the world frame.
-pub fn transforms(time_ns: u64, world_from: &[(String, Pose)]) -> Vec<u8> {
+pub fn transforms(time_ns: u64, world_from: &[(&str, Pose)]) -> Vec<u8> {
     let mut transforms = Wire::default();
     for (child, pose) in world_from {
         let transform = stamped(time_ns).text(2, "world").text(3, child);

@@ -66,7 +66,7 @@ fn wiggle(seed: usize, index: usize) -> f64 {
 
 pub fn scenario(number: usize) -> Scenario {
     let placed = |uid: &str, x: f64| PlacedObject {
-        id: uid.into(),
+        id: uid.parse().unwrap(),
         asset: AssetRef::builtin(uid, number as u32),
         physics_hash: format!("v2:{}", "0".repeat(16)),
         judging_hash: None,

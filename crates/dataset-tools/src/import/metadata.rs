@@ -51,8 +51,8 @@ impl EpisodeColumns for ImportedMetadata {
         columns.text("store_id", all.iter().map(|metadata| &metadata.store_id));
         columns.optional_bool("success", all.iter().map(|metadata| metadata.success));
         columns.text("failure", all.iter().map(|metadata| &metadata.failure));
-        columns.text_lists("subtasks", &all.iter().map(|metadata| metadata.steps.clone()).collect::<Vec<_>>());
-        columns.text_lists("objects", &all.iter().map(|metadata| metadata.objects.clone()).collect::<Vec<_>>());
+        columns.text_lists("subtasks", &all.iter().map(|metadata| &metadata.steps).collect::<Vec<_>>());
+        columns.text_lists("objects", &all.iter().map(|metadata| &metadata.objects).collect::<Vec<_>>());
         columns.i64("seed", all.iter().map(|metadata| metadata.seed.unwrap_or(-1)));
         columns.text("scenario_id", all.iter().map(|metadata| &metadata.scenario_id));
         columns.text(SOURCE_HASH, all.iter().map(|metadata| &metadata.source_sha256));

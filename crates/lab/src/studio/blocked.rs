@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use genmanip_assets::Catalogue;
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::{ObjectCard, Pose, Scenario, Seed};
+use genmanip_core::{InstanceId, ObjectCard, Pose, Scenario, Seed};
 use genmanip_layout::{LayoutSettings, ReachCheck, is_harmless, obstacles};
 use genmanip_motion::FeasibilitySettings;
 use genmanip_relations::{PosedScene, outlines_apart};
@@ -52,26 +52,27 @@ pub(super) fn plant(site: &Site, rng: &mut impl Rng) -> Option<Planted> {
             && extents.truncate().max_element() <= MAX_EXTENT_M
             && !card.is_articulated
             && is_harmless(card, &site.scenario.task)
-            && site.scenario.index_of(&card.uid).is_none()
+            && site.scenario.index_of(&InstanceId::new(&card.uid, 1)).is_none()
     };
     let mut cards: Vec<&ObjectCard> = Catalogue::full().cards().iter().filter(fits).collect();
     cards.shuffle(rng);
     cards.into_iter().take(ADDED).find_map(|card| {
+        let id = InstanceId::new(&card.uid, 1);
         let at = |position: DVec3| Operation::Add {
             asset: ChosenAsset::Uid(card.uid.clone()),
-            id: Some(card.uid.clone()),
+            id: Some(id.clone()),
             pose: Pose::from_position(position),
             distractor: true,
         };
         let added = at(DVec3::ZERO).apply(site.scenario, site.equipment.assets).ok()?.scenario;
         let scene = site.equipment.scene(&added).ok()?;
-        let other = added.index_of(&card.uid)?;
+        let other = added.index_of(&id)?;
         let by = beside(&scene, &added, other, rng)?;
-        found(site, &[at(by)], index, card.uid.clone())
+        found(site, &[at(by)], index, id)
     })
 }
 
-fn found(site: &Site, operations: &[Operation], index: usize, neighbour: String) -> Option<Planted> {
+fn found(site: &Site, operations: &[Operation], index: usize, neighbour: InstanceId) -> Option<Planted> {
     let planted = site.planted(operations, vec![site.id(index)])?;
     Some(Planted { neighbour: Some(neighbour), ..planted })
 }

@@ -229,7 +229,7 @@ fn random(scenario: &Scenario, rng: &mut impl Rng) -> Operation {
     let object = &objects[of(objects.len(), &mut pick)];
     let nodes = &scenario.task.scene_graph.nodes;
     let [node, other] =
-        [0; 2].map(|_| nodes.get(of(nodes.len(), &mut pick)).map(|node| node.id.clone()).unwrap_or_default());
+        [0; 2].map(|_| nodes.get(of(nodes.len(), &mut pick)).map_or(&object.id, |node| &node.id).clone());
     let cards = genmanip_assets::Catalogue::builtin().cards();
     let uid = ChosenAsset::Uid(cards[of(cards.len(), &mut pick)].uid.clone());
     let choice = of(16, &mut pick);

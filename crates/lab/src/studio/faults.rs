@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::{Atom, GraphEdge, ObjectCard, Pose, Scenario, Seed, named_enum};
+use genmanip_core::{Atom, GraphEdge, InstanceId, ObjectCard, Pose, ReferenceId, Scenario, Seed, named_enum};
 use genmanip_layout::{GoalOrder, GoalSearch, hidden, moves, overlaps};
 use genmanip_relations::{judge_atom, outlines_apart};
 use genmanip_studio::edit::{ChosenAsset, Operation, Placement};
@@ -122,8 +122,8 @@ impl Site<'_> {
             let found = overlaps(&moved, &self.scenario.world, &self.equipment.settings).ok()?;
             let ids = [self.id(index), self.id(other)];
             let is_real = found.iter().any(|overlap| {
-                let two = [&self.scenario.objects[overlap.object].id, &overlap.other];
-                ids.iter().all(|id| two.contains(&id))
+                let two: [&ReferenceId; 2] = [&self.scenario.objects[overlap.object].id, &overlap.other];
+                ids.iter().all(|id| two.contains(&&**id))
             });
             is_real.then(|| self.planted(&[self.shifted(index, by)], ids.into()))?
         })
@@ -234,7 +234,7 @@ impl Site<'_> {
     fn ambiguous(&self, rng: &mut impl Rng) -> Option<Planted> {
         let index = self.target()?;
         let [alternative] = self.scenario.task.goal.alternatives.as_slice() else { return None };
-        if alternative.iter().any(|atom| atom.subject() != self.id(index)) {
+        if alternative.iter().any(|atom| *atom.subject() != self.id(index)) {
             return None;
         }
         let (mut said, node) = (self.scenario.task.clone(), self.scenario.task.scene_graph.index_of(&self.id(index))?);
@@ -243,9 +243,10 @@ impl Site<'_> {
             other.category == card.category
                 && other.uid != card.uid
                 && other.can_grasp
-                && self.scenario.index_of(&other.uid).is_none()
+                && self.scenario.index_of(&InstanceId::new(&other.uid, 1)).is_none()
         };
         let other = Catalogue::full().cards().iter().find(alike)?;
+        let id = InstanceId::new(&other.uid, 1);
         let name = card.category.replace('_', " ");
         said.objects[node] = Arc::new(ObjectCard { name, ..(*card).clone() });
         let text = wording::step(&said, &self.id(index), 0);
@@ -255,13 +256,13 @@ impl Site<'_> {
             let y = rng.random_range(area.y[0] + 0.05..area.y[1] - 0.05);
             let add = Operation::Add {
                 asset: ChosenAsset::Uid(other.uid.clone()),
-                id: Some(other.uid.clone()),
+                id: Some(id.clone()),
                 pose: Pose::from_position(DVec3::new(x, y, 0.0)),
                 distractor: false,
             };
             let added = add.apply(self.scenario, self.equipment.assets).ok()?.scenario;
             let scene = self.equipment.scene(&added).ok()?;
-            let twin = added.index_of(&other.uid)?;
+            let twin = added.index_of(&id)?;
             let nodes = added.task.scene_graph.nodes.len();
             let gaps = (0..added.objects.len()).filter(|&one| one != twin);
             let gaps: Vec<(f64, usize)> =
@@ -275,7 +276,7 @@ impl Site<'_> {
             let edges = added.task.scene_graph.edges.iter().cloned().chain([edge]).collect();
             let operations =
                 [add, Operation::Edges { edges, description: None }, Operation::Instruction { text: text.clone() }];
-            self.planted(&operations, vec![self.id(index), other.uid.clone()])
+            self.planted(&operations, vec![self.id(index), id.clone()])
         })
     }
 }

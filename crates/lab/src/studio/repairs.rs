@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{Scenario, Seed};
+use genmanip_core::{ReferenceId, Scenario, Seed};
 use genmanip_studio::verdict::{Equipment, Inspection, Problem, RepairedScenario, repair_all};
 use genmanip_workspace::Progress;
 
@@ -86,9 +86,13 @@ pub(super) fn measure(
 impl Planted {
     /// True if a problem reports the fault and names the right objects.
     fn is_told_by(&self, fault: Fault, problem: &Problem) -> bool {
-        let names_it = |id: &Option<String>| id.as_ref().is_some_and(|id| self.objects.contains(id));
+        let names_it =
+            |id: &Option<ReferenceId>| id.as_ref().is_some_and(|id| self.objects.iter().any(|object| object == id));
         fault.codes().contains(&problem.code)
             && (names_it(&problem.object) || names_it(&problem.other))
-            && self.neighbour.as_ref().is_none_or(|neighbour| problem.other.as_ref() == Some(neighbour))
+            && self
+                .neighbour
+                .as_ref()
+                .is_none_or(|neighbour| problem.other.as_ref().is_some_and(|other| other == neighbour))
     }
 }

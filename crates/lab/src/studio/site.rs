@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Atom, GraphEdge, Pose, Scenario};
+use genmanip_core::{Atom, GraphEdge, InstanceId, Pose, Scenario};
 use genmanip_layout::Move;
 use genmanip_relations::{PosedScene, Rest, judge_atom, judge_goal, outlines_apart};
 use genmanip_studio::edit::{Operation, Placement};
@@ -14,9 +14,9 @@ pub struct Planted {
     /// The scenario with the fault.
     pub scenario: Arc<Scenario>,
     /// Ids of the objects of which the verdict must name at least one.
-    pub objects: Vec<String>,
+    pub objects: Vec<InstanceId>,
     /// Id of the neighbour that the verdict must name as well; `None` if there is none.
-    pub neighbour: Option<String>,
+    pub neighbour: Option<InstanceId>,
 }
 
 /// A scenario in which a fault is planted.
@@ -33,7 +33,7 @@ impl Site<'_> {
         self.scenario.objects.len()
     }
 
-    pub fn id(&self, index: usize) -> String {
+    pub fn id(&self, index: usize) -> InstanceId {
         self.scenario.objects[index].id.clone()
     }
 
@@ -42,7 +42,7 @@ impl Site<'_> {
     }
 
     /// The scenario after these operations, with the objects to be named; `None` if an operation does not apply.
-    pub fn planted(&self, operations: &[Operation], objects: Vec<String>) -> Option<Planted> {
+    pub fn planted(&self, operations: &[Operation], objects: Vec<InstanceId>) -> Option<Planted> {
         let mut changed = self.scenario.clone();
         for operation in operations {
             changed = operation.apply(&changed, self.equipment.assets).ok()?.scenario;

@@ -2,7 +2,7 @@
 
 use genmanip_assets::GraspLibrary;
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Aabb, Atom, Goal, Pose, Relation};
+use genmanip_core::{Aabb, Atom, Goal, InstanceId, Pose, ReferenceId, Relation};
 use genmanip_rollout::Stage;
 use genmanip_teleop::device::Control;
 use genmanip_teleop::scripted::Waypoint;
@@ -34,7 +34,7 @@ pub struct Script {
 }
 
 /// Object and reference of a goal with a single condition *on*, *top* or *in*; `None` for other goals.
-pub fn placement(goal: &Goal) -> Option<(&str, &str)> {
+pub fn placement(goal: &Goal) -> Option<(&InstanceId, &ReferenceId)> {
     match goal.alternatives.as_slice() {
         [atoms] => match atoms.as_slice() {
             [Atom::Relation { subject, relation: Relation::On | Relation::In | Relation::Top, reference, .. }] => {
@@ -50,7 +50,7 @@ pub fn placement(goal: &Goal) -> Option<(&str, &str)> {
 /// trial.
 pub fn script(stage: &Stage, grasps: &GraspLibrary) -> Option<Script> {
     let (subject, reference) = placement(&stage.scenario.task.goal)?;
-    let index = |id: &str| stage.scenario.objects.iter().position(|placed| placed.id == id);
+    let index = |id: &ReferenceId| stage.scenario.index_of(id);
     let (object, reference) = (index(subject)?, index(reference)?);
     let placed = &stage.scenario.objects[object];
     let model = &stage.models[object];

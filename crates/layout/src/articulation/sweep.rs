@@ -155,7 +155,7 @@ impl<'a> Sweeper<'a> {
             *value = position;
         }
         // The models' own pieces and finite poses are always accepted.
-        let _ = world.add(&object.id, &object.model.pieces(&object.joint_positions), &object.pose);
+        let _ = world.add(object.id.as_str(), &object.model.pieces(&object.joint_positions), &object.pose);
         world
     }
 

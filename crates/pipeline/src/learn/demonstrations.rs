@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_assets::{AssetSource, Catalogue};
 use genmanip_core::glam::DVec3;
-use genmanip_core::{ActionContract, Atom, Camera, Episode, Frame, Projection, RobotModel};
+use genmanip_core::{ActionContract, Camera, Episode, Frame, Projection, RobotModel};
 use genmanip_data::export::features::{Feature, Values};
 use genmanip_data::export::{Source, rows, sampling};
 use genmanip_data::{DataError, Selection};
@@ -154,14 +154,12 @@ fn labels(
     let id = &episode.result.id;
     let scenario = &episode.scenario;
     let condition = scenario.task.goal.alternatives.iter().flatten().next();
-    let (subject, reference) = match condition {
-        Some(Atom::Relation { subject, reference, .. }) => (subject, reference),
-        Some(Atom::State { object, .. }) => (object, object),
-        None => return Err(WorkspaceError::input(format!("cannot learn from episode {id}: its goal is empty"))),
+    let Some(condition) = condition else {
+        return Err(WorkspaceError::input(format!("cannot learn from episode {id}: its goal is empty")));
     };
-    let subject = scenario.index_of(subject);
-    let objects: [usize; LABELLED_POINTS] =
-        [subject, scenario.index_of(reference).or(subject)].map(Option::unwrap_or_default);
+    let subject = scenario.index_of(condition.subject());
+    let reference = condition.references().next().and_then(|reference| scenario.index_of(reference));
+    let objects: [usize; LABELLED_POINTS] = [subject, reference.or(subject)].map(Option::unwrap_or_default);
     let mut cameras = Vec::new();
     for image in &inputs.images {
         let camera = scenario.world.cameras.iter().find(|camera| camera.name == image.camera).ok_or_else(|| {

@@ -3,9 +3,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{
-    Atom, CameraRequest, ImageChannels, ObjectModel, ObjectState, RobotModel, RotationEncoding, Scenario,
-};
+use genmanip_core::{CameraRequest, ImageChannels, ObjectModel, ObjectState, RobotModel, RotationEncoding, Scenario};
 use genmanip_policy::{ImageInput, Inputs, Preset};
 
 /// Number of object slots, filled with the objects of the goal, then with others in the order of the scenario.
@@ -155,15 +153,9 @@ impl Observer {
         };
         let first = scenario.task.goal.alternatives.first();
         for (order, atom) in first.into_iter().flatten().enumerate() {
-            let named = match atom {
-                Atom::Relation { subject, reference, second_reference, .. } => {
-                    [Some(subject), Some(reference), second_reference.as_ref()]
-                }
-                Atom::State { object, .. } => [Some(object), None, None],
-            };
-            for (role, id) in named.into_iter().enumerate() {
+            for (role, id) in atom.ids().enumerate() {
                 // A reference may be a support surface, which is no object and gets no slot.
-                let Some(object) = id.and_then(|id| scenario.index_of(id)) else { continue };
+                let Some(object) = scenario.index_of(id) else { continue };
                 let at = slots.iter().position(|slot| slot.object == object).unwrap_or_else(|| {
                     slots.push(slot(object, [0.0; 3], order as f32));
                     slots.len() - 1

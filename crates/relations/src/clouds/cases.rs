@@ -159,7 +159,7 @@ pub fn compare_seed(json: &str, npz: &[u8], cpu_s: &mut dyn FnMut() -> f64) -> R
             report.excluded += 1;
             continue;
         }
-        let part = |letter: &str| -> Result<_, CasesError> { Ok((letter.to_owned(), recorded.part(case, letter)?)) };
+        let part = |letter: &str| -> Result<_, CasesError> { Ok((letter.into(), recorded.part(case, letter)?)) };
         let clouds = [part("a")?, part("b")?];
         let start = cpu_s();
         let label = CloudScene::new(clouds).label_pair(0, 1, &settings).and_then(|pair| pair.a_to_b);

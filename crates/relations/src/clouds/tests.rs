@@ -47,9 +47,9 @@ fn judge_in_all_profiles(a: &[[f64; 3]], b: &[[f64; 3]]) {
     let settings = RelationSettings::default();
     let pair = scene.label_pair(0, 1, &settings).unwrap();
     assert_eq!(scene.label_pair(1, 0, &settings).unwrap().a_to_b, pair.b_to_a, "{pair:?}");
-    for (relation, second) in [(Relation::Near, None), (Relation::Top, None), (Relation::Between, Some("a".to_owned()))]
-    {
-        let atom = Atom::Relation { subject: "a".into(), relation, reference: "b".into(), second_reference: second };
+    for (relation, second) in [(Relation::Near, None), (Relation::Top, None), (Relation::Between, Some("a".into()))] {
+        let atom =
+            Atom::Relation { subject: "a".parse().unwrap(), relation, reference: "b".into(), second_reference: second };
         let verdict = scene.judge_atom(&atom, &settings);
         assert!(verdict.margin.is_finite() && !verdict.measurements.is_empty(), "{verdict:?}");
     }

@@ -52,7 +52,7 @@ pub(super) fn plan(
     let query = PickQuery {
         planner,
         world: &world,
-        object: PickedObject { name: &object.id, world_from_object: object.pose, pieces: &pieces },
+        object: PickedObject { name: object.id.as_str(), world_from_object: object.pose, pieces: &pieces },
         goals: &goals,
         arm,
         settings: &settings.feasibility,

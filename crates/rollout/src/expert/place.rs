@@ -94,7 +94,7 @@ impl<'a> Held<'a> {
         let world_from_tcp = expert.planner.tcp_pose(&hand.arm);
         Self {
             object,
-            name: posed.map_or("", |held| &held.id),
+            name: posed.map_or("", |held| held.id.as_str()),
             pieces: posed.map_or_else(Vec::new, |held| held.model.pieces(&held.joint_positions)),
             tcp_from_object: posed.map_or(Pose::IDENTITY, |held| world_from_tcp.inverse() * held.pose),
             world: obstacles::around(scene, Some(object)),

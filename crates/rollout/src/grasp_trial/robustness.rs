@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Grasp, MassProperties, ObjectModel, Pose, Seed, VerifiedGrasp};
+use genmanip_core::{Grasp, InstanceId, MassProperties, ObjectModel, Pose, Seed, VerifiedGrasp};
 use genmanip_layout::obstacles;
 use genmanip_relations::{PosedObject, PosedScene, ShapeCache};
 use rand::{Rng, RngExt};
@@ -127,7 +127,7 @@ pub fn robust_grasps(
 fn candidates(trials: &GraspTrials, model: &Arc<ObjectModel>, seed: Seed) -> Result<(Table, Vec<Grasp>), TrialError> {
     let table = Table::with_one(Arc::clone(model), &trials.world)?;
     let object = PosedObject {
-        id: model.card.uid.clone(),
+        id: InstanceId::new(&model.card.uid, 1),
         model: Arc::clone(model),
         pose: table.poses[0],
         joint_positions: Vec::new(),

@@ -1,7 +1,7 @@
 //! Two instances of one asset, from the language model's answer to the verdict.
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{GoalVerdict, Seed, Task, TaskKind};
+use genmanip_core::{GoalVerdict, InstanceId, Seed, Task, TaskKind};
 use genmanip_relations::Rest;
 use genmanip_rollout::{RolloutSettings, Stage, run_episode};
 use genmanip_tasks::answer::{RecordedAnswer, Verdict, check_answer};
@@ -33,7 +33,7 @@ fn task(instruction: &str, subject: &str) -> Task {
     });
     let recorded = RecordedAnswer {
         task_type: TaskKind::PickAndPlace,
-        objects: [CUBE, MUG, BOARD, OTHER].map(String::from).to_vec(),
+        objects: [CUBE, MUG, BOARD, OTHER].map(|id| id.parse().unwrap()).to_vec(),
         surfaces: Vec::new(),
         num_objects: 4,
         response: response.to_string(),
@@ -51,8 +51,8 @@ fn judged(stage: &Stage, carried: &str) -> GoalVerdict {
     let mut only = (*stage.scenario).clone();
     only.task.interchangeable.clear();
     for atom in only.task.goal.alternatives.iter_mut().flatten() {
-        let subject = atom.subject().to_owned();
-        *atom = atom.renamed(&[(subject.as_str(), carried)].into());
+        let (subject, carried) = (atom.subject().clone(), carried.parse().unwrap());
+        *atom = atom.renamed(&[(&*subject, &carried)].into());
     }
     let carrying = crate::stage(only);
     let episode =
@@ -72,14 +72,14 @@ fn either_instance_satisfies_the_goal_unless_the_instruction_is_specific() {
     for carried in [CUBE, OTHER] {
         let verdict = judged(&stage_of_open, carried);
         let best = verdict.best().unwrap();
-        assert!(verdict.success && best[0].atom.subject() == carried, "{carried}: {best:?}");
+        assert!(verdict.success && *best[0].atom.subject() == carried, "{carried}: {best:?}");
     }
     let episode =
         run_episode(&stage_of_open, &mut expert(&stage_of_open), "open", Seed::new(5), &RolloutSettings::default());
     assert!(episode.unwrap().result.success);
 
     let one = task("Put the red cube that is to the robot's right of the mug on the cutting board.", OTHER);
-    assert_eq!(one.interchangeable, Vec::<Vec<String>>::new());
+    assert_eq!(one.interchangeable, Vec::<Vec<InstanceId>>::new());
     let stage_of_one = stage(scenario(&one));
     assert!(judged(&stage_of_one, OTHER).success);
     assert!(!judged(&stage_of_one, CUBE).success, "the instruction asks for the other cube");

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{Ending, EpisodeResult, FailureCause, Frame, Seed, Unit};
+use genmanip_core::{Ending, EpisodeResult, FailureCause, Frame, InstanceId, Seed, Unit};
 use genmanip_rollout::evidence::{Evidence, Slip, Unreachable, explain, slips};
 use genmanip_rollout::{RolloutSettings, Stage, run_episode};
 
@@ -80,7 +80,7 @@ fn causes_are_derived_from_frames_and_verdict() {
     assert!(slipped.evidence.starts_with(stage.name(object)) && slipped.evidence.contains(" slipped at "), "{slipped}");
 
     let goal = &stage.scenario.task.goal;
-    let is_moved = |id: &str| goal.alternatives.iter().flatten().any(|atom| atom.subject() == id);
+    let is_moved = |id: &InstanceId| goal.alternatives.iter().flatten().any(|atom| atom.subject() == id);
     let bystander = stage.scenario.objects.iter().position(|object| !is_moved(&object.id)).unwrap();
     let mut pushed = episode.frames.clone();
     pushed.last_mut().unwrap().objects[bystander].pose.position.x += 0.08;
@@ -124,7 +124,7 @@ fn the_strongest_stray_contact_agrees_with_the_frames() {
             );
             let lately = |frame: &&Frame| (contact.time_s - 1.0..=contact.time_s).contains(&frame.time_s);
             let held = episode.frames.iter().filter(lately).rev().find_map(|frame| frame.grasped);
-            let is_touched = |object: usize| contact.other.starts_with(&stage.scenario.objects[object].id);
+            let is_touched = |object: usize| contact.other.starts_with(stage.scenario.objects[object].id.as_str());
             assert_eq!(contact.let_go, held.is_some_and(is_touched), "{contact}");
         }
     }

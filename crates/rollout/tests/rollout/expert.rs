@@ -13,7 +13,7 @@ use genmanip_rollout::{RolloutSettings, replay, run_episode};
 use crate::{expert, planner, scenario, stage, task};
 
 fn relation(subject: &str, relation: Relation, reference: &str) -> Atom {
-    Atom::Relation { subject: subject.into(), relation, reference: reference.into(), second_reference: None }
+    Atom::Relation { subject: subject.parse().unwrap(), relation, reference: reference.into(), second_reference: None }
 }
 
 /// Failure of the expert when the goal of a solvable scenario is replaced.
@@ -31,7 +31,7 @@ fn failure(scenario: &Scenario, goal: Vec<Atom>) -> Failure {
 #[test]
 fn it_gives_up_with_the_right_cause() {
     let scenario = scenario(&task("021_spatial"));
-    let state = Atom::State { object: "046".into(), state: "open".into() };
+    let state = Atom::State { object: "046".parse().unwrap(), state: "open".into() };
     let cases = [
         ("too large for the mug", vec![relation("043", Relation::In, "001")], FailureCause::NoGoalPose, "Pencil Case"),
         (
@@ -98,7 +98,7 @@ fn joint_task(uid: &str, from: &str, to: &str) -> Task {
         id: format!("{uid}-{from}-{to}"),
         kind: TaskKind::Articulated,
         instruction: format!("Bring the {} into the state {to}.", card.name),
-        goal: Goal { alternatives: vec![vec![Atom::State { object: uid.into(), state: to.into() }]] },
+        goal: Goal { alternatives: vec![vec![Atom::State { object: uid.parse().unwrap(), state: to.into() }]] },
         scene_graph: SceneGraph { description: String::new(), nodes: vec![node], edges: Vec::new() },
         objects: vec![Arc::new(card)],
         surfaces: Vec::new(),

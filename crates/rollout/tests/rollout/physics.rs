@@ -1,6 +1,6 @@
 //! Physical plausibility: no welds, no teleports, normal gravity, and robot limits as published.
 
-use genmanip_core::{Atom, Episode, Frame, ObjectState, Relation};
+use genmanip_core::{Atom, Episode, Frame, ObjectState, ReferenceId, Relation};
 use genmanip_relations::judge_goal;
 use genmanip_rollout::{RolloutSettings, Stage};
 use genmanip_sim::{BodyId, ContactReport, Sim};
@@ -114,10 +114,8 @@ fn objects_move_only_when_touched() {
         let held: BTreeSet<usize> = episode.frames.iter().filter_map(|frame| frame.grasped).collect();
         assert!(!held.is_empty(), "something was grasped");
         let atoms = stage.scenario.task.goal.alternatives.iter().flatten();
-        let concerned: BTreeSet<usize> = atoms
-            .flat_map(|atom| genmanip_layout::references(atom).map(str::to_owned).collect::<Vec<_>>())
-            .filter_map(|uid| stage.scenario.index_of(&uid))
-            .collect();
+        let concerned: BTreeSet<usize> =
+            atoms.flat_map(Atom::references).filter_map(|id| stage.scenario.index_of(id)).collect();
         let last = episode.frames.last().unwrap();
         for object in (0..last.objects.len()).filter(|object| !held.contains(object) && !concerned.contains(object)) {
             let moved = shift(last, object);
@@ -158,7 +156,7 @@ fn the_model_has_no_welds_and_no_lighter_objects() {
 /// True if one object is on another according to bounds and engine contacts, independently of the judge.
 fn seems_to_hold(stage: &Stage, objects: &[ObjectState], contacts: &[ContactReport], atom: &Atom) -> bool {
     let Atom::Relation { subject, relation: Relation::Top, reference, .. } = atom else { panic!("no rule for {atom}") };
-    let index = |uid: &str| stage.scenario.objects.iter().position(|object| object.id == uid).unwrap();
+    let index = |id: &ReferenceId| stage.scenario.index_of(id).unwrap();
     let bounds = |object: usize| stage.models[object].world_bounds(&objects[object].pose, &[]);
     let (a, b) = (index(subject), index(reference));
     let (middle, lower) = (bounds(a).center(), bounds(b));

@@ -164,7 +164,7 @@ impl ActionPath {
 fn task() -> Task {
     let objects = ["046", "014"].map(|uid| Catalogue::builtin().card(uid).unwrap().clone());
     let on = Atom::Relation {
-        subject: "046".into(),
+        subject: "046".parse().unwrap(),
         relation: Relation::On,
         reference: "014".into(),
         second_reference: None,

@@ -38,7 +38,10 @@ fn episodes_of_version_1_open_and_replay() {
         changed.objects[0].physics_hash = "v1:000000000000".into();
         let opened = Stage::open(Arc::new(changed), Catalogue::builtin(), planner().robot());
         let refused = opened.err().unwrap().to_string();
-        assert!(refused.contains("physics hash") && refused.contains(&episode.scenario.objects[0].id), "{refused}");
+        assert!(
+            refused.contains("physics hash") && refused.contains(episode.scenario.objects[0].id.as_str()),
+            "{refused}"
+        );
     }
 }
 

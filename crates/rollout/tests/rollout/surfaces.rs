@@ -24,7 +24,7 @@ fn laid_out(folder: &str, id: &str, world: &World) -> Result<Scenario, LayoutErr
 /// Heights at which an object starts and ends when the expert solves a task in a world, mm.
 fn solved(folder: &str, id: &str, world: &World, object: &str) -> [f64; 2] {
     let stage = stage(laid_out(folder, id, world).unwrap());
-    let index = stage.scenario.index_of(object).unwrap();
+    let index = stage.scenario.index_of(&object.into()).unwrap();
     let episode = run_episode(&stage, &mut expert(&stage), id, Seed::new(5), &RolloutSettings::default()).unwrap();
     assert!(episode.result.success, "{id}: {:?}", episode.result.failures);
     let height = |frame: &genmanip_core::Frame| (frame.objects[index].pose.position.z * 1000.0).round();

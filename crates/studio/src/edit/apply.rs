@@ -25,15 +25,13 @@ impl Operation {
                 objects::set_state(&mut after, object, state.as_deref(), joint_positions.as_deref(), assets)?,
             ),
             Self::Add { asset, id, pose, distractor } => {
-                objects::add(&mut after, asset, id.as_deref(), *pose, *distractor, assets)?
+                objects::add(&mut after, asset, id.as_ref(), *pose, *distractor, assets)?
             }
             Self::Remove { object } => (self.clone(), objects::remove(&mut after, object, derived.groups_follow)?),
             Self::Insert { instance } => (self.clone(), objects::insert(&mut after, instance)?),
-            Self::Duplicate { object, pose, id } => {
-                objects::duplicate(&mut after, object, *pose, id.as_deref(), assets)?
-            }
+            Self::Duplicate { object, pose, id } => objects::duplicate(&mut after, object, *pose, id.as_ref(), assets)?,
             Self::Swap { object, uid, id } => {
-                objects::swap(&mut after, object, uid, id.as_deref(), derived.groups_follow, assets)?
+                objects::swap(&mut after, object, uid, id.as_ref(), derived.groups_follow, assets)?
             }
             Self::Exchange { object, instance } => {
                 (self.clone(), objects::exchange(&mut after, object, instance, derived.groups_follow)?)

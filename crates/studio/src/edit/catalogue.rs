@@ -3,9 +3,8 @@
 use std::sync::Arc;
 
 use genmanip_assets::AssetSource;
-use genmanip_core::asset::{instance_id, uid_of};
 use genmanip_core::names::near_misses;
-use genmanip_core::{AssetHashes, ObjectCard, ObjectModel, PhysicsFactors, PlacedObject, Pose, Scenario};
+use genmanip_core::{AssetHashes, InstanceId, ObjectCard, ObjectModel, PhysicsFactors, PlacedObject, Pose, Scenario};
 
 use super::error::EditError;
 use super::operation::ChosenAsset;
@@ -50,10 +49,10 @@ pub(super) fn find(asset: &ChosenAsset, assets: &dyn AssetSource, place: &str) -
 impl Found {
     /// An instance at a pose (`world_from_object`), with the nominal joint positions of `state`, or 0 without such a
     /// state.
-    pub fn placed(&self, id: &str, pose: Pose, state: Option<&str>, physics: PhysicsFactors) -> PlacedObject {
+    pub fn placed(&self, id: &InstanceId, pose: Pose, state: Option<&str>, physics: PhysicsFactors) -> PlacedObject {
         let AssetHashes { physics: physics_hash, judging, looks } = self.hashes.clone();
         PlacedObject {
-            id: id.to_owned(),
+            id: id.clone(),
             asset: self.model.asset.clone(),
             physics_hash,
             judging_hash: Some(judging),
@@ -72,10 +71,10 @@ pub(super) fn nominal_joints(model: &ObjectModel, state: Option<&str>) -> Option
 }
 
 /// Id of a new instance: the wanted one if it belongs to the asset and is free, else the first free one.
-pub(super) fn new_id(scenario: &Scenario, uid: &str, wanted: Option<&str>) -> Result<String, EditError> {
-    let is_taken = |id: &str| scenario.index_of(id).is_some() || scenario.world.surface(id).is_some();
+pub(super) fn new_id(scenario: &Scenario, uid: &str, wanted: Option<&InstanceId>) -> Result<InstanceId, EditError> {
+    let is_taken = |id: &InstanceId| scenario.index_of(id).is_some() || scenario.world.surface(id).is_some();
     match wanted {
-        Some(id) if uid_of(id) != uid => {
+        Some(id) if id.asset() != uid => {
             let hint = format!("ids of copies are {uid}, {uid}#2, …; leave the id out");
             Err(EditError::invalid("args.id", format!("expected an id of asset {uid:?}, got {id:?}"), hint))
         }
@@ -83,10 +82,13 @@ pub(super) fn new_id(scenario: &Scenario, uid: &str, wanted: Option<&str>) -> Re
             let hint = "leave the id out to get the next free one";
             Err(EditError::invalid("args.id", format!("expected an unused id, got {id:?}"), hint))
         }
-        Some(id) => Ok(id.to_owned()),
+        Some(id) => Ok(id.clone()),
         None => {
-            let free = (1..).map(|copy| instance_id(uid, copy)).find(|id| !is_taken(id));
-            Ok(free.unwrap_or_default())
+            let mut copy = 1;
+            while is_taken(&InstanceId::new(uid, copy)) {
+                copy += 1;
+            }
+            Ok(InstanceId::new(uid, copy))
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Derived parts of a task: groups of interchangeable instances, and named surfaces.
 
-use genmanip_core::{NamedSurface, Scenario};
+use genmanip_core::{Atom, NamedSurface, ReferenceId, Scenario};
 use genmanip_tasks::references;
 
 use super::error::EditError;
@@ -39,10 +39,10 @@ impl Derived {
 /// Surfaces of the world that goal or scene graph refer to, in the order of the world.
 fn surfaces(scenario: &Scenario) -> Vec<NamedSurface> {
     let task = &scenario.task;
-    let goal = task.goal.alternatives.iter().flatten().flat_map(|atom| atom.ids().skip(1));
+    let goal = task.goal.alternatives.iter().flatten().flat_map(Atom::references);
     let edges = task.scene_graph.edges.iter();
-    let edges = edges.flat_map(|edge| [Some(edge.reference.as_str()), edge.second_reference.as_deref()]);
-    let named: Vec<&str> = goal.chain(edges.flatten()).collect();
+    let edges = edges.flat_map(|edge| [Some(&edge.reference), edge.second_reference.as_ref()]);
+    let named: Vec<&ReferenceId> = goal.chain(edges.flatten()).collect();
     let surfaces = scenario.world.named_surfaces().into_iter();
-    surfaces.filter(|surface| named.contains(&surface.id.as_str())).collect()
+    surfaces.filter(|surface| named.iter().any(|id| **id == *surface.id)).collect()
 }

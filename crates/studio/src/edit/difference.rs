@@ -1,6 +1,6 @@
 //! Difference between two revisions of a scenario.
 
-use genmanip_core::{Goal, GraphEdge, Scenario, TaskKind};
+use genmanip_core::{Goal, GraphEdge, InstanceId, Scenario, TaskKind};
 use serde::Serialize;
 
 /// Difference between two revisions.
@@ -11,11 +11,11 @@ pub struct Difference {
     /// Objects whose orientation differs.
     pub turned: Vec<Turned>,
     /// Ids of objects whose joint positions or states differ.
-    pub articulated: Vec<String>,
+    pub articulated: Vec<InstanceId>,
     /// Ids of objects only in the later revision.
-    pub added: Vec<String>,
+    pub added: Vec<InstanceId>,
     /// Ids of objects only in the earlier revision.
-    pub removed: Vec<String>,
+    pub removed: Vec<InstanceId>,
     /// Instruction before and after; `None` if equal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub instruction: Option<[String; 2]>,
@@ -40,7 +40,7 @@ pub struct Difference {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Moved {
     /// Id of the object.
-    pub id: String,
+    pub id: InstanceId,
     /// Distance between the two positions, m.
     pub distance_m: f64,
 }
@@ -49,7 +49,7 @@ pub struct Moved {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Turned {
     /// Id of the object.
-    pub id: String,
+    pub id: InstanceId,
     /// Angle between the two orientations, rad.
     pub angle_rad: f64,
 }
@@ -61,7 +61,7 @@ impl Difference {
     /// The difference between two scenarios.
     pub fn between(before: &Scenario, after: &Scenario) -> Self {
         let mut difference = Self::default();
-        let state = |scenario: &Scenario, id: &str| {
+        let state = |scenario: &Scenario, id: &InstanceId| {
             let graph = &scenario.task.scene_graph;
             graph.index_of(id).and_then(|node| graph.nodes[node].state.clone())
         };

@@ -1,6 +1,6 @@
 //! Fields of a scenario that an operation changes, for detecting conflicts.
 
-use genmanip_core::{Document, Scenario};
+use genmanip_core::{Document, InstanceId, ReferenceId, Scenario};
 use serde_json::{Value, json};
 
 use super::objects::names;
@@ -9,11 +9,11 @@ use super::operation::Operation;
 /// Paths of the fields that an operation changes, such as `objects/001/pose`. `before` is the scenario that it is
 /// applied to; all optional choices of the operation must be filled in.
 pub(super) fn of(operation: &Operation, before: &Scenario) -> Vec<String> {
-    let object = |id: &str| format!("objects/{id}");
+    let object = |id: &InstanceId| format!("objects/{id}");
     let in_graph =
-        |id: &str| before.task.scene_graph.edges.iter().any(|edge| edge.atom().ids().any(|other| other == id));
-    let in_request = |id: &str| before.other_request.as_ref().is_some_and(|request| names(&request.goal, id));
-    let of_exchange = |old: &str, new: Option<&str>| {
+        |id: &InstanceId| before.task.scene_graph.edges.iter().any(|edge| edge.atom().ids().any(|other| other == id));
+    let in_request = |id: &InstanceId| before.other_request.as_ref().is_some_and(|request| names(&request.goal, id));
+    let of_exchange = |old: &InstanceId, new: Option<&InstanceId>| {
         let mut fields = vec![object(old)];
         fields.extend(new.map(object));
         fields.extend(in_graph(old).then(|| "edges".to_owned()));
@@ -34,7 +34,7 @@ pub(super) fn of(operation: &Operation, before: &Scenario) -> Vec<String> {
         Operation::State { object: id, .. } => {
             fields.extend(["joints", "state"].map(|part| format!("{}/{part}", object(id))));
         }
-        Operation::Add { id, .. } | Operation::Duplicate { id, .. } => fields.extend(id.as_deref().map(object)),
+        Operation::Add { id, .. } | Operation::Duplicate { id, .. } => fields.extend(id.as_ref().map(object)),
         Operation::Remove { object: id } => {
             fields.push(object(id));
             fields.extend(in_graph(id).then(|| "edges".to_owned()));
@@ -45,7 +45,7 @@ pub(super) fn of(operation: &Operation, before: &Scenario) -> Vec<String> {
             fields.extend((!instance.edges.is_empty()).then(|| "edges".to_owned()));
             fields.extend(instance.other_request.is_some().then(|| "other_request".to_owned()));
         }
-        Operation::Swap { object: old, uid: _, id } => fields.extend(of_exchange(old, id.as_deref())),
+        Operation::Swap { object: old, uid: _, id } => fields.extend(of_exchange(old, id.as_ref())),
         Operation::Exchange { object: old, instance } => fields.extend(of_exchange(old, Some(&instance.object.id))),
         Operation::Instruction { .. } => fields.push("instruction".into()),
         Operation::Goal { .. } => fields.push("goal".into()),
@@ -73,12 +73,13 @@ pub(super) fn value(field: &str, scenario: &Scenario) -> Value {
     let task = &scenario.task;
     match (parts.next().unwrap_or_default(), parts.next(), parts.next()) {
         ("objects", Some(id), part) => {
-            let Some(index) = scenario.index_of(id) else { return Value::Null };
+            let id = ReferenceId::from(id);
+            let Some(index) = scenario.index_of(&id) else { return Value::Null };
             let object = &scenario.objects[index];
             match part {
                 Some("pose") => json!(object.pose),
                 Some("joints") => json!(object.joint_positions),
-                Some("state") => json!(task.scene_graph.index_of(id).map(|node| &task.scene_graph.nodes[node].state)),
+                Some("state") => json!(task.scene_graph.index_of(&id).map(|node| &task.scene_graph.nodes[node].state)),
                 _ => json!({"asset": object.asset, "pose": object.pose, "joint_positions": object.joint_positions}),
             }
         }

@@ -5,7 +5,10 @@ use std::sync::Arc;
 
 use genmanip_assets::AssetSource;
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Goal, GraphEdge, GraphNode, ObjectModel, PhysicsFactors, PlacedObject, Pose, Request, Scenario};
+use genmanip_core::{
+    Goal, GraphEdge, GraphNode, InstanceId, ObjectModel, PhysicsFactors, PlacedObject, Pose, ReferenceId, Request,
+    Scenario,
+};
 
 use super::catalogue::{find, new_id, nominal_joints};
 use super::error::EditError;
@@ -54,7 +57,7 @@ pub(super) fn place(
 /// Sets state and joint positions of an articulated object; returns the inverse operation.
 pub(super) fn set_state(
     scenario: &mut Scenario,
-    object: &str,
+    object: &InstanceId,
     state: Option<&str>,
     joint_positions: Option<&[f64]>,
     assets: &dyn AssetSource,
@@ -85,14 +88,14 @@ pub(super) fn set_state(
         Some(node) => std::mem::replace(&mut graph.nodes[node].state, state.map(str::to_owned)),
         None => None,
     };
-    Ok(Operation::State { object: object.to_owned(), state: old_state, joint_positions: Some(old_joints) })
+    Ok(Operation::State { object: object.clone(), state: old_state, joint_positions: Some(old_joints) })
 }
 
 /// Adds an object; returns the operation with its id filled in, and the inverse.
 pub(super) fn add(
     scenario: &mut Scenario,
     asset: &ChosenAsset,
-    id: Option<&str>,
+    id: Option<&InstanceId>,
     pose: Pose,
     distractor: bool,
     assets: &dyn AssetSource,
@@ -110,9 +113,9 @@ pub(super) fn add(
 /// Adds another instance of an object's asset; returns the operation with pose and id filled in, and the inverse.
 pub(super) fn duplicate(
     scenario: &mut Scenario,
-    object: &str,
+    object: &InstanceId,
     pose: Option<Pose>,
-    id: Option<&str>,
+    id: Option<&InstanceId>,
     assets: &dyn AssetSource,
 ) -> Result<(Operation, Operation), EditError> {
     let index = index_of(scenario, object, "args.object")?;
@@ -129,17 +132,14 @@ pub(super) fn duplicate(
     };
     check_pose(&pose, "args.pose")?;
     let node = scenario.task.scene_graph.index_of(object);
-    let uid = node.map_or_else(
-        || genmanip_core::asset::uid_of(object).to_owned(),
-        |node| scenario.task.objects[node].uid.clone(),
-    );
+    let uid = node.map_or_else(|| object.asset().to_owned(), |node| scenario.task.objects[node].uid.clone());
     let id = new_id(scenario, &uid, id)?;
     let node = node.map(|node| {
         let graph_node = GraphNode { id: id.clone(), ..scenario.task.scene_graph.nodes[node].clone() };
         (graph_node, Arc::clone(&scenario.task.objects[node]))
     });
     append(scenario, PlacedObject { id: id.clone(), pose, ..source }, node);
-    let operation = Operation::Duplicate { object: object.to_owned(), pose: Some(pose), id: Some(id.clone()) };
+    let operation = Operation::Duplicate { object: object.clone(), pose: Some(pose), id: Some(id.clone()) };
     Ok((operation, Operation::Remove { object: id }))
 }
 
@@ -157,7 +157,11 @@ fn append(scenario: &mut Scenario, object: PlacedObject, node: Option<(GraphNode
 }
 
 /// Removes an object with its node, card and edges; returns the inverse operation.
-pub(super) fn remove(scenario: &mut Scenario, object: &str, groups_follow: bool) -> Result<Operation, EditError> {
+pub(super) fn remove(
+    scenario: &mut Scenario,
+    object: &InstanceId,
+    groups_follow: bool,
+) -> Result<Operation, EditError> {
     let index = index_of(scenario, object, "args.object")?;
     if names(&scenario.task.goal, object) {
         let message = format!("expected an object that the goal does not name, got {}", scenario.task.name_of(object));
@@ -190,7 +194,7 @@ pub(super) fn remove(scenario: &mut Scenario, object: &str, groups_follow: bool)
 
 /// Removes an object from the groups of interchangeable instances, unless the groups are derived from the instruction.
 /// Returns the previous groups, or `None` if they did not change.
-fn without_member(scenario: &mut Scenario, object: &str, groups_follow: bool) -> Option<Vec<Vec<String>>> {
+fn without_member(scenario: &mut Scenario, object: &InstanceId, groups_follow: bool) -> Option<Vec<Vec<InstanceId>>> {
     let groups = &mut scenario.task.interchangeable;
     if groups_follow || !groups.iter().flatten().any(|id| id == object) {
         return None;
@@ -238,9 +242,9 @@ pub(super) fn insert(scenario: &mut Scenario, instance: &Instance) -> Result<Ope
 /// Replaces an object's asset; returns the operation with the new id filled in, and the inverse.
 pub(super) fn swap(
     scenario: &mut Scenario,
-    object: &str,
+    object: &InstanceId,
     asset: &ChosenAsset,
-    id: Option<&str>,
+    id: Option<&InstanceId>,
     groups_follow: bool,
     assets: &dyn AssetSource,
 ) -> Result<(Operation, Operation), EditError> {
@@ -264,14 +268,14 @@ pub(super) fn swap(
     let instance =
         Instance { object: placed, index, node, edges: Vec::new(), interchangeable: None, other_request: None };
     let inverse = exchange(scenario, object, &instance, groups_follow)?;
-    let operation = Operation::Swap { object: object.to_owned(), uid: asset.clone(), id: Some(id) };
+    let operation = Operation::Swap { object: object.clone(), uid: asset.clone(), id: Some(id) };
     Ok((operation, inverse))
 }
 
 /// Replaces an object by another one, which goal and scene graph then refer to; returns the inverse operation.
 pub(super) fn exchange(
     scenario: &mut Scenario,
-    object: &str,
+    object: &InstanceId,
     instance: &Instance,
     groups_follow: bool,
 ) -> Result<Operation, EditError> {
@@ -313,8 +317,8 @@ pub(super) fn exchange(
 }
 
 /// Renames an object in goal, edges and alternative request.
-fn rename(scenario: &mut Scenario, from: &str, to: &str) {
-    let table = BTreeMap::from([(from, to)]);
+fn rename(scenario: &mut Scenario, from: &InstanceId, to: &InstanceId) {
+    let table: BTreeMap<&ReferenceId, &InstanceId> = BTreeMap::from([(&**from, to)]);
     let in_goal = |goal: &mut Goal| {
         goal.alternatives.iter_mut().flatten().for_each(|atom| *atom = atom.renamed(&table));
     };
@@ -322,23 +326,23 @@ fn rename(scenario: &mut Scenario, from: &str, to: &str) {
     if let Some(request) = &mut scenario.other_request {
         in_goal(&mut request.goal);
     }
-    let in_edge = |id: &mut String| {
-        if id == from {
-            to.clone_into(id);
-        }
-    };
     for GraphEdge { subject, relation: _, reference, second_reference } in &mut scenario.task.scene_graph.edges {
-        [subject, reference].into_iter().chain(second_reference).for_each(in_edge);
+        if subject == from {
+            subject.clone_from(to);
+        }
+        for id in std::iter::once(reference).chain(second_reference).filter(|id| **id == *from) {
+            *id = to.clone().into();
+        }
     }
 }
 
 /// True if a condition of the goal names the object.
-pub(super) fn names(goal: &Goal, object: &str) -> bool {
+pub(super) fn names(goal: &Goal, object: &InstanceId) -> bool {
     goal.alternatives.iter().flatten().any(|atom| atom.ids().any(|id| id == object))
 }
 
 /// Index of an object in the scenario; `place` is the name of the argument in error messages.
-fn index_of(scenario: &Scenario, id: &str, place: &str) -> Result<usize, EditError> {
+fn index_of(scenario: &Scenario, id: &InstanceId, place: &str) -> Result<usize, EditError> {
     scenario.index_of(id).ok_or_else(|| {
         let known: Vec<&str> = scenario.objects.iter().map(|object| object.id.as_str()).collect();
         let hint = format!("the objects are {}", known.join(", "));

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use genmanip_core::{
-    AssetRef, Camera, Goal, GraphEdge, GraphNode, ObjectCard, PlacedObject, Pose, Request, Scenario, TaskKind,
+    AssetRef, Camera, Goal, GraphEdge, GraphNode, InstanceId, ObjectCard, PlacedObject, Pose, Request, Scenario,
+    TaskKind,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -20,7 +21,7 @@ pub enum Operation {
     /// Sets the initial state of an articulated object in the scene graph, and moves its joints into it.
     State {
         /// Id of the object.
-        object: String,
+        object: InstanceId,
         /// Name of the state; absent to remove it from the graph.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         state: Option<String>,
@@ -34,7 +35,7 @@ pub enum Operation {
         asset: ChosenAsset,
         /// Id of the new instance; the first free one of the asset if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        id: Option<String>,
+        id: Option<InstanceId>,
         /// Pose of the object, `world_from_object`.
         pose: Pose,
         /// True for a distractor: it has no node in the scene graph, and no instruction may mention it.
@@ -44,7 +45,7 @@ pub enum Operation {
     /// Removes an object and the edges that name it.
     Remove {
         /// Id of the object.
-        object: String,
+        object: InstanceId,
     },
     /// Restores a removed object; the inverse of `remove`.
     Insert {
@@ -54,28 +55,28 @@ pub enum Operation {
     /// Adds another instance of an object's asset.
     Duplicate {
         /// Id of the object.
-        object: String,
+        object: InstanceId,
         /// Pose of the new instance, `world_from_object`; a free place beside the original if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pose: Option<Pose>,
         /// Id of the new instance; the first free one of the asset if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        id: Option<String>,
+        id: Option<InstanceId>,
     },
     /// Replaces an object's asset; goal and scene graph then refer to the new id.
     Swap {
         /// Id of the object.
-        object: String,
+        object: InstanceId,
         /// The new asset, or its uid.
         uid: ChosenAsset,
         /// New id; the first free one of the new asset if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        id: Option<String>,
+        id: Option<InstanceId>,
     },
     /// Replaces an object by another complete one; the inverse of `swap`.
     Exchange {
         /// Id of the object.
-        object: String,
+        object: InstanceId,
         /// The complete object that replaces it.
         instance: Box<Instance>,
     },
@@ -122,7 +123,7 @@ pub enum Operation {
 #[serde(deny_unknown_fields)]
 pub struct Placement {
     /// Id of the object.
-    pub id: String,
+    pub id: InstanceId,
     /// New pose, `world_from_object`.
     pub pose: Pose,
     /// Joint positions, rad or m; kept if absent.
@@ -156,7 +157,7 @@ pub struct Instance {
     pub edges: Vec<(usize, GraphEdge)>,
     /// Groups of interchangeable instances; absent if they are derived from the instruction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub interchangeable: Option<Vec<Vec<String>>>,
+    pub interchangeable: Option<Vec<Vec<InstanceId>>>,
     /// The alternative request; absent if it does not name the object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub other_request: Option<Request>,

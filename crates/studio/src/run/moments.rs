@@ -1,7 +1,7 @@
 //! Notable moments of an episode: what the hand held, what the robot touched, and where it failed.
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Episode, FailureCause, Frame, Pose};
+use genmanip_core::{Episode, FailureCause, Frame, InstanceId, Pose};
 use genmanip_rollout::RolloutSettings;
 use genmanip_rollout::evidence::slips;
 use serde::Serialize;
@@ -35,7 +35,7 @@ pub struct Moment {
     pub to_s: f64,
     /// Id of the object involved; `None` if there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub object: Option<String>,
+    pub object: Option<InstanceId>,
     /// Peak force of a contact, N; `None` for other kinds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub peak_n: Option<f64>,
@@ -134,8 +134,8 @@ fn contacts(episode: &Episode) -> Vec<Moment> {
         let strongest = episode.result.stray_contact.as_ref();
         let strongest = strongest.filter(|contact| (from_s - GAP_S..=to_s + GAP_S).contains(&contact.time_s));
         let object = strongest.and_then(|contact| {
-            let id = contact.other.split('/').next()?;
-            episode.scenario.index_of(id).map(|_| id.to_owned())
+            let id: InstanceId = contact.other.split('/').next()?.parse().ok()?;
+            episode.scenario.index_of(&id).map(|_| id)
         });
         Moment {
             to_s,
@@ -154,7 +154,7 @@ fn disturbed(episode: &Episode, settings: &RolloutSettings) -> Option<Moment> {
     let up = |pose: &Pose| pose.transform_vector(DVec3::Z);
     let last = episode.frames.last()?;
     episode.scenario.objects.iter().enumerate().find_map(|(index, before)| {
-        let is_moved = goal.alternatives.iter().flatten().any(|atom| atom.subject() == before.id);
+        let is_moved = goal.alternatives.iter().flatten().any(|atom| *atom.subject() == before.id);
         let is_off = |frame: &Frame| {
             frame.objects.get(index).is_some_and(|now| {
                 before.pose.position.distance(now.pose.position) > settings.disturbed_m
@@ -172,8 +172,8 @@ fn disturbed(episode: &Episode, settings: &RolloutSettings) -> Option<Moment> {
 /// Time of the last release of an object that the goal moves, s; `None` if it was never held.
 fn last_release(episode: &Episode, moments: &[Moment]) -> Option<f64> {
     let goal = &episode.scenario.task.goal;
-    let is_subject = |id: &str| goal.alternatives.iter().flatten().any(|atom| atom.subject() == id);
+    let is_subject = |id: &InstanceId| goal.alternatives.iter().flatten().any(|atom| atom.subject() == id);
     let held = moments.iter().filter(|moment| moment.kind == MomentKind::Held);
-    let own = held.filter(|moment| moment.object.as_deref().is_some_and(is_subject));
+    let own = held.filter(|moment| moment.object.as_ref().is_some_and(is_subject));
     own.map(|moment| moment.to_s).max_by(f64::total_cmp)
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Camera, Frame, Intrinsics, ObjectModel, Pose, RobotModel, Scenario, World};
+use genmanip_core::{Camera, Frame, InstanceId, Intrinsics, ObjectModel, Pose, RobotModel, Scenario, World};
 use genmanip_render::encode::jpeg_rgb;
 use genmanip_render::{
     Channels, FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance, sampling,
@@ -29,7 +29,7 @@ pub struct CameraImage {
     /// JPEG file.
     pub jpeg: Vec<u8>,
     /// Visible share of each object's silhouette, 0 to 1, by id; objects outside the image are absent.
-    pub visible_shares: BTreeMap<String, f64>,
+    pub visible_shares: BTreeMap<InstanceId, f64>,
 }
 
 /// Renderers of the most recently rendered scenes; each reuses its last image of every camera.

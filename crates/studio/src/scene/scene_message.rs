@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use genmanip_assets::robots;
 use genmanip_core::{
-    Atom, Camera, GraphEdge, Joint, JointKind, JointState, ObjectModel, PlacedObject, Pose, RobotModel, Scenario, Task,
-    TaskKind, Workspace, World,
+    Atom, Camera, GraphEdge, InstanceId, Joint, JointKind, JointState, ObjectModel, PlacedObject, Pose, ReferenceId,
+    RobotModel, Scenario, Task, TaskKind, Workspace, World,
 };
 use genmanip_relations::{PosedObject, PosedScene, ShapeCache, joint_state};
 use genmanip_tasks::wording;
@@ -78,7 +78,7 @@ pub struct SceneState {
 #[derive(Clone, Debug, Serialize)]
 pub struct ObjectMessage {
     /// Id of the instance.
-    pub id: String,
+    pub id: InstanceId,
     /// Uid of the object's asset in the catalogue.
     pub uid: String,
     /// Name of the object for people.
@@ -354,11 +354,11 @@ fn states(model: &ObjectModel, now: &[f64]) -> BTreeMap<String, Vec<f64>> {
     model.joint_states.iter().map(|state| (state.name.clone(), positions(state))).collect()
 }
 
-fn role(task: &Task, id: &str) -> Role {
+fn role(task: &Task, id: &InstanceId) -> Role {
     let mut atoms = task.goal.alternatives.iter().flatten();
     if atoms.clone().any(|atom| atom.subject() == id) {
         Role::Moved
-    } else if atoms.any(|atom| atom.objects().any(|other| other == id)) {
+    } else if atoms.any(|atom| atom.ids().any(|other| other == id)) {
         Role::Reference
     } else if task.scene_graph.index_of(id).is_some() {
         Role::Other
@@ -369,10 +369,10 @@ fn role(task: &Task, id: &str) -> Role {
 
 /// Text of the conditions of one alternative, for people.
 fn goal_sentence(task: &Task, all: &[Atom]) -> String {
-    let name = |id: &str| task.name_of(id);
+    let name = |id: &ReferenceId| task.name_of(id);
     let words = |atom: &Atom| match atom {
         Atom::Relation { subject, relation, reference, second_reference } => {
-            let second = second_reference.as_deref().map(name);
+            let second = second_reference.as_ref().map(name);
             format!("the {} is {}", name(subject), relation.describe(&name(reference), second.as_deref()))
         }
         Atom::State { object, state } => format!("the {} is {state}", name(object)),

@@ -9,7 +9,7 @@ use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, HeaderName};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
-use genmanip_core::{Pose, Scenario};
+use genmanip_core::{InstanceId, Pose, ReferenceId, Scenario};
 use genmanip_workspace::WorkspaceError;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -204,8 +204,8 @@ async fn verdict(State(studio): Shared, Path(key): Path<String>) -> Response {
 struct Asked {
     stage: Stage,
     code: ProblemCode,
-    object: Option<String>,
-    other: Option<String>,
+    object: Option<ReferenceId>,
+    other: Option<ReferenceId>,
 }
 
 async fn repairs(State(studio): Shared, Path(key): Path<String>, request: HttpRequest) -> Response {
@@ -244,7 +244,7 @@ struct Dropped {
 #[serde(untagged)]
 enum OneDropped {
     /// Id of an object that is dropped from its present pose.
-    Here(String),
+    Here(InstanceId),
     /// An object that is dropped from another pose.
     There(Placement),
 }

@@ -5,7 +5,7 @@ use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
 use genmanip_assets::AssetError;
-use genmanip_core::{Atom, AtomVerdict, Measurement, Scenario, Seed, Unit, VerifiedGrasp};
+use genmanip_core::{Atom, AtomVerdict, Measurement, ReferenceId, Scenario, Seed, Unit, VerifiedGrasp};
 use genmanip_layout::{Move, ReachCheck, Rejection, first_drift, hidden, moves, obstacles, overlaps};
 use genmanip_relations::{PosedScene, Rest, judge_edges, judge_goal, judge_states, planar_gap};
 use genmanip_sim::SimError;
@@ -79,25 +79,25 @@ impl<'a> Inspection<'a> {
     }
 
     /// Name of an object or surface in a sentence: `the cola can`.
-    pub(super) fn name(&self, id: &str) -> String {
+    pub(super) fn name(&self, id: &ReferenceId) -> String {
         let in_graph = self.scenario.task.scene_graph.index_of(id).is_some();
         let of_model = || {
             let scene = self.scene()?;
-            scene.objects().find(|object| object.id == id).map(|object| object.model.card.name.clone())
+            scene.objects().find(|object| object.id == *id).map(|object| object.model.card.name.clone())
         };
         let of_surface = || self.scenario.world.surface(id).map(|surface| surface.name.clone());
         let name = if in_graph { None } else { of_model().or_else(of_surface) };
         format!("the {}", name.unwrap_or_else(|| self.scenario.task.name_of(id)).to_lowercase())
     }
 
-    fn id(&self, index: usize) -> String {
-        self.scenario.objects.get(index).map(|object| object.id.clone()).unwrap_or_default()
+    fn id(&self, index: usize) -> ReferenceId {
+        self.scenario.objects[index].id.clone().into()
     }
 
     fn missing(&self, error: &AssetError) -> Problem {
         let assets = self.equipment.assets;
         let culprit = self.scenario.objects.iter().find(|object| assets.instance(object).is_err());
-        let id = culprit.map(|object| object.id.clone());
+        let id = culprit.map(|object| object.id.clone().into());
         Problem::new(Stage::Relations, ProblemCode::MissingObject, id, error.to_string())
     }
 
@@ -114,11 +114,11 @@ impl<'a> Inspection<'a> {
         if goal.success {
             let held = goal.best().unwrap_or_default();
             let words: Vec<String> = held.iter().map(|verdict| self.in_words(&verdict.atom)).collect();
-            let object = held.first().map(|verdict| verdict.atom.subject().to_owned());
+            let object = held.first().map(|verdict| verdict.atom.subject().clone().into());
             let message = format!("the goal holds already: {}", words.join(", and "));
             let problem = Problem::new(Stage::Relations, ProblemCode::GoalHolds, object, message);
-            found.push(match held.first().and_then(|verdict| verdict.atom.ids().nth(1)) {
-                Some(other) => problem.with(other),
+            found.push(match held.first().and_then(|verdict| verdict.atom.references().next()) {
+                Some(other) => problem.with(other.clone()),
                 None => problem,
             });
         }
@@ -127,7 +127,7 @@ impl<'a> Inspection<'a> {
 
     fn of_verdict(&self, code: ProblemCode, verdict: &AtomVerdict) -> Problem {
         let message = format!("{} is false: {}", self.in_words(&verdict.atom), verdict.explanation);
-        let object = Some(verdict.atom.subject().to_owned());
+        let object = Some(verdict.atom.subject().clone().into());
         let problem = Problem::new(Stage::Relations, code, object, message);
         let problem = match verdict.measurements.iter().find(|measured| !measured.met) {
             Some(Measurement { value, threshold, unit: Unit::Metre, .. }) => {
@@ -136,8 +136,8 @@ impl<'a> Inspection<'a> {
             Some(Measurement { value, threshold, unit, .. }) => problem.measured(*value, *threshold, unit.symbol()),
             None => problem,
         };
-        match verdict.atom.ids().nth(1) {
-            Some(other) => problem.with(other),
+        match verdict.atom.references().next() {
+            Some(other) => problem.with(other.clone()),
             None => problem,
         }
     }
@@ -178,7 +178,7 @@ impl<'a> Inspection<'a> {
                 let (gap_mm, limit_mm) = (below.gap_m * 1e3, limit_m * 1e3);
                 let other = match below.below {
                     Below::Object(other) => self.id(other),
-                    Below::Surface(surface) => world.surfaces[surface].id.clone(),
+                    Below::Surface(surface) => world.surfaces[surface].id.as_str().into(),
                     Below::Nothing => continue,
                 };
                 let message =
@@ -262,7 +262,7 @@ impl<'a> Inspection<'a> {
         let only = |kept: Option<usize>| {
             let mut occupied = among_all.clone();
             for &other in others.iter().filter(|&&other| Some(other) != kept) {
-                occupied.remove(&self.id(other));
+                occupied.remove(self.id(other).as_str());
             }
             occupied
         };
@@ -360,21 +360,21 @@ impl<'a> Inspection<'a> {
             _ => alternative.first().and_then(|step| Some(scene.objects().nth(step.object)?.id.clone())),
         };
         let atoms = alternative.iter().flat_map(|step| &step.atoms);
-        let wanted = atoms.filter(|atom| Some(atom.subject()) == id.as_deref()).map(|atom| self.in_words(atom));
+        let wanted = atoms.filter(|atom| Some(atom.subject()) == id.as_ref()).map(|atom| self.in_words(atom));
         let wanted = wanted.collect::<Vec<_>>().join(", and ");
         match rejection {
             Rejection::UnreachableState { .. } => {
                 let message = format!("the arm cannot bring about: {wanted}");
-                Problem::new(Stage::Goal, ProblemCode::Unreachable, id, message)
+                Problem::new(Stage::Goal, ProblemCode::Unreachable, id.map(Into::into), message)
             }
             rejection => {
                 let message = format!("no free pose was found for the goal: {wanted} ({rejection})");
                 let anchor = alternative.iter().flat_map(|step| &step.atoms);
                 let anchor =
-                    anchor.filter(|atom| Some(atom.subject()) == id.as_deref()).find_map(|atom| atom.ids().nth(1));
-                let problem = Problem::new(Stage::Goal, ProblemCode::NoGoalPose, id.clone(), message);
+                    anchor.filter(|atom| Some(atom.subject()) == id.as_ref()).find_map(|atom| atom.references().next());
+                let problem = Problem::new(Stage::Goal, ProblemCode::NoGoalPose, id.clone().map(Into::into), message);
                 match anchor {
-                    Some(anchor) => problem.with(anchor),
+                    Some(anchor) => problem.with(anchor.clone()),
                     None => problem,
                 }
             }

@@ -1,6 +1,6 @@
 //! Problems of a scenario and their repairs.
 
-use genmanip_core::named_enum;
+use genmanip_core::{ReferenceId, named_enum};
 use serde::{Deserialize, Serialize};
 
 use crate::edit::Operation;
@@ -74,10 +74,10 @@ pub struct Problem {
     pub code: ProblemCode,
     /// Id of the object with the problem; `None` if it concerns the whole scenario.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub object: Option<String>,
+    pub object: Option<ReferenceId>,
     /// Id of a second object, such as an obstructing neighbour; `None` if there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub other: Option<String>,
+    pub other: Option<ReferenceId>,
     /// Explanation with names and numbers.
     pub message: String,
     /// Measured value that decides the problem; `None` if there is none.
@@ -117,7 +117,12 @@ pub struct Verdict {
 
 impl Problem {
     /// A blocking problem without values and repairs.
-    pub(super) fn new(stage: Stage, code: ProblemCode, object: Option<String>, message: impl Into<String>) -> Self {
+    pub(super) fn new(
+        stage: Stage,
+        code: ProblemCode,
+        object: Option<ReferenceId>,
+        message: impl Into<String>,
+    ) -> Self {
         Self {
             stage,
             code,
@@ -140,7 +145,7 @@ impl Problem {
 
     /// The problem with the id of a second object.
     #[must_use]
-    pub(super) fn with(self, other: impl Into<String>) -> Self {
+    pub(super) fn with(self, other: impl Into<ReferenceId>) -> Self {
         Self { other: Some(other.into()), ..self }
     }
 

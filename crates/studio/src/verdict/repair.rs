@@ -111,8 +111,8 @@ impl Inspection<'_> {
 
     /// Operations that may remove a problem, best first.
     fn candidates(&self, problem: &Problem) -> Result<Vec<Repair>, VerdictError> {
-        let index = problem.object.as_deref().and_then(|id| self.scenario.index_of(id));
-        let other = problem.other.as_deref().and_then(|id| self.scenario.index_of(id));
+        let index = problem.object.as_ref().and_then(|id| self.scenario.index_of(id));
+        let other = problem.other.as_ref().and_then(|id| self.scenario.index_of(id));
         let mut found = Vec::new();
         match problem.code {
             ProblemCode::Floating => {
@@ -144,14 +144,15 @@ impl Inspection<'_> {
             ProblemCode::EdgeFalse => {
                 let edges = self.scenario.task.scene_graph.edges.iter().map(GraphEdge::atom);
                 let edge = edges.into_iter().find(|edge| {
-                    Some(edge.subject()) == problem.object.as_deref() && edge.ids().nth(1) == problem.other.as_deref()
+                    problem.object.as_ref().is_some_and(|id| id == edge.subject())
+                        && edge.references().next() == problem.other.as_ref()
                 });
                 let freed = [index, other].into_iter().flatten().map(|index| self.moved(index, edge.as_ref()));
                 let by_edges = index.into_iter().map(|index| self.by_edges(index));
                 found.extend(alternated(freed.chain(by_edges).collect()));
                 with_last(&mut found, edge.into_iter().flat_map(|edge| self.with_other_edge(&edge)));
             }
-            ProblemCode::StateFalse => found.extend(problem.object.as_deref().and_then(|id| self.in_state(id))),
+            ProblemCode::StateFalse => found.extend(index.and_then(|index| self.in_state(index))),
             ProblemCode::AmbiguousSentence | ProblemCode::SentenceMismatch => {
                 let sentences = reword::instructions(&self.scenario.task, MAX_REPAIRS);
                 found.extend(
@@ -173,10 +174,7 @@ impl Inspection<'_> {
                 found.extend(index.into_iter().flat_map(|index| self.moved(index, None)));
             }
             ProblemCode::NoGoalPose => found.extend(self.with_room(index, other)),
-            ProblemCode::MissingObject => found.extend(problem.object.clone().map(|object| Repair {
-                label: format!("remove {}", self.name(&object)),
-                operation: Operation::Remove { object },
-            })),
+            ProblemCode::MissingObject => found.extend(index.map(|index| self.without(index))),
             ProblemCode::Rule => found.extend(index.and_then(|index| self.with_edge(index))),
         }
         Ok(found)
@@ -190,7 +188,7 @@ impl Inspection<'_> {
         let operation = Group::of(scene, &self.scenario.world, index).shifted(scene, by);
         let on = match below.below {
             Below::Object(other) => self.name(&self.scenario.objects[other].id),
-            Below::Surface(surface) => self.name(&self.scenario.world.surfaces.get(surface)?.id),
+            Below::Surface(surface) => self.name(&self.scenario.world.surfaces.get(surface)?.id.as_str().into()),
             Below::Nothing => return None,
         };
         let label = format!("{} it by {:.1} mm onto {on}", if by.z < 0.0 { "lower" } else { "lift" }, by.z.abs() * 1e3);
@@ -240,12 +238,8 @@ impl Inspection<'_> {
         let mut lists = vec![self.moved(index, None), self.uncovered(index)];
         lists.extend(near.iter().take(2).map(|&other| self.moved(other, None)));
         let nodes = &self.scenario.task.scene_graph;
-        let ids = near.iter().map(|&other| &self.scenario.objects[other].id);
-        let distractor = ids.into_iter().find(|id| nodes.index_of(id).is_none());
-        let removed = distractor.map(|object| Repair {
-            label: format!("remove {}", self.name(object)),
-            operation: Operation::Remove { object: object.clone() },
-        });
+        let distractor = near.iter().find(|other| nodes.index_of(&self.scenario.objects[**other].id).is_none());
+        let removed = distractor.map(|&other| self.without(other));
         let mut repairs = alternated(lists);
         with_last(&mut repairs, removed);
         repairs
@@ -348,7 +342,7 @@ impl Inspection<'_> {
         let surface = self.scenario.world.table()?;
         let position = DVec3 { z: surface.top_center_m.z, ..object.pose.position };
         let pose = Pose::from_position_yaw(position, object.pose.yaw());
-        let label = format!("stand {} upright on {}", self.name(&object.id), self.name(&surface.id));
+        let label = format!("stand {} upright on {}", self.name(&object.id), self.name(&surface.id.as_str().into()));
         let objects = vec![Placement { id: object.id.clone(), pose, joint_positions: None }];
         Some(Repair { label, operation: Operation::Place { objects } })
     }
@@ -365,12 +359,18 @@ impl Inspection<'_> {
         alternated(freed)
     }
 
+    fn without(&self, index: usize) -> Repair {
+        let object = self.scenario.objects[index].id.clone();
+        Repair { label: format!("remove {}", self.name(&object)), operation: Operation::Remove { object } }
+    }
+
     /// Candidate that moves the object's joints into the state that the scene graph names.
-    fn in_state(&self, id: &str) -> Option<Repair> {
+    fn in_state(&self, index: usize) -> Option<Repair> {
         let graph = &self.scenario.task.scene_graph;
+        let id = &self.scenario.objects[index].id;
         let state = graph.nodes.get(graph.index_of(id)?)?.state.clone()?;
         let label = format!("bring {} into the state {}", self.name(id), state.replace('_', " "));
-        let operation = Operation::State { object: id.to_owned(), state: Some(state), joint_positions: None };
+        let operation = Operation::State { object: id.clone(), state: Some(state), joint_positions: None };
         Some(Repair { label, operation })
     }
 
@@ -431,7 +431,7 @@ pub fn edge_between(
         Label::Near => (index, Relation::Near, other),
     };
     let id = |index: usize| Some(scene.objects().nth(index)?.id.clone());
-    Some(GraphEdge { subject: id(subject)?, relation, reference: id(reference)?, second_reference: None })
+    Some(GraphEdge { subject: id(subject)?, relation, reference: id(reference)?.into(), second_reference: None })
 }
 
 /// A scenario after all possible repairs.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{ObjectCard, Relation, RelationKind, Support, Task};
+use genmanip_core::{InstanceId, ObjectCard, ReferenceId, Relation, RelationKind, Support, Task};
 use genmanip_tasks::{references, wording};
 
 /// Maximum number of combinations of noun phrases tried.
@@ -19,7 +19,7 @@ pub(super) fn instructions(task: &Task, most: usize) -> Vec<String> {
     let ids = references::intended(task);
     let nodes: Vec<usize> = ids.iter().filter_map(|id| task.scene_graph.index_of(id)).collect();
     let phrases: Vec<Vec<String>> = nodes.iter().map(|&node| phrases_of(task, node)).collect();
-    let mut moved: Vec<&str> = Vec::new();
+    let mut moved: Vec<&InstanceId> = Vec::new();
     for atom in alternative {
         if !moved.contains(&atom.subject()) {
             moved.push(atom.subject());
@@ -77,7 +77,7 @@ fn phrases_of(task: &Task, node: usize) -> Vec<String> {
     phrases.extend(card.annotations.looks.iter().cloned());
     phrases.extend(card.colors.first().map(|color| format!("{color} {}", card.category)));
     for edge in &task.scene_graph.edges {
-        let (relation, other) = match (edge.subject == *id, edge.reference == *id) {
+        let (relation, other): (_, &ReferenceId) = match (edge.subject == *id, edge.reference == *id) {
             (true, _) => (edge.relation, &edge.reference),
             (_, true) => match edge.relation.inverse() {
                 Some(inverse) => (inverse, &edge.subject),

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use genmanip_core::{Scenario, Task};
+use genmanip_core::{InstanceId, Scenario, Task};
 use genmanip_layout::is_harmless;
 use genmanip_tasks::references::{self, Mismatch};
 use genmanip_workspace::task_checks::{FlawDetail, check_task};
@@ -24,15 +24,14 @@ pub(super) fn problems(scenario: &Scenario) -> Vec<Problem> {
     let nodes = &task.scene_graph.nodes;
     let distractors = scenario.objects.iter().filter(|object| !nodes.iter().any(|node| node.id == object.id));
     for object in distractors {
-        let uid = genmanip_core::asset::uid_of(&object.id);
-        let card = genmanip_assets::Catalogue::all().card(uid);
+        let card = genmanip_assets::Catalogue::all().card(object.id.asset());
         if let Some(card) = card.filter(|card| !is_harmless(card, task)) {
             let message = format!(
                 "the instruction may also mean the {}, which the scene graph does not know",
                 card.name.to_lowercase()
             );
             let problem =
-                Problem::new(Stage::Wording, ProblemCode::AmbiguousSentence, Some(object.id.clone()), message);
+                Problem::new(Stage::Wording, ProblemCode::AmbiguousSentence, Some(object.id.clone().into()), message);
             found.push(Problem { blocking: false, ..problem });
         }
     }
@@ -46,11 +45,12 @@ fn of_sentence(task: &Task, mismatch: &Mismatch) -> Problem {
     let intended = references::intended(task);
     match mismatch {
         Mismatch::Ambiguous { phrase, ids } => {
-            let meant = ids.iter().find(|id| intended.contains(id)).or(ids.first());
+            let meant = ids.iter().find(|id| intended.iter().any(|other| other == *id)).or(ids.first());
             let other = ids.iter().find(|id| Some(*id) != meant);
             let names: Vec<String> = ids.iter().map(|id| format!("the {}", task.name_of(id).to_lowercase())).collect();
             let message = format!("`{phrase}` may mean {}", names.join(" or "));
-            let problem = Problem::new(Stage::Wording, ProblemCode::AmbiguousSentence, meant.cloned(), message);
+            let meant = meant.cloned().map(Into::into);
+            let problem = Problem::new(Stage::Wording, ProblemCode::AmbiguousSentence, meant, message);
             match other {
                 Some(other) => problem.measured(ids.len() as f64, 1.0, "objects").with(other.clone()),
                 None => problem,
@@ -72,11 +72,11 @@ fn of_rule(task: &Task, detail: &FlawDetail) -> Problem {
     };
     let hint = if detail.hint.is_empty() { String::new() } else { format!(" ({})", detail.hint) };
     let message = format!("{}: {}{hint}", detail.flaw.replace('_', " "), detail.message);
-    Problem::new(Stage::Wording, code, object_at(task, &detail.path), message)
+    Problem::new(Stage::Wording, code, object_at(task, &detail.path).map(Into::into), message)
 }
 
 /// Id of the object that the node, edge or condition at a JSON path is about; `None` for other paths.
-fn object_at(task: &Task, path: &str) -> Option<String> {
+fn object_at(task: &Task, path: &str) -> Option<InstanceId> {
     let index = |list: &str| {
         let rest = path.strip_prefix(list)?.strip_prefix('[')?;
         rest.split(']').next()?.parse::<usize>().ok()
@@ -87,7 +87,7 @@ fn object_at(task: &Task, path: &str) -> Option<String> {
         || index("$.scene_graph.edges").and_then(|index| graph.edges.get(index)).map(|edge| edge.subject.clone());
     let goal = || {
         let alternative = task.goal.alternatives.get(index("$.goal").unwrap_or(0))?;
-        path.starts_with("$.goal").then(|| alternative.first().map(|atom| atom.subject().to_owned()))?
+        path.starts_with("$.goal").then(|| alternative.first().map(|atom| atom.subject().clone()))?
     };
     node.or_else(edge).or_else(goal)
 }

@@ -5,7 +5,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use genmanip_core::{Document, Scenario};
+use genmanip_core::{Document, InstanceId, Scenario};
 use genmanip_serve::Server;
 use genmanip_studio::collections::Collection;
 use genmanip_studio::review::ReviewInputs;
@@ -78,7 +78,7 @@ impl Studio {
     }
 
     /// Id and pose of an object.
-    pub fn object(&self, index: usize) -> (String, Value) {
+    pub fn object(&self, index: usize) -> (InstanceId, Value) {
         let placed = &self.scenario().objects[index];
         (placed.id.clone(), serde_json::to_value(placed.pose).unwrap())
     }

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use genmanip_core::Scenario;
+use genmanip_core::{InstanceId, Scenario};
 use genmanip_studio::edit::{EditError, EditedScenario};
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -38,8 +38,8 @@ fn draws(count: usize) -> impl Strategy<Value = Vec<Draw>> {
 }
 
 fn random_operation(draw: &Draw, scenario: &Scenario) -> Value {
-    let ids: Vec<&String> = scenario.objects.iter().map(|object| &object.id).collect();
-    let nodes: Vec<&String> = scenario.task.scene_graph.nodes.iter().map(|node| &node.id).collect();
+    let ids: Vec<&InstanceId> = scenario.objects.iter().map(|object| &object.id).collect();
+    let nodes: Vec<&InstanceId> = scenario.task.scene_graph.nodes.iter().map(|node| &node.id).collect();
     let [id, node, other] = [draw.one.get(&ids), draw.one.get(&nodes), draw.other.get(&nodes)];
     let pose = json!({"position_m": [draw.x, draw.y, 0.0], "orientation_wxyz": [1.0, 0.0, 0.0, 0.0]});
     let relation = json!({"test": "relation", "subject": node, "relation": "left", "reference": other});

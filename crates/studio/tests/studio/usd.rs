@@ -18,7 +18,7 @@ fn objects_of_a_scenario_are_read_back_as_they_are() {
         assert!(!stage.textures.is_empty() && stage.text.contains("@./textures/0.png@"), "{name}");
         for (placed, model) in scenario.objects.iter().zip(&models) {
             // A stage of this object alone, upright at the origin; names of prims start with a letter.
-            let prim = placed.id.replace('-', "_");
+            let prim = placed.id.as_str().replace('-', "_");
             let prim = if prim.starts_with(|c: char| c.is_ascii_digit()) { format!("_{prim}") } else { prim };
             let single = format!(
                 "#usda 1.0\n(\n defaultPrim = \"it\"\n metersPerUnit = 1\n upAxis = \"Z\"\n)\n\

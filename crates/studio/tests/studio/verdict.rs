@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::Scenario;
+use genmanip_core::{ReferenceId, Scenario};
 use genmanip_studio::verdict::{Equipment, Inspection, ProblemCode, Stage, repair_all};
 use serde_json::{Value, json};
 
@@ -33,7 +33,7 @@ fn check(value: Value, stage: Stage, code: ProblemCode, object: &str, words: &st
     let found = inspection.problems(stage).unwrap();
     let problem = found.iter().find(|problem| problem.code == code);
     let problem = problem.unwrap_or_else(|| panic!("{value}: {found:?}"));
-    assert_eq!(problem.object.as_deref(), Some(object), "{value}: {problem:?}");
+    assert_eq!(problem.object.as_ref().map(ReferenceId::as_str), Some(object), "{value}: {problem:?}");
     assert!(problem.message.contains(words) && problem.blocking, "{value}: {}", problem.message);
     let repairs = inspection.repairs(problem).unwrap();
     let repair = repairs.first().unwrap_or_else(|| panic!("{value}: no repair"));

@@ -6,7 +6,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use genmanip_core::{Atom, Goal, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Seed, Task, TaskKind};
+use genmanip_core::{
+    Atom, Goal, GraphEdge, GraphNode, InstanceId, ObjectCard, ReferenceId, Relation, SceneGraph, Seed, Task, TaskKind,
+};
 use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt};
 use serde_json::{Value, json};
@@ -99,11 +101,12 @@ fn violations(task: &Task, request: &TaskRequest) -> Vec<String> {
     rule(nodes.len() >= request.min_objects, "enough nodes");
     let known_state = |uid: &str, state: &str| card(uid).is_some_and(|card| card.states.iter().any(|own| own == state));
     for node in nodes {
-        rule(card(&node.id).is_some(), "offered");
-        rule(node.state.as_deref().is_none_or(|state| known_state(&node.id, state)), "state of the object");
+        rule(card(node.id.as_str()).is_some(), "offered");
+        rule(node.state.as_deref().is_none_or(|state| known_state(node.id.as_str(), state)), "state of the object");
     }
-    let fact =
-        |subject: &String, relation: Relation, reference: &String| (subject.clone(), relation, reference.clone());
+    let fact = |subject: &InstanceId, relation: Relation, reference: &ReferenceId| {
+        (subject.to_string(), relation, reference.to_string())
+    };
     let edges: Vec<Fact> =
         task.scene_graph.edges.iter().map(|edge| fact(&edge.subject, edge.relation, &edge.reference)).collect();
     for (index, edge) in task.scene_graph.edges.iter().enumerate().filter(|(_, edge)| edge.relation.is_support()) {
@@ -202,17 +205,18 @@ fn read_literally(answer: &Value, request: &TaskRequest) -> Option<(Task, bool)>
     for edge in graph["edges"].as_array()? {
         keys(edge, &["obj1", "obj1_uid", "position", "obj2", "obj2_uid"]).then_some(())?;
         edges.push(GraphEdge {
-            subject: object(edge, "obj1", "obj1_uid")?,
+            subject: InstanceId::new(&object(edge, "obj1", "obj1_uid")?, 1),
             relation: word(edge)?,
-            reference: object(edge, "obj2", "obj2_uid")?,
+            reference: object(edge, "obj2", "obj2_uid")?.into(),
             second_reference: None,
         });
     }
     // A missing node of an object without states says nothing that its edge does not say.
     for card in request.offered.iter().filter(|card| card.states.is_empty()) {
-        let is_in_edge = edges.iter().any(|edge| [&edge.subject, &edge.reference].contains(&&card.uid));
-        if is_in_edge && !nodes.iter().any(|node: &GraphNode| node.id == card.uid) {
-            nodes.push(GraphNode::of(card));
+        let node = GraphNode::of(card);
+        let is_in_edge = edges.iter().any(|edge| edge.subject == node.id || edge.reference == node.id);
+        if is_in_edge && !nodes.iter().any(|other: &GraphNode| other.id == node.id) {
+            nodes.push(node);
         }
     }
     let mut alternatives = Vec::new();
@@ -225,12 +229,14 @@ fn read_literally(answer: &Value, request: &TaskRequest) -> Option<(Task, bool)>
             atoms.push(match exact(condition, "obj1_state")? {
                 Some(state) if absent => {
                     let card = request.offered.iter().find(|card| card.uid == subject)?;
-                    card.states.contains(&state).then_some(Atom::State { object: subject, state })?
+                    card.states
+                        .contains(&state)
+                        .then_some(Atom::State { object: InstanceId::new(&subject, 1), state })?
                 }
                 None => Atom::Relation {
-                    subject,
+                    subject: InstanceId::new(&subject, 1),
                     relation: word(condition)?,
-                    reference: object(condition, "obj2", "obj2_uid")?,
+                    reference: object(condition, "obj2", "obj2_uid")?.into(),
                     second_reference: None,
                 },
                 Some(_) => return None,
@@ -238,11 +244,12 @@ fn read_literally(answer: &Value, request: &TaskRequest) -> Option<(Task, bool)>
         }
         alternatives.push(atoms);
     }
-    let placed = nodes.iter().all(|node| edges.iter().any(|edge| [&edge.subject, &edge.reference].contains(&&node.id)));
+    let placed = nodes.iter().all(|node| edges.iter().any(|edge| edge.subject == node.id || edge.reference == node.id));
     let distinct = nodes.iter().map(|node| &node.id).collect::<BTreeSet<_>>().len() == nodes.len();
     let instruction = answer["instruction"].as_str()?.trim().to_owned();
     let description = graph["description"].as_str()?.trim().to_owned();
-    let objects = nodes.iter().filter_map(|node| request.offered.iter().find(|card| card.uid == node.id).cloned());
+    let objects =
+        nodes.iter().filter_map(|node| request.offered.iter().find(|card| node.id == card.uid.as_str()).cloned());
     let task = Task {
         id: request.id.clone(),
         kind: request.kind,

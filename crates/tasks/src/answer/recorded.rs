@@ -1,7 +1,6 @@
 //! Recorded answers: offered objects, response, and expected verdict.
 
-use genmanip_core::asset::uid_of;
-use genmanip_core::{DocumentError, NamedSurface, ObjectCard, TaskKind, json};
+use genmanip_core::{DocumentError, InstanceId, NamedSurface, ObjectCard, TaskKind, json};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +13,7 @@ pub struct RecordedAnswer {
     /// Requested kind of task.
     pub task_type: TaskKind,
     /// Uids of the offered objects, one per instance: `001#2` or a second `001` is the second instance of `001`.
-    pub objects: Vec<String>,
+    pub objects: Vec<InstanceId>,
     /// Offered support surfaces of the world, other than the table.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<NamedSurface>,
@@ -43,8 +42,8 @@ pub enum RecordedAnswerError {
     /// An offered uid is not in the catalogue.
     #[error("offered uid `{uid}` is not among the {known} objects of the catalogue")]
     UnknownOffer {
-        /// The uid that is not in the catalogue.
-        uid: String,
+        /// The id whose asset is not in the catalogue.
+        uid: InstanceId,
         /// Number of objects in the catalogue.
         known: usize,
     },
@@ -74,12 +73,12 @@ impl RecordedAnswer {
     /// # Errors
     /// [`RecordedAnswerError::UnknownOffer`] if an offered uid has no card.
     pub fn request(&self, id: &str, catalogue: &[ObjectCard]) -> Result<TaskRequest, RecordedAnswerError> {
-        let card = |uid: &String| {
+        let card = |id: &InstanceId| {
             catalogue
                 .iter()
-                .find(|card| card.uid == uid_of(uid))
+                .find(|card| card.uid == id.asset())
                 .cloned()
-                .ok_or_else(|| RecordedAnswerError::UnknownOffer { uid: uid.clone(), known: catalogue.len() })
+                .ok_or_else(|| RecordedAnswerError::UnknownOffer { uid: id.clone(), known: catalogue.len() })
         };
         Ok(TaskRequest {
             id: id.into(),

@@ -1,7 +1,6 @@
 //! Request that an answer replies to.
 
-use genmanip_core::asset::instance_ids;
-use genmanip_core::{NamedSurface, ObjectCard, TaskKind};
+use genmanip_core::{InstanceId, NamedSurface, ObjectCard, ReferenceId, TaskKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -33,10 +32,14 @@ pub struct TaskRequest {
 
 impl TaskRequest {
     /// Ids of the offered objects: uids, numbered from the second instance of an asset on; then those of the surfaces.
-    pub fn ids(&self) -> Vec<String> {
-        let mut ids = instance_ids(self.offered.iter().map(|card| card.uid.as_str()));
-        ids.extend(self.surfaces.iter().map(|surface| surface.id.clone()));
-        ids
+    pub fn ids(&self) -> Vec<ReferenceId> {
+        let surfaces = self.surfaces.iter().map(|surface| surface.id.as_str().into());
+        self.instances().into_iter().map(ReferenceId::from).chain(surfaces).collect()
+    }
+
+    /// Ids of the offered objects.
+    pub(super) fn instances(&self) -> Vec<InstanceId> {
+        InstanceId::numbered(self.offered.iter().map(|card| card.uid.as_str()))
     }
 
     /// Names of the objects and surfaces, in the order of [`TaskRequest::ids`].

@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use genmanip_core::asset::uid_of;
 use genmanip_core::{
-    Atom, Goal, GraphEdge, GraphNode, NamedSurface, Relation, RelationKind, SceneGraph, Support, Task,
+    Atom, Goal, GraphEdge, GraphNode, InstanceId, NamedSurface, ReferenceId, Relation, RelationKind, SceneGraph,
+    Support, Task,
 };
 
 use super::TaskRequest;
@@ -67,14 +67,11 @@ pub(super) struct Node {
 
 impl Draft {
     /// Ids of the offered objects in the task: the plain uid if only one instance of the asset is in the scene.
-    fn ids(&self, request: &TaskRequest) -> Vec<String> {
+    fn instances(&self, request: &TaskRequest) -> Vec<InstanceId> {
         let uid = |index: usize| request.offered.get(index).map(|card| &card.uid);
-        // A surface has no instances and no node.
-        let alone = |index: usize| {
-            !request.is_surface(index) && self.nodes.iter().filter(|node| uid(node.object) == uid(index)).count() == 1
-        };
-        let ids = request.ids().into_iter().enumerate();
-        ids.map(|(index, id)| if alone(index) { uid_of(&id).to_owned() } else { id }).collect()
+        let alone = |index: usize| self.nodes.iter().filter(|node| uid(node.object) == uid(index)).count() == 1;
+        let ids = request.instances().into_iter().enumerate();
+        ids.map(|(index, id)| if alone(index) { InstanceId::new(id.asset(), 1) } else { id }).collect()
     }
 
     /// Surfaces to which goal and graph refer, in the order of the request.
@@ -93,16 +90,20 @@ impl Draft {
 
     /// The task; `None` if an essential part could not be resolved.
     pub fn to_task(&self, request: &TaskRequest) -> Option<Task> {
-        let ids = self.ids(request);
-        let id = |index: usize| ids.get(index).cloned();
+        let instances = self.instances(request);
+        let instance = |index: usize| instances.get(index).cloned();
+        let reference = |index: usize| match instance(index) {
+            Some(id) => Some(id.into()),
+            None => request.surfaces.get(index - instances.len()).map(|surface| surface.id.as_str().into()),
+        };
         let atom = |condition: &Condition| match &condition.test {
-            Test::Relation(relation, reference, second) => Some(Atom::Relation {
-                subject: id(condition.subject)?,
+            Test::Relation(relation, first, second) => Some(Atom::Relation {
+                subject: instance(condition.subject)?,
                 relation: *relation,
-                reference: id(*reference)?,
-                second_reference: second.and_then(id),
+                reference: reference(*first)?,
+                second_reference: second.and_then(reference),
             }),
-            Test::State(state) => Some(Atom::State { object: id(condition.subject)?, state: state.clone() }),
+            Test::State(state) => Some(Atom::State { object: instance(condition.subject)?, state: state.clone() }),
         };
         let alternatives = self
             .alternatives
@@ -111,10 +112,10 @@ impl Draft {
             .collect::<Option<Vec<_>>>()?;
         let edges = self.edges.iter().map(|edge| {
             Some(GraphEdge {
-                subject: id(edge.subject)?,
+                subject: instance(edge.subject)?,
                 relation: edge.relation,
-                reference: id(edge.reference)?,
-                second_reference: edge.second.and_then(id),
+                reference: reference(edge.reference)?,
+                second_reference: edge.second.and_then(reference),
             })
         });
         let nodes = self
@@ -122,7 +123,7 @@ impl Draft {
             .iter()
             .map(|node| {
                 Some(GraphNode {
-                    id: id(node.object)?,
+                    id: instance(node.object)?,
                     state: node.state.clone(),
                     ..GraphNode::of(request.offered.get(node.object)?)
                 })
@@ -205,7 +206,7 @@ enum EdgeReading {
 struct Resolver<'a> {
     request: &'a TaskRequest,
     /// Ids of the offered objects and surfaces.
-    ids: Vec<String>,
+    ids: Vec<ReferenceId>,
     /// Names of the offered objects and surfaces.
     names: Vec<&'a str>,
     /// Flaws already recorded, so that a wrong uid is one flaw however often it occurs.
@@ -465,7 +466,7 @@ impl Resolver<'_> {
             (text.to_owned(), copy.to_owned())
         };
         let wanted = canonical(uid);
-        let mut matches = (0..self.ids.len()).filter(|&index| canonical(&self.ids[index]) == wanted);
+        let mut matches = (0..self.ids.len()).filter(|&index| canonical(self.ids[index].as_str()) == wanted);
         matches.next().filter(|_| matches.next().is_none())
     }
 

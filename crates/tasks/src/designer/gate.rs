@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use genmanip_core::asset::instance_ids;
-use genmanip_core::{Atom, ObjectCard, Task, TaskKind};
+use genmanip_core::{Atom, InstanceId, ObjectCard, ReferenceId, Task, TaskKind};
 use serde_json::{Value, json};
 
 use super::kinds::Draft;
@@ -65,14 +64,14 @@ pub(super) fn pass(scene: &Sketch, draft: &Draft, kind: TaskKind, id: &str, sour
 
 /// The task in the exchange format, as a language model would return it: copies of an object are numbered in order.
 pub fn as_answer(task: &Task) -> Value {
-    let numbered = instance_ids(task.objects.iter().map(|card| card.uid.as_str()));
+    let numbered = InstanceId::numbered(task.objects.iter().map(|card| card.uid.as_str()));
     let nodes = &task.scene_graph.nodes;
     if nodes.len() == numbered.len() && nodes.iter().any(|node| !numbered.contains(&node.id)) {
-        let ids = nodes.iter().map(|node| node.id.as_str()).zip(numbered.iter().map(String::as_str)).collect();
+        let ids = nodes.iter().map(|node| &*node.id).zip(&numbered).collect();
         return as_answer(&renumbered(task, &ids));
     }
-    let name = |uid: &str| task.card(uid).map_or("none", |card| card.name.as_str()).to_owned();
-    let relation = |subject: &str, relation: &str, reference: &str, second: Option<&String>| {
+    let name = |id: &ReferenceId| task.card(id).map_or("none", |card| card.name.as_str()).to_owned();
+    let relation = |subject: &InstanceId, relation: &str, reference: &ReferenceId, second: Option<&ReferenceId>| {
         let mut entry = json!({
             "obj1": name(subject), "obj1_uid": subject, "position": relation,
             "obj2": name(reference), "obj2_uid": reference,
@@ -115,19 +114,18 @@ pub fn as_answer(task: &Task) -> Value {
 }
 
 /// The task with the ids of its objects replaced.
-fn renumbered(task: &Task, ids: &BTreeMap<&str, &str>) -> Task {
+fn renumbered(task: &Task, ids: &BTreeMap<&ReferenceId, &InstanceId>) -> Task {
     let mut renumbered = task.clone();
-    let new = |id: &mut String| {
-        if let Some(&other) = ids.get(id.as_str()) {
-            other.clone_into(id);
-        }
-    };
     let goal = &mut renumbered.goal.alternatives;
     goal.iter_mut().flatten().for_each(|atom| *atom = atom.renamed(ids));
+    let instance = |id: &InstanceId| ids.get(&**id).map_or(id, |other| *other).clone();
+    let reference = |id: &ReferenceId| ids.get(id).map_or(id, |other| *other).clone();
     let graph = &mut renumbered.scene_graph;
-    graph.nodes.iter_mut().for_each(|node| new(&mut node.id));
+    graph.nodes.iter_mut().for_each(|node| node.id = instance(&node.id));
     for edge in &mut graph.edges {
-        [&mut edge.subject, &mut edge.reference].into_iter().chain(&mut edge.second_reference).for_each(new);
+        edge.subject = instance(&edge.subject);
+        edge.reference = reference(&edge.reference);
+        edge.second_reference = edge.second_reference.as_ref().map(reference);
     }
     renumbered
 }

@@ -99,7 +99,7 @@ pub fn measure(
     for task in &batch.tasks {
         (request.id, request.kind, request.source) = (task.id.clone(), task.kind, task.source.clone());
         let nodes = task.scene_graph.nodes.iter().zip(&task.objects);
-        let copies = nodes.filter(|(node, card)| node.id != card.uid).map(|(_, card)| (**card).clone());
+        let copies = nodes.filter(|(node, card)| node.id != card.uid.as_str()).map(|(_, card)| (**card).clone());
         request.offered.truncate(cards.len());
         request.offered.extend(copies);
         let judged = check_answer(&as_answer(task).to_string(), &request);

@@ -1,7 +1,7 @@
 //! Sentences of users become tasks that state what they say, or questions.
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{Atom, Seed, Task};
+use genmanip_core::{Atom, ReferenceId, Seed, Task};
 
 use super::{DesignSettings, phrases_of_sentence, task_from_sentence};
 use crate::references;
@@ -14,7 +14,7 @@ fn compose(sentence: &str, seed: u64) -> Result<Task, String> {
 
 /// The goal with categories instead of ids: `mug left bowl or …`.
 fn goal_of(task: &Task) -> String {
-    let kind = |id: &str| task.card(id).map_or_else(|| id.to_owned(), |card| card.category.clone());
+    let kind = |id: &ReferenceId| task.card(id).map_or_else(|| id.to_string(), |card| card.category.clone());
     let atom = |atom: &Atom| match atom {
         Atom::Relation { subject, relation, reference, second_reference } => {
             let second = second_reference.iter().map(|id| format!(" {}", kind(id))).collect::<String>();

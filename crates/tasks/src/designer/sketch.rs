@@ -5,8 +5,9 @@
 //! may be rotated is represented by a square of its longer side; rotated, it extends beyond each side of the square by
 //! up to 21 % of that side.
 
-use genmanip_core::asset::instance_ids;
-use genmanip_core::{Atom, GraphEdge, GraphNode, HorizontalAxis, ObjectCard, Relation, RelationKind, SceneGraph, Side};
+use genmanip_core::{
+    Atom, GraphEdge, GraphNode, HorizontalAxis, InstanceId, ObjectCard, Relation, RelationKind, SceneGraph, Side,
+};
 use glam::DVec2;
 use rand::{Rng, RngExt};
 
@@ -231,8 +232,8 @@ impl<'a> Sketch<'a> {
     }
 
     /// Ids of the objects in the graph.
-    fn ids(&self) -> Vec<String> {
-        instance_ids(self.cards.iter().map(|card| card.uid.as_str()))
+    fn ids(&self) -> Vec<InstanceId> {
+        InstanceId::numbered(self.cards.iter().map(|card| card.uid.as_str()))
     }
 
     pub fn graph(&self, description: String) -> SceneGraph {
@@ -253,8 +254,8 @@ impl<'a> Sketch<'a> {
                 .map(|link| GraphEdge {
                     subject: id(link.subject),
                     relation: link.relation,
-                    reference: id(link.reference),
-                    second_reference: link.second.map(id),
+                    reference: id(link.reference).into(),
+                    second_reference: link.second.map(|second| id(second).into()),
                 })
                 .collect(),
         }
@@ -267,8 +268,8 @@ impl<'a> Sketch<'a> {
             Condition::Relation(link) => Atom::Relation {
                 subject: id(link.subject),
                 relation: link.relation,
-                reference: id(link.reference),
-                second_reference: link.second.map(id),
+                reference: id(link.reference).into(),
+                second_reference: link.second.map(|second| id(second).into()),
             },
             Condition::State(object, state) => Atom::State { object: id(*object), state: state.clone() },
         }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{GraphNode, ObjectCard, Relation, SceneGraph, Seed, Task, TaskKind};
+use genmanip_core::{Atom, GraphNode, InstanceId, ObjectCard, ReferenceId, Relation, SceneGraph, Seed, Task, TaskKind};
 use proptest::prelude::*;
 
 use super::knowledge::{Decides, handling, is_of, needs};
@@ -48,7 +48,7 @@ proptest! {
             prop_assert!(is_movable(card) || card.is_articulated, "{}", task.instruction);
         }
         for alternative in &task.goal.alternatives {
-            let moved: BTreeSet<&str> = alternative.iter().map(genmanip_core::Atom::subject).collect();
+            let moved: BTreeSet<&InstanceId> = alternative.iter().map(genmanip_core::Atom::subject).collect();
             prop_assert!(moved.len() == alternative.len(), "one condition per object: {}", task.instruction);
         }
     }
@@ -162,7 +162,8 @@ fn every_need_is_understood() {
         for said in &need.says {
             let heard = references::read(&format!("{said} Put what I need near the right thing."), &cards, &graph);
             let phrases = heard.map(|reading| reading.phrases);
-            let expected = ["what i need", "right thing"].map(|words| (words.to_owned(), vec![met.uid.clone()]));
+            let expected =
+                ["what i need", "right thing"].map(|words| (words.to_owned(), vec![InstanceId::new(&met.uid, 1)]));
             assert_eq!(phrases, Ok(expected.to_vec()), "{said}");
         }
     }
@@ -178,7 +179,7 @@ fn every_change_of_state_is_understood() {
         for from in &handling.from {
             let node = GraphNode { state: Some(from.clone()), ..GraphNode::of(&card) };
             let graph = SceneGraph { nodes: vec![node], ..SceneGraph::default() };
-            let expected = ReadAtom::State { object: card.uid.clone(), state: handling.to.clone() };
+            let expected = ReadAtom::State { object: card.uid.parse().unwrap(), state: handling.to.clone() };
             for say in &handling.say {
                 let said = format!("{}.", capitalised(&fill(say, &[("y", &noun)])));
                 let goal = references::read(&said, std::slice::from_ref(&card), &graph).map(|reading| reading.goal);
@@ -240,7 +241,7 @@ fn everything_has_words() {
             let heard = references::read(&format!("Put the {words} near the stapler."), &cards, &graph);
             let means = heard.as_ref().ok().and_then(|reading| reading.phrases.first()).map(|(_, ids)| ids.clone());
             said += 1;
-            if means == Some(vec![card.uid.clone()]) {
+            if means == Some(vec![card.uid.parse().unwrap()]) {
                 understood.insert((card.category.as_str(), card.annotations.looks.contains(words)));
             } else {
                 misheard.push(format!("{}: {words}: {:?}", card.uid, heard.err()));
@@ -331,7 +332,7 @@ fn the_hand_gets_to_joints() {
     let mut pairs = 0;
     for task in &batch.tasks {
         for edge in &task.scene_graph.edges {
-            let (nearer, farther) = match edge.relation {
+            let (nearer, farther): (&ReferenceId, &ReferenceId) = match edge.relation {
                 Relation::Back => (&edge.subject, &edge.reference),
                 Relation::Front => (&edge.reference, &edge.subject),
                 _ => continue,
@@ -388,15 +389,14 @@ fn a_series_goes_on_without_a_kind_that_ran_out() {
 fn scenes_with_copies_are_designed() {
     let settings = DesignSettings { copies: 1.0, ..DesignSettings::default() };
     let batch = design_many(&TaskKind::ALL, 120, cards(), Seed::new(4), &settings).unwrap();
-    let is_copy = |id: &str| id.contains('#');
-    let with_copy = |task: &&Task| task.scene_graph.nodes.iter().any(|node| is_copy(&node.id));
+    let with_copy = |task: &&Task| task.scene_graph.nodes.iter().any(|node| node.id.copy().is_some());
     let copied: Vec<&Task> = batch.tasks.iter().filter(with_copy).collect();
     let open = copied.iter().filter(|task| !task.interchangeable.is_empty()).count();
     let about_copies = |task: &&&Task| {
-        let assets = |id: &str| genmanip_core::asset::uid_of(id).to_owned();
-        let twins: Vec<String> =
-            task.scene_graph.nodes.iter().filter(|n| is_copy(&n.id)).map(|n| assets(&n.id)).collect();
-        task.goal.alternatives.iter().flatten().flat_map(|atom| atom.ids()).any(|id| twins.contains(&assets(id)))
+        let copies = task.scene_graph.nodes.iter().filter(|node| node.id.copy().is_some());
+        let twins: Vec<&str> = copies.map(|node| node.id.asset()).collect();
+        let asset = |id| task.card(id).unwrap().uid.as_str();
+        task.goal.alternatives.iter().flatten().flat_map(Atom::ids).any(|id| twins.contains(&asset(id)))
     };
     let singled_out = copied.iter().filter(|task| task.interchangeable.is_empty()).filter(about_copies).count();
     assert!(copied.len() > 60 && open > 10 && singled_out > 0, "{} {open} {singled_out}", copied.len());

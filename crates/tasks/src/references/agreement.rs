@@ -5,7 +5,7 @@
 
 use std::collections::BTreeSet;
 
-use genmanip_core::{Atom, ObjectCard, Relation, Task};
+use genmanip_core::{Atom, ObjectCard, ReferenceId, Relation, Task};
 
 use super::lexicon::lexicon;
 use super::mismatch::in_words;
@@ -66,7 +66,7 @@ fn is_one_side(read: &ReadAtom, meant: &Atom) -> bool {
             relations.contains(&Relation::Between)
                 && subject == moved
                 && relation.implies(Relation::Near)
-                && references.contains(reference)
+                && references.iter().any(|id| id == reference)
         }
         _ => false,
     }
@@ -88,7 +88,7 @@ fn unnamed(task: &Task) -> Option<String> {
     if !spoken.iter().all(|word| is_known(word)) || spoken.iter().any(|word| lexicon().means_anything(word)) {
         return None;
     }
-    let ids: BTreeSet<&str> = task.goal.alternatives.iter().flatten().flat_map(Atom::ids).collect();
+    let ids: BTreeSet<&ReferenceId> = task.goal.alternatives.iter().flatten().flat_map(Atom::ids).collect();
     let is_named = |card: &ObjectCard| spoken.iter().any(|word| lexicon().names(word, card) || is_named_by(card, word));
     let missing = ids.into_iter().find(|id| task.card(id).is_some_and(|card| !is_named(card)))?;
     Some(format!("{missing} ({})", task.name_of(missing)))
@@ -138,7 +138,7 @@ mod tests {
     fn a_sentence_names_what_its_goal_is_about() {
         let mut task = tasks(771_002, 6).remove(0);
         let [one, other] = [0, 1].map(|index: usize| task.scene_graph.nodes[index].id.clone());
-        let called = |id: &str| task.card(id).unwrap().name.to_lowercase();
+        let called = |id: &ReferenceId| task.card(id).unwrap().name.to_lowercase();
         let sentences = [
             (format!("Move the {} to the table.", called(&other)), true),
             (format!("Shove the {} to the {}.", called(&one), called(&other)), false),
@@ -148,7 +148,7 @@ mod tests {
         task.goal.alternatives = vec![vec![Atom::Relation {
             subject: one,
             relation: Relation::Top,
-            reference: other,
+            reference: other.into(),
             second_reference: None,
         }]];
         for (sentence, is_flawed) in sentences {

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::LazyLock;
 
-use genmanip_core::ObjectCard;
+use genmanip_core::{InstanceId, ObjectCard};
 use serde::Deserialize;
 
 #[allow(clippy::expect_used)]
@@ -46,9 +46,9 @@ pub(super) struct Lexicon {
 
 /// An object of the scene with its card.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SceneObject<'c> {
-    /// Id of the object in the graph.
-    pub id: &'c str,
+pub(super) struct SceneObject<'c, Id = &'c InstanceId> {
+    /// Id of the object in the graph; `()` for an object of a catalogue.
+    pub id: Id,
     /// Card of the object.
     pub card: &'c ObjectCard,
 }
@@ -64,12 +64,12 @@ pub(super) fn lexicon() -> &'static Lexicon {
 
 impl Lexicon {
     /// Objects that a noun phrase without relative clause may mean; `None` if its noun is unknown.
-    pub fn denote<'c>(
+    pub fn denote<'c, Id: Copy>(
         &self,
         words: &[&str],
         context: &str,
-        things: &[SceneObject<'c>],
-    ) -> Option<Vec<SceneObject<'c>>> {
+        things: &[SceneObject<'c, Id>],
+    ) -> Option<Vec<SceneObject<'c, Id>>> {
         if self.vague.contains(&words.join(" ")) {
             return Some(self.by_need(context, things));
         }
@@ -139,16 +139,16 @@ impl Lexicon {
         self.heads.get(&self.singular(noun)).is_some_and(|sorts| sorts.iter().any(|sort| is_of(sort, card)))
     }
 
-    fn by_head<'c>(&self, head: &str, things: &[SceneObject<'c>]) -> Option<Vec<SceneObject<'c>>> {
+    fn by_head<'c, Id: Copy>(&self, head: &str, things: &[SceneObject<'c, Id>]) -> Option<Vec<SceneObject<'c, Id>>> {
         if self.everything.iter().any(|word| word == head) {
             return Some(things.to_vec());
         }
-        let named = |thing: &&SceneObject| thing.card.name.to_lowercase().split(' ').next_back() == Some(head);
+        let named = |thing: &&SceneObject<'_, Id>| thing.card.name.to_lowercase().split(' ').next_back() == Some(head);
         match self.heads.get(head) {
             Some(sorts) => {
-                let meant: Vec<SceneObject> =
+                let meant: Vec<SceneObject<'_, Id>> =
                     things.iter().copied().filter(|thing| sorts.iter().any(|sort| is_of(sort, thing.card))).collect();
-                let exact: Vec<SceneObject> = meant.iter().filter(named).copied().collect();
+                let exact: Vec<SceneObject<'_, Id>> = meant.iter().filter(named).copied().collect();
                 // `novel`, `cookbook` and `dictionary` mean objects whose name ends in that word, although the category
                 // is `book`.
                 let is_sort = ["novel", "cookbook", "dictionary", "paperback"].contains(&head);
@@ -161,9 +161,9 @@ impl Lexicon {
                 Some(meant)
             }
             None => {
-                let exact: Vec<SceneObject> = things.iter().filter(named).copied().collect();
+                let exact: Vec<SceneObject<'_, Id>> = things.iter().filter(named).copied().collect();
                 let labelled =
-                    |thing: &&SceneObject| thing.card.name.to_lowercase().split(' ').any(|word| word == head);
+                    |thing: &&SceneObject<'_, Id>| thing.card.name.to_lowercase().split(' ').any(|word| word == head);
                 let meant = if exact.is_empty() { things.iter().filter(labelled).copied().collect() } else { exact };
                 (!meant.is_empty()).then_some(meant)
             }
@@ -171,18 +171,19 @@ impl Lexicon {
     }
 
     /// Objects that meet the need stated in the context; all objects if the context states no known need.
-    fn by_need<'c>(&self, context: &str, things: &[SceneObject<'c>]) -> Vec<SceneObject<'c>> {
+    fn by_need<'c, Id: Copy>(&self, context: &str, things: &[SceneObject<'c, Id>]) -> Vec<SceneObject<'c, Id>> {
         let is_word = |c: char| c.is_alphanumeric() || c == '\'' || c == '-';
         let words: Vec<&str> = context.split(|c| !is_word(c)).filter(|word| !word.is_empty()).collect();
         let said = format!(" {} ", words.join(" "));
         let known = |phrase: &String| said.contains(&format!(" {phrase}"));
         let remedies: Vec<&String> =
             self.helps.iter().filter(|(_, phrases)| phrases.iter().any(known)).map(|(sort, _)| sort).collect();
-        let fits = |thing: &&SceneObject| remedies.is_empty() || remedies.iter().any(|sort| is_of(sort, thing.card));
+        let fits =
+            |thing: &&SceneObject<'_, Id>| remedies.is_empty() || remedies.iter().any(|sort| is_of(sort, thing.card));
         things.iter().filter(fits).copied().collect()
     }
 
-    fn restrict<'c>(&self, word: &str, meant: Vec<SceneObject<'c>>) -> Vec<SceneObject<'c>> {
+    fn restrict<'c, Id: Copy>(&self, word: &str, meant: Vec<SceneObject<'c, Id>>) -> Vec<SceneObject<'c, Id>> {
         let volume = |card: &ObjectCard| card.size_m.element_product();
         let largest = meant.iter().map(|thing| volume(thing.card)).fold(0.0, f64::max);
         let smallest = meant.iter().map(|thing| volume(thing.card)).fold(f64::INFINITY, f64::min);
@@ -221,7 +222,7 @@ impl Lexicon {
     }
 
     /// Splits a hyphenated word: `dark-red` is one word if an object of the scene has that colour, otherwise two.
-    fn parts<'w>(&self, word: &'w str, things: &[SceneObject]) -> Vec<&'w str> {
+    fn parts<'w, Id: Copy>(&self, word: &'w str, things: &[SceneObject<'_, Id>]) -> Vec<&'w str> {
         let is_color =
             self.colors.contains(word) && things.iter().any(|thing| thing.card.colors.iter().any(|c| c == word));
         match is_color || self.synonyms.contains_key(word) {
@@ -259,8 +260,8 @@ fn is_of(sort: &str, card: &ObjectCard) -> bool {
 }
 
 /// Objects with this main colour; if there are none, objects with it as one of their colours.
-fn with_color<'c>(color: &str, meant: Vec<SceneObject<'c>>) -> Vec<SceneObject<'c>> {
-    let main: Vec<SceneObject> =
+fn with_color<'c, Id: Copy>(color: &str, meant: Vec<SceneObject<'c, Id>>) -> Vec<SceneObject<'c, Id>> {
+    let main: Vec<SceneObject<'_, Id>> =
         meant.iter().copied().filter(|thing| thing.card.colors.first().is_some_and(|first| first == color)).collect();
     if main.is_empty() {
         meant.into_iter().filter(|thing| thing.card.colors.iter().any(|c| c == color)).collect()

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{HorizontalAxis, ObjectCard, Relation, SceneGraph};
+use genmanip_core::{HorizontalAxis, InstanceId, ObjectCard, Relation, SceneGraph};
 
 use super::change::{Action, Part};
 use super::grammar::{Command, Group, Place};
@@ -17,13 +17,13 @@ pub(super) struct Interpreter<'c> {
     space: Space<'c>,
     /// Clauses of the instruction that contain no command, such as a stated need.
     context: &'c str,
-    phrases: Vec<(String, Vec<String>)>,
+    phrases: Phrases,
     /// Groups of interchangeable copies among which the instruction does not choose.
-    choices: Vec<Vec<String>>,
+    choices: Vec<Vec<InstanceId>>,
 }
 
 /// Noun phrases, each with the ids of the objects it means.
-pub type Phrases = Vec<(String, Vec<String>)>;
+pub type Phrases = Vec<(String, Vec<InstanceId>)>;
 
 /// Possible referents of a phrase: the first `certain` ones match it in every layout of the scene, the others in some
 /// layouts.
@@ -39,7 +39,7 @@ impl<'c> Interpreter<'c> {
     }
 
     /// Noun phrases resolved so far, and the groups of copies among which they do not choose.
-    pub fn into_phrases(self) -> (Phrases, Vec<Vec<String>>) {
+    pub fn into_phrases(self) -> (Phrases, Vec<Vec<InstanceId>>) {
         (self.phrases, self.choices)
     }
 
@@ -69,9 +69,9 @@ impl<'c> Interpreter<'c> {
                 for place in places {
                     let references = self.references(place, Self::any)?;
                     let atom = |subject: &SceneObject| ReadAtom::Place {
-                        subject: subject.id.to_owned(),
+                        subject: subject.id.clone(),
                         relations: place.relations.to_vec(),
-                        references: references.iter().map(|thing| thing.id.to_owned()).collect(),
+                        references: references.iter().map(|thing| thing.id.clone()).collect(),
                     };
                     options.push(subjects.iter().map(atom).collect());
                 }
@@ -79,11 +79,11 @@ impl<'c> Interpreter<'c> {
             }
             Command::Change { object, part, action } => {
                 let thing = self.any(object)?;
-                let node = self.graph.nodes.iter().find(|node| node.id == thing.id);
+                let node = self.graph.nodes.iter().find(|node| node.id == *thing.id);
                 let now = node.and_then(|node| node.state.as_deref());
                 let state = changed(thing.card, *part, *action, now)
                     .ok_or_else(|| Mismatch::Unreadable { phrase: format!("{action:?} {}", text(object)) })?;
-                Ok(vec![vec![ReadAtom::State { object: thing.id.to_owned(), state }]])
+                Ok(vec![vec![ReadAtom::State { object: thing.id.clone(), state }]])
             }
         }
     }
@@ -127,7 +127,7 @@ impl<'c> Interpreter<'c> {
             [first, others @ ..]
                 if certain == things.len() && others.iter().all(|other| other.card.asset == first.card.asset) =>
             {
-                self.choices.push(things.iter().map(|thing| thing.id.to_owned()).collect());
+                self.choices.push(things.iter().map(|thing| thing.id.clone()).collect());
                 Ok(*first)
             }
             _ => Err(unclear(group, &things)),
@@ -135,7 +135,7 @@ impl<'c> Interpreter<'c> {
     }
 
     fn note(&mut self, group: &Group, meant: &[SceneObject<'c>]) {
-        self.phrases.push((text(group), meant.iter().map(|thing| thing.id.to_owned()).collect()));
+        self.phrases.push((text(group), meant.iter().map(|thing| thing.id.clone()).collect()));
     }
 
     /// All possible referents of a phrase.
@@ -206,7 +206,7 @@ impl<'c> Interpreter<'c> {
             "middle" => {
                 let between = |thing: &&SceneObject| {
                     [HorizontalAxis::Depth, HorizontalAxis::Width].into_iter().any(|axis| {
-                        let beyond = |one: &str, other: &str| self.space.is_beyond(one, axis, other);
+                        let beyond = |one: &InstanceId, other: &InstanceId| self.space.is_beyond(one, axis, other);
                         let others = || among.iter().filter(|other| other.id != thing.id);
                         others().any(|other| beyond(thing.id, other.id))
                             && others().any(|other| beyond(other.id, thing.id))
@@ -285,7 +285,7 @@ fn unclear(group: &Group, meant: &[SceneObject]) -> Mismatch {
     if meant.is_empty() {
         return Mismatch::Nothing { phrase };
     }
-    Mismatch::Ambiguous { phrase, ids: meant.iter().map(|thing| thing.id.to_owned()).collect() }
+    Mismatch::Ambiguous { phrase, ids: meant.iter().map(|thing| thing.id.clone()).collect() }
 }
 
 fn text(group: &Group) -> String {

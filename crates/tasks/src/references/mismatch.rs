@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use genmanip_core::Relation;
+use genmanip_core::{InstanceId, Relation};
 
 /// A condition as stated by a sentence.
 #[derive(Clone, Debug, PartialEq)]
@@ -10,16 +10,16 @@ pub enum ReadAtom {
     /// An object stands in a relation to others.
     Place {
         /// Id of the object.
-        subject: String,
+        subject: InstanceId,
         /// Relations that the preposition can mean.
         relations: Vec<Relation>,
         /// Ids of one reference, or of two for `between`.
-        references: Vec<String>,
+        references: Vec<InstanceId>,
     },
     /// An object is in a state.
     State {
         /// Id of the object.
-        object: String,
+        object: InstanceId,
         /// Name of the state.
         state: String,
     },
@@ -64,7 +64,7 @@ pub enum Mismatch {
         /// The ambiguous phrase.
         phrase: String,
         /// Ids of the objects that fit.
-        ids: Vec<String>,
+        ids: Vec<InstanceId>,
     },
     /// The sentence states another goal than the task's.
     #[error("asks for {read}, meant is {meant}")]

@@ -30,7 +30,7 @@ mod words;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use genmanip_core::{Atom, MAX_INTERCHANGEABLE, ObjectCard, Relation, SceneGraph, Task};
+use genmanip_core::{Atom, InstanceId, MAX_INTERCHANGEABLE, ObjectCard, ReferenceId, Relation, SceneGraph, Task};
 
 pub use agreement::{disagreement, is_beyond_the_reader};
 use grammar::Parsed;
@@ -43,9 +43,9 @@ pub use necessity::{Clue, clues_at_places, is_needless};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
     /// Noun phrases and the ids of their referents, in the order of the sentence.
-    pub phrases: Vec<(String, Vec<String>)>,
+    pub phrases: Vec<(String, Vec<InstanceId>)>,
     /// Ids of the identical copies that a phrase fits, one entry per such phrase; the goal names the first of each.
-    pub choices: Vec<Vec<String>>,
+    pub choices: Vec<Vec<InstanceId>>,
     /// Goal in disjunctive normal form: alternatives of conditions that must all hold.
     pub goal: Vec<Vec<ReadAtom>>,
 }
@@ -80,7 +80,7 @@ fn understand(parsed: &Parsed, cards: &[Arc<ObjectCard>], graph: &SceneGraph) ->
 ///
 /// A copy that the sentence singles out by a relation or otherwise is in no group. If the sentence cannot be read,
 /// there are no groups and the ids of the goal count.
-pub fn interchangeable(task: &Task) -> Vec<Vec<String>> {
+pub fn interchangeable(task: &Task) -> Vec<Vec<InstanceId>> {
     let nodes = &task.scene_graph.nodes;
     let is_copied = |index: usize| nodes[..index].iter().any(|other| other.asset == nodes[index].asset);
     if !(0..nodes.len()).any(is_copied) {
@@ -90,28 +90,26 @@ pub fn interchangeable(task: &Task) -> Vec<Vec<String>> {
 }
 
 /// The groups of copies of a reading among which no other phrase of the sentence distinguishes.
-fn open(reading: &Reading) -> Vec<Vec<String>> {
-    let mut groups: Vec<Vec<String>> = Vec::new();
+fn open(reading: &Reading) -> Vec<Vec<InstanceId>> {
+    let mut groups: Vec<Vec<InstanceId>> = Vec::new();
     for choice in &reading.choices {
         if !groups.contains(choice) {
             groups.push(choice.clone());
         }
     }
-    let singled_out = |id: &String| reading.phrases.iter().any(|(_, meant)| *meant == [id.clone()]);
-    let shared = |group: &Vec<String>, id: &String| groups.iter().any(|other| other != group && other.contains(id));
-    let stays = |group: &&Vec<String>| {
+    let singled_out = |id: &InstanceId| reading.phrases.iter().any(|(_, meant)| *meant == [id.clone()]);
+    let shared =
+        |group: &Vec<InstanceId>, id: &InstanceId| groups.iter().any(|other| other != group && other.contains(id));
+    let stays = |group: &&Vec<InstanceId>| {
         group.len() <= MAX_INTERCHANGEABLE && !group.iter().any(|id| singled_out(id) || shared(group, id))
     };
     groups.iter().filter(stays).cloned().collect()
 }
 
-/// Ids of the objects to which an instruction for this task has to refer.
-pub fn intended(task: &Task) -> Vec<String> {
-    let mut ids = BTreeSet::new();
-    for atom in task.goal.alternatives.iter().flatten() {
-        ids.extend(atom.ids().map(String::from));
-    }
-    ids.into_iter().collect()
+/// Ids of the objects and surfaces to which an instruction for this task has to refer.
+pub fn intended(task: &Task) -> Vec<ReferenceId> {
+    let ids: BTreeSet<&ReferenceId> = task.goal.alternatives.iter().flatten().flat_map(Atom::ids).collect();
+    ids.into_iter().cloned().collect()
 }
 
 /// Number of [`intended`] objects to which the instruction refers uniquely; at least one less than all if it states
@@ -122,9 +120,9 @@ pub fn resolved(task: &Task) -> usize {
         Err(_) => 0,
         Ok(_) if check(task).is_ok() => intended.len(),
         Ok(reading) => {
-            let meant: BTreeSet<&String> = reading.phrases.iter().flat_map(|(_, ids)| ids).collect();
+            let meant: BTreeSet<&InstanceId> = reading.phrases.iter().flat_map(|(_, ids)| ids).collect();
             // All phrases resolve, but the goal differs: at least one object must not count.
-            let found = intended.iter().filter(|id| meant.contains(id)).count();
+            let found = intended.iter().filter(|id| meant.iter().any(|known| **known == **id)).count();
             found.min(intended.len().saturating_sub(1))
         }
     }
@@ -161,25 +159,25 @@ fn check_goal(task: &Task, reading: &Reading) -> Result<(), Mismatch> {
 }
 
 /// True if the condition that was read is the intended one, up to exchange of copies within a group.
-fn says(read: &ReadAtom, meant: &Atom, groups: &[Vec<String>]) -> bool {
+fn says(read: &ReadAtom, meant: &Atom, groups: &[Vec<InstanceId>]) -> bool {
     resembles(read, meant, groups, |said, meant| said == meant)
 }
 
 /// Like [`says`], with relations compared by `fits(said, meant)`.
-fn resembles(read: &ReadAtom, meant: &Atom, groups: &[Vec<String>], fits: fn(Relation, Relation) -> bool) -> bool {
-    let any = |id: &'_ String| -> String {
-        let group = groups.iter().find(|group| group.contains(id));
-        group.and_then(|group| group.first()).unwrap_or(id).clone()
+fn resembles(read: &ReadAtom, meant: &Atom, groups: &[Vec<InstanceId>], fits: fn(Relation, Relation) -> bool) -> bool {
+    let any = |id: &ReferenceId| -> ReferenceId {
+        let group = groups.iter().find(|group| group.iter().any(|copy| copy == id));
+        group.and_then(|group| group.first()).map_or(id, |first| first).clone()
     };
     match (read, meant) {
         (
             ReadAtom::Place { subject, relations, references },
             Atom::Relation { subject: meant, relation, reference, second_reference },
         ) => {
-            let ends: BTreeSet<String> = std::iter::once(reference).chain(second_reference).map(any).collect();
+            let ends: BTreeSet<ReferenceId> = std::iter::once(reference).chain(second_reference).map(any).collect();
             any(subject) == any(meant)
                 && relations.iter().any(|said| fits(*said, *relation))
-                && references.iter().map(any).collect::<BTreeSet<_>>() == ends
+                && references.iter().map(|id| any(id)).collect::<BTreeSet<_>>() == ends
         }
         (ReadAtom::State { object, state }, Atom::State { object: meant, state: wanted }) => {
             any(object) == any(meant) && state == wanted

@@ -72,7 +72,7 @@ pub(crate) fn read_sentence<'c>(sentence: &str, cards: &'c [ObjectCard]) -> Opti
 
 /// Resolves a parsed sentence in a catalogue; `None` if it compares locations.
 fn resolve<'c>(parsed: &Parsed, cards: &'c [ObjectCard]) -> Option<Sentence<'c>> {
-    let things = cards.iter().map(|card| SceneObject { id: &card.uid, card }).collect();
+    let things = cards.iter().map(|card| SceneObject { id: (), card }).collect();
     let mut resolver = Resolver { things, context: &parsed.context, groups: Vec::new(), nouns: Vec::new() };
     let mut alternatives = vec![Vec::new()];
     for command in &parsed.commands {
@@ -82,7 +82,7 @@ fn resolve<'c>(parsed: &Parsed, cards: &'c [ObjectCard]) -> Option<Sentence<'c>>
 }
 
 struct Resolver<'c, 'p> {
-    things: Vec<SceneObject<'c>>,
+    things: Vec<SceneObject<'c, ()>>,
     /// Clauses of the sentence that contain no command.
     context: &'p str,
     /// Noun phrases resolved so far, each with the index of its noun.
@@ -153,7 +153,7 @@ impl<'c> Resolver<'c, '_> {
         let compared = said.iter().any(|word| COMPARATIVES.contains(word));
         let plain: Vec<&str> = said.iter().copied().filter(|word| !COMPARATIVES.contains(word)).collect();
         let denote = |words: &[&str]| lexicon().denote(words, self.context, &self.things).unwrap_or_default();
-        let cards = |things: Vec<SceneObject<'c>>| things.into_iter().map(|thing| thing.card).collect::<Vec<_>>();
+        let cards = |things: Vec<SceneObject<'c, ()>>| things.into_iter().map(|thing| thing.card).collect::<Vec<_>>();
         let meant = cards(denote(&plain));
         let best = meant.iter().copied().filter(|card| lexicon().is_named(&plain, card)).collect();
         let alike = if meant.is_empty() { self.alike(&plain) } else { Vec::new() };
@@ -168,7 +168,7 @@ impl<'c> Resolver<'c, '_> {
     fn alike(&self, words: &[&str]) -> Vec<&'c ObjectCard> {
         let bare = lexicon().bare(words);
         let of_noun = lexicon().denote(&bare, self.context, &self.things).unwrap_or_default();
-        let shares = |thing: &&SceneObject| {
+        let shares = |thing: &&SceneObject<'_, ()>| {
             let name = thing.card.name.to_lowercase();
             name.split(' ').any(|word| words.contains(&word)) || words.contains(&thing.card.category.as_str())
         };

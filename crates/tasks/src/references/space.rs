@@ -1,6 +1,6 @@
 //! Relations that follow from the graph of a scene, in all or in some of its layouts.
 
-use genmanip_core::{HorizontalAxis, Relation, SceneGraph, Side};
+use genmanip_core::{HorizontalAxis, ReferenceId, Relation, SceneGraph, Side};
 
 /// Certainty of a relation in the layouts of a graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,23 +24,21 @@ impl<'g> Space<'g> {
     }
 
     /// True if a chain of edges orders all of `one` beyond all of `other` along the axis.
-    pub fn is_beyond(&self, one: &str, axis: HorizontalAxis, other: &str) -> bool {
+    pub fn is_beyond(&self, one: &ReferenceId, axis: HorizontalAxis, other: &ReferenceId) -> bool {
         let mut reached = vec![other];
         let mut next = 0;
         while let Some(&low) = reached.get(next) {
             next += 1;
             for edge in &self.graph.edges {
                 let Some(side) = edge.relation.side().filter(|side| side.axis == axis) else { continue };
-                let up = match side.is_positive {
-                    true => (&edge.subject, &edge.reference),
-                    false => (&edge.reference, &edge.subject),
-                };
-                if up.1 == low {
-                    if up.0 == one {
+                let (subject, reference): (&ReferenceId, _) = (&edge.subject, &edge.reference);
+                let (high, below) = if side.is_positive { (subject, reference) } else { (reference, subject) };
+                if below == low {
+                    if high == one {
                         return true;
                     }
-                    if !reached.contains(&up.0.as_str()) {
-                        reached.push(up.0);
+                    if !reached.contains(&high) {
+                        reached.push(high);
                     }
                 }
             }
@@ -48,18 +46,18 @@ impl<'g> Space<'g> {
         false
     }
 
-    fn is_apart(&self, one: &str, axis: HorizontalAxis, other: &str) -> bool {
+    fn is_apart(&self, one: &ReferenceId, axis: HorizontalAxis, other: &ReferenceId) -> bool {
         self.is_beyond(one, axis, other) || self.is_beyond(other, axis, one)
     }
 
-    /// The object on or in which `uid` is, with the relation; `None` if it stands on the table.
-    pub fn support(&self, uid: &str) -> Option<(&'g str, Relation)> {
-        let edge = self.graph.edges.iter().find(|edge| edge.subject == uid && edge.relation.is_support())?;
+    /// The object on or in which `id` is, with the relation; `None` if it stands on the table.
+    pub fn support(&self, id: &ReferenceId) -> Option<(&'g ReferenceId, Relation)> {
+        let edge = self.graph.edges.iter().find(|edge| edge.subject == *id && edge.relation.is_support())?;
         Some((&edge.reference, edge.relation))
     }
 
     /// Certainty that `subject` is in one of the relations `said` to `reference`.
-    pub fn stands(&self, subject: &str, said: &[Relation], reference: &str) -> Certainty {
+    pub fn stands(&self, subject: &ReferenceId, said: &[Relation], reference: &ReferenceId) -> Certainty {
         let support = self.support(subject).filter(|(carrier, _)| *carrier == reference);
         if said.iter().any(|relation| relation.is_support()) {
             return match support {
@@ -74,9 +72,10 @@ impl<'g> Space<'g> {
         let Some(&relation) = said.first() else { return Certainty::Impossible };
         let neighbours = |relation: Relation| {
             self.graph.edges.iter().any(|edge| {
-                let direct = edge.subject == subject && edge.reference == reference && edge.relation == relation;
-                let turned =
-                    edge.subject == reference && edge.reference == subject && edge.relation.inverse() == Some(relation);
+                let direct = edge.subject == *subject && edge.reference == *reference && edge.relation == relation;
+                let turned = edge.subject == *reference
+                    && edge.reference == *subject
+                    && edge.relation.inverse() == Some(relation);
                 direct || turned
             })
         };
@@ -91,12 +90,12 @@ impl<'g> Space<'g> {
     }
 
     /// Certainty that `subject` is between two others.
-    pub fn is_between(&self, subject: &str, one: &str, other: &str) -> Certainty {
+    pub fn is_between(&self, subject: &ReferenceId, one: &ReferenceId, other: &ReferenceId) -> Certainty {
         let stated = self.graph.edges.iter().any(|edge| {
-            let ends = (edge.reference.as_str(), edge.second_reference.as_deref().unwrap_or_default());
+            let ends = (&edge.reference, edge.second_reference.as_ref());
             edge.relation == Relation::Between
-                && edge.subject == subject
-                && (ends == (one, other) || ends == (other, one))
+                && edge.subject == *subject
+                && (ends == (one, Some(other)) || ends == (other, Some(one)))
         });
         if stated {
             return Certainty::Certain;

@@ -3,8 +3,10 @@
 use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::asset::uid_of;
-use genmanip_core::{AssetRef, Atom, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Seed, Task, TaskKind};
+use genmanip_core::{
+    AssetRef, Atom, GraphEdge, GraphNode, InstanceId, ObjectCard, ReferenceId, Relation, SceneGraph, Seed, Task,
+    TaskKind,
+};
 
 use super::words::PLACES;
 use super::{Clue, Mismatch, check, intended, interchangeable, is_needless, read, resolved};
@@ -21,9 +23,10 @@ fn scene(facts: &[&str]) -> (Vec<Arc<ObjectCard>>, SceneGraph) {
     for fact in facts {
         let words: Vec<&str> = fact.split([' ', '=']).collect();
         for id in words.iter().filter(|word| word.chars().all(|c| c.is_ascii_digit() || c == '#')) {
-            if graph.index_of(id).is_none() {
-                let card = card(uid_of(id));
-                graph.nodes.push(GraphNode { id: (*id).into(), ..GraphNode::of(&card) });
+            let id: InstanceId = id.parse().unwrap();
+            if graph.index_of(&id).is_none() {
+                let card = card(id.asset());
+                graph.nodes.push(GraphNode { id, ..GraphNode::of(&card) });
                 cards.push(card);
             }
         }
@@ -32,7 +35,7 @@ fn scene(facts: &[&str]) -> (Vec<Arc<ObjectCard>>, SceneGraph) {
             continue;
         }
         graph.edges.push(GraphEdge {
-            subject: words[0].into(),
+            subject: words[0].parse().unwrap(),
             relation: serde_json::from_value(words[1].into()).unwrap(),
             reference: words[2].into(),
             second_reference: words.get(3).map(|uid| (*uid).into()),
@@ -187,15 +190,16 @@ fn corrupted_tasks_are_found() {
             let mut card = task.card(atom.subject()).unwrap().clone();
             card.uid = "999".into();
             card.asset = AssetRef::builtin("999", 1);
-            let other = |uid: &String| if uid == atom.subject() { "999".to_owned() } else { uid.clone() };
+            let added = GraphNode::of(&card);
+            let other = |id: &ReferenceId| if id == atom.subject() { added.id.clone().into() } else { id.clone() };
             let edges = twin.scene_graph.edges.clone();
             twin.scene_graph.edges.extend(edges.iter().map(|edge| GraphEdge {
-                subject: other(&edge.subject),
+                subject: if edge.subject == *atom.subject() { added.id.clone() } else { edge.subject.clone() },
                 relation: edge.relation,
                 reference: other(&edge.reference),
                 second_reference: edge.second_reference.as_ref().map(other),
             }));
-            twin.scene_graph.nodes.push(GraphNode::of(&card));
+            twin.scene_graph.nodes.push(added);
             twin.objects.push(Arc::new(card));
             corrupted.push((4, twin));
         }
@@ -205,7 +209,7 @@ fn corrupted_tasks_are_found() {
             Atom::Relation { relation, .. } => {
                 *relation = if *relation == Relation::Near { Relation::In } else { Relation::Near };
             }
-            Atom::State { object, .. } => "999".clone_into(object),
+            Atom::State { object, .. } => *object = InstanceId::new("999", 1),
         }
         corrupted.push((5, other));
         if task.goal.alternatives.len() > 1 {
@@ -246,7 +250,7 @@ fn identical_copies_are_one_thing_to_say_and_two_to_choose_from() {
         assert_eq!(read_goal(instruction, &mugs), goal, "{instruction}: {reading:?}");
         let words: Vec<&str> = goal.split(' ').collect();
         let atom = Atom::Relation {
-            subject: words[0].into(),
+            subject: words[0].parse().unwrap(),
             relation: serde_json::from_value(words[1].into()).unwrap(),
             reference: words[2].into(),
             second_reference: None,
@@ -266,7 +270,8 @@ fn identical_copies_are_one_thing_to_say_and_two_to_choose_from() {
         assert_eq!(found.join(" "), groups, "{instruction}");
         assert_eq!(check(&task), Ok(()), "{instruction}");
         // Copies may be exchanged in the goal only where nothing distinguishes them.
-        let swap = std::collections::BTreeMap::from([("001", "001#2"), ("001#2", "001")]);
+        let [one, other] = [1, 2].map(|copy| InstanceId::new("001", copy));
+        let swap = std::collections::BTreeMap::from([(&*one, &other), (&*other, &one)]);
         task.goal.alternatives[0][0] = task.goal.alternatives[0][0].renamed(&swap);
         assert_eq!(check(&task).is_ok(), !groups.is_empty(), "{instruction}");
     }
@@ -295,7 +300,8 @@ fn another_colour_is_noticed() {
 
 #[test]
 fn a_mismatch_is_one_sentence() {
-    let mismatch = Mismatch::Ambiguous { phrase: "mug".into(), ids: vec!["001".into(), "002".into()] };
+    let mismatch =
+        Mismatch::Ambiguous { phrase: "mug".into(), ids: vec!["001".parse().unwrap(), "002".parse().unwrap()] };
     assert_eq!(mismatch.to_string(), r#"`mug` may be any of ["001", "002"]"#);
     assert_eq!(mismatch.reason(), "an ambiguous phrase");
 }
@@ -318,7 +324,7 @@ fn clues_that_nobody_needs_are_found() {
     ] {
         let (objects, scene_graph) = scene(&facts);
         let on = Atom::Relation {
-            subject: "001".into(),
+            subject: "001".parse().unwrap(),
             relation: Relation::On,
             reference: "027".into(),
             second_reference: None,

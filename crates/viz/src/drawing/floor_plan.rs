@@ -1,6 +1,6 @@
 //! Top view of a layout: table, robot, footprints of objects, and relations.
 
-use genmanip_core::{GraphEdge, Workspace};
+use genmanip_core::{GraphEdge, ReferenceId, Workspace};
 
 use super::colors::{CONFLICT, GOAL, HAIRLINE, INITIAL, INK, MUTED, hex};
 use super::graph::bounds;
@@ -36,8 +36,8 @@ pub struct PlaceWindow {
 /// Outline of an object seen from above.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Footprint {
-    /// Object id, to which the edges refer.
-    pub id: String,
+    /// Id of the instance or surface, to which the edges refer.
+    pub id: ReferenceId,
     /// Name that is written at the object.
     pub name: String,
     /// sRGB colour of the filled outline.
@@ -248,12 +248,12 @@ impl PlanScene {
         order.sort_by(|a, b| (b.1.width * b.1.height).total_cmp(&(a.1.width * a.1.height)));
         let objects = order.iter().map(|(footprint, _)| (outlines(footprint, view), footprint.color)).collect();
 
-        let index = |id: &str| order.iter().position(|(footprint, _)| footprint.id == id);
+        let index = |id: &ReferenceId| order.iter().position(|(footprint, _)| footprint.id == *id);
         let (mut wires, mut roles) = (Vec::new(), Vec::new());
         let mut carried: Vec<Option<String>> = vec![None; order.len()];
         for DrawnEdge { edge, role } in &picture.edges {
             let Some(from) = index(&edge.subject) else { continue };
-            let references = [Some(edge.reference.as_str()), edge.second_reference.as_deref()];
+            let references = [Some(&edge.reference), edge.second_reference.as_ref()];
             for to in references.into_iter().flatten().filter_map(index).filter(|to| *to != from) {
                 if edge.relation.is_support() && order[from].1.overlaps(&order[to].1) {
                     carried[from] = Some(format!("{} {}", edge.relation.name(), order[to].0.name));

@@ -1,6 +1,6 @@
 //! Diagram of a scene graph: the initial graph, and each alternative of the goal beside it.
 
-use genmanip_core::{Atom, GraphEdge, HorizontalAxis, Relation, RelationKind, Task};
+use genmanip_core::{Atom, GraphEdge, HorizontalAxis, ReferenceId, Relation, RelationKind, Task};
 
 use super::colors::{CONFLICT, GOAL, GOAL_WASH, HAIRLINE, INITIAL, INK, MUTED, WASH, color_of_word, hex};
 use super::graph_layout::{CellConstraint, PreferredCell, cells};
@@ -74,7 +74,7 @@ pub struct Panel {
 
 struct Node {
     lines: Vec<String>,
-    id: String,
+    id: ReferenceId,
     dot: [u8; 3],
     state: Option<String>,
     moved: bool,
@@ -85,22 +85,21 @@ impl Panel {
     pub fn start(task: &Task, conflicts: &[Atom]) -> Self {
         let atoms: Vec<&Atom> = task.goal.alternatives.iter().flatten().collect();
         let nodes = task.scene_graph.nodes.iter().map(|node| {
-            Node::new(task, &node.id, node.state.clone(), atoms.iter().any(|atom| atom.subject() == node.id))
+            Node::new(task, &node.id, node.state.clone(), atoms.iter().any(|atom| *atom.subject() == node.id))
         });
         let edges = &task.scene_graph.edges;
-        let is_used = |id: &str| edges.iter().any(|edge| edge.reference == id);
-        let surfaces = task.surfaces.iter().filter(|surface| is_used(&surface.id));
-        let nodes = nodes.chain(surfaces.map(|surface| Node::new(task, &surface.id, None, false)));
+        let surfaces = task.surfaces.iter().map(|surface| surface.id.as_str().into());
+        let used = surfaces.filter(|id: &ReferenceId| edges.iter().any(|edge| edge.reference == *id));
+        let nodes = nodes.chain(used.map(|id| Node::new(task, &id, None, false)));
         let mut panel = Self::build("START".into(), false, nodes.collect(), edges);
-        let ids: Vec<String> = panel.nodes.iter().map(|node| node.id.clone()).collect();
-        let index = |id: &str| ids.iter().position(|other| other == id);
+        let ids: Vec<ReferenceId> = panel.nodes.iter().map(|node| node.id.clone()).collect();
+        let index = |id: &ReferenceId| ids.iter().position(|other| other == id);
         let in_conflict = |from: usize, to: usize, label: &str| {
             conflicts.iter().any(|atom| match atom {
-                Atom::Relation { subject, relation, reference, second_reference } => {
-                    let ends = [Some(reference), second_reference.as_ref()];
+                Atom::Relation { subject, relation, .. } => {
                     index(subject) == Some(from)
                         && relation.name() == label
-                        && ends.into_iter().flatten().any(|id| index(id) == Some(to))
+                        && atom.references().any(|id| index(id) == Some(to))
                 }
                 Atom::State { .. } => false,
             })
@@ -117,43 +116,39 @@ impl Panel {
             (_, 0) => "GOAL · ALTERNATIVE A".into(),
             (_, index) => format!("OR · ALTERNATIVE {}", letter(index)),
         };
-        let mut ids: Vec<&str> = Vec::new();
+        let mut ids: Vec<&ReferenceId> = Vec::new();
         let mut edges = Vec::new();
         for atom in atoms {
-            let mentioned: Vec<&String> = match atom {
-                Atom::State { object, .. } => vec![object],
-                Atom::Relation { subject, relation, reference, second_reference } => {
-                    edges.push(GraphEdge {
-                        subject: subject.clone(),
-                        relation: *relation,
-                        reference: reference.clone(),
-                        second_reference: second_reference.clone(),
-                    });
-                    [subject, reference].into_iter().chain(second_reference).collect()
-                }
-            };
-            for id in mentioned {
-                if !ids.contains(&id.as_str()) {
+            if let Atom::Relation { subject, relation, reference, second_reference } = atom {
+                edges.push(GraphEdge {
+                    subject: subject.clone(),
+                    relation: *relation,
+                    reference: reference.clone(),
+                    second_reference: second_reference.clone(),
+                });
+            }
+            for id in atom.ids() {
+                if !ids.contains(&id) {
                     ids.push(id);
                 }
             }
         }
         let nodes = ids.into_iter().map(|id| {
             let state = atoms.iter().find_map(|atom| match atom {
-                Atom::State { object, state } if object == id => Some(state.clone()),
+                Atom::State { object, state } if *object == *id => Some(state.clone()),
                 _ => None,
             });
-            Node::new(task, id, state, atoms.iter().any(|atom| atom.subject() == id))
+            Node::new(task, id, state, atoms.iter().any(|atom| *atom.subject() == *id))
         });
         Self::build(heading, true, nodes.collect(), &edges)
     }
 
     fn build(heading: String, is_goal: bool, nodes: Vec<Node>, edges: &[GraphEdge]) -> Self {
-        let index = |id: &str| nodes.iter().position(|node| node.id == id);
+        let index = |id: &ReferenceId| nodes.iter().position(|node| node.id == *id);
         let mut links: Vec<Link> = Vec::new();
         for edge in edges {
             let (Some(from), Some(to)) = (index(&edge.subject), index(&edge.reference)) else { continue };
-            let second = edge.second_reference.as_deref().and_then(index);
+            let second = edge.second_reference.as_ref().and_then(index);
             if from != to {
                 links.push(Link { from, to, second, relation: edge.relation });
             }
@@ -235,12 +230,12 @@ impl Panel {
 }
 
 impl Node {
-    fn new(task: &Task, id: &str, state: Option<String>, moved: bool) -> Self {
+    fn new(task: &Task, id: &ReferenceId, state: Option<String>, moved: bool) -> Self {
         let card = task.card(id);
         let word = card.and_then(|card| card.colors.first()).map_or("", String::as_str);
         Self {
             lines: wrap(&task.name_of(id), NAME_SIZE, 92.0, 3),
-            id: id.into(),
+            id: id.clone(),
             dot: color_of_word(word),
             state,
             moved,

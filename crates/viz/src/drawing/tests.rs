@@ -1,6 +1,6 @@
 use genmanip_core::{
-    Annotations, AssetRef, Atom, Goal, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Task, TaskKind,
-    Workspace, glam,
+    Annotations, AssetRef, Atom, Goal, GraphEdge, GraphNode, ObjectCard, ReferenceId, Relation, SceneGraph, Task,
+    TaskKind, Workspace, glam,
 };
 use proptest::prelude::*;
 
@@ -30,7 +30,7 @@ fn card(uid: &str, name: &str) -> ObjectCard {
 }
 
 fn edge(subject: &str, relation: Relation, reference: &str) -> GraphEdge {
-    GraphEdge { subject: subject.into(), relation, reference: reference.into(), second_reference: None }
+    GraphEdge { subject: subject.parse().unwrap(), relation, reference: reference.into(), second_reference: None }
 }
 
 fn task(names: &[&str], edges: Vec<GraphEdge>, alternatives: Vec<Vec<Atom>>) -> Task {
@@ -71,7 +71,7 @@ fn check_panel(panel: &Panel) {
 
 /// Share of directional edges drawn in the direction they mean.
 fn faithful(task: &Task, panel: &Panel) -> f64 {
-    let center = |id: &str| {
+    let center = |id: &ReferenceId| {
         let at = task.scene_graph.index_of(id).unwrap();
         panel.boxes[at].center()
     };
@@ -132,7 +132,7 @@ fn odd_graphs_are_drawn_too() {
             task(
                 &["<script>alert(1)</script>", "\"&'"],
                 vec![edge("u0", Relation::Near, "u1")],
-                vec![vec![Atom::State { object: "u0".into(), state: "<b>".into() }]; 28],
+                vec![vec![Atom::State { object: "u0".parse().unwrap(), state: "<b>".into() }]; 28],
             ),
         ),
     ];
@@ -226,7 +226,7 @@ proptest! {
         let footprints = seats.iter().enumerate().map(|(index, seat)| {
             let (x, y) = (0.28 + (seat % 4) as f64 * 0.17, -0.4 + (seat / 4) as f64 * 0.2);
             Footprint {
-                id: format!("u{index}"),
+                id: format!("u{index}").into(),
                 name: ["Red Mug", "Terracotta Deep Plate", "Pear"][index % 3].into(),
                 color: [200, 60, 50],
                 polygons: vec![vec![[x, y], [x + 0.09, y + 0.02], [x + 0.07, y + 0.1], [x - 0.02, y + 0.08]]],

@@ -79,7 +79,7 @@ impl<'a> Labels<'a> {
         let visible = perception::visible_regions(&image.ids, image.width(), objects.len());
         let whole = whole.iter().copied().chain(std::iter::repeat(VisibleRegion::default()));
         let told = objects.iter().zip(visible).zip(whole).zip(self.boxes.at(moment));
-        let told = told.map(|(((placed, visible), whole), around)| (placed.id.as_str(), visible, whole, around));
+        let told = told.map(|(((placed, visible), whole), around)| (&placed.id, visible, whole, around));
         let line = ImageLabels {
             picture: moment.picture,
             control_step: moment.control_step,
@@ -99,7 +99,10 @@ impl<'a> Labels<'a> {
         let objects = &self.stage.scenario.objects;
         for (placed, cloud) in objects.iter().zip(perception::clouds(image, objects.len())) {
             if !cloud.points_m.is_empty() {
-                documents::write_file(&place.join(format!("{}.ply", file_name(&placed.id))), &ply::encode(&cloud))?;
+                documents::write_file(
+                    &place.join(format!("{}.ply", file_name(placed.id.as_str()))),
+                    &ply::encode(&cloud),
+                )?;
             }
         }
         Ok(())

@@ -147,7 +147,7 @@ fn draw(
         }
     };
     let mut ids = BTreeMap::from([(TABLE, "table".to_owned()), (ROBOT, "robot".to_owned())]);
-    ids.extend(scenario.objects.iter().zip(FIRST_OBJECT..).map(|(placed, number)| (number, placed.id.clone())));
+    ids.extend(scenario.objects.iter().zip(FIRST_OBJECT..).map(|(placed, number)| (number, placed.id.to_string())));
     let variation_seed = look.map(|(seed, _)| seed);
     let vary = look.map_or_else(Vec::new, |(_, vary)| vary.to_vec());
     let has_rate = episode.is_some() || options.turntable.is_some();

@@ -10,7 +10,7 @@ use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::sensor::SensorPreset;
 use genmanip_core::{
     AppearanceFactor, AppearanceRandomisation, Atom, Camera, CameraMount, CameraSensor, ColorSensor, DepthSensor, Goal,
-    ObjectCard, PlacedObject, Relation, Request, Scenario, Seed, TaskKind, World,
+    InstanceId, ObjectCard, PlacedObject, Relation, Request, Scenario, Seed, TaskKind, World,
 };
 use genmanip_layout::{LayoutSettings, add_distractors, lay_out, obstacles, posed};
 use genmanip_motion::{AllowedCollisions, Planner, PlannerSettings, PlanningScene};
@@ -185,10 +185,9 @@ fn exchange(scenario: &mut Scenario, rng: &mut impl Rng) -> Result<(), String> {
     let task = &scenario.task;
     let known = task.judged_goal().into_owned();
     // An object with several copies has no unique name.
-    let is_single = |id: &str| !id.contains('#');
-    let ids: Vec<&str> =
-        task.scene_graph.nodes.iter().map(|node| node.id.as_str()).filter(|id| is_single(id)).collect();
-    let movable: Vec<&str> =
+    let ids: Vec<&InstanceId> =
+        task.scene_graph.nodes.iter().map(|node| &node.id).filter(|id| id.copy().is_none()).collect();
+    let movable: Vec<&InstanceId> =
         ids.iter().copied().filter(|id| task.card(id).is_some_and(|card| card.can_grasp)).collect();
     if movable.is_empty() || ids.len() < 2 {
         return Err("there is nothing else to ask for".into());
@@ -206,10 +205,10 @@ fn exchange(scenario: &mut Scenario, rng: &mut impl Rng) -> Result<(), String> {
             continue;
         }
         let mut other = task.clone();
-        let name = |id: &str| task.name_of(id).to_lowercase();
+        let name = |id: &InstanceId| task.name_of(id).to_lowercase();
         other.kind = TaskKind::PickAndPlace;
         other.instruction = format!("Put the {} {words} the {}.", name(subject), name(reference));
-        let (subject, reference) = (subject.to_owned(), reference.to_owned());
+        let (subject, reference) = (subject.clone(), reference.clone().into());
         other.goal =
             Goal { alternatives: vec![vec![Atom::Relation { subject, relation, reference, second_reference: None }]] };
         other.interchangeable = Vec::new();

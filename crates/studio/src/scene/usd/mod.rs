@@ -68,7 +68,7 @@ pub fn scenario_usd(
     let positions = scenario.world.robot.start();
     usd.robot(robot, positions)?;
     for (placed, model) in scenario.objects.iter().zip(models) {
-        usd.object(&placed.id, &placed.pose, model, &placed.joint_positions)?;
+        usd.object(placed.id.as_str(), &placed.pose, model, &placed.joint_positions)?;
     }
     let world_from_hand =
         robot.link_poses(positions, robot.gripper.max_width).get(robot.hand).copied().unwrap_or_default();

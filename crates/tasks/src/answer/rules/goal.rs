@@ -98,8 +98,8 @@ pub(super) fn is_implied(graph: &SceneGraph, atom: &Atom) -> bool {
         Atom::Relation { subject, relation, reference, second_reference } => {
             let edges = graph.edges.iter();
             let edges =
-                edges.map(|edge| (&edge.subject, edge.relation, &edge.reference, edge.second_reference.as_ref()));
-            implied_by(edges, (subject, *relation, reference, second_reference.as_ref())).is_some()
+                edges.map(|edge| (&*edge.subject, edge.relation, &edge.reference, edge.second_reference.as_ref()));
+            implied_by(edges, (&**subject, *relation, reference, second_reference.as_ref())).is_some()
         }
     }
 }
