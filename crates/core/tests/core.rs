@@ -2,8 +2,8 @@
 
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
 use genmanip_core::{
-    Aabb, AssetRef, Atom, AtomVerdict, BetweenReading, Distortion, Document, Ending, EpisodeResult, Intrinsics,
-    Measurement, Piece, Pose, Projection, RgbdImage, Scenario, Seed, Shape, Task, Unit, World,
+    Aabb, AssetRef, Atom, AtomVerdict, BetweenReading, Distortion, Document, Ending, EpisodeResult, InstanceId,
+    Intrinsics, Measurement, Piece, Pose, Projection, RgbdImage, Scenario, Seed, Shape, Task, Unit, World,
 };
 use proptest::prelude::*;
 
@@ -118,7 +118,7 @@ fn verdict(margin: f64, unit: Unit) -> AtomVerdict {
     let measurement =
         Measurement { quantity: "q".into(), value: 0.0, threshold: -margin, unit, met: margin >= 0.0, margin };
     AtomVerdict {
-        atom: Atom::State { object: "057".parse().unwrap(), state: "open".into() },
+        atom: Atom::State { object: InstanceId::new("057", 1), state: "open".into() },
         holds: margin >= 0.0,
         margin,
         measurements: vec![measurement],
