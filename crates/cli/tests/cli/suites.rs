@@ -201,7 +201,7 @@ fn recorded_answers_of_models_give_the_recorded_verdicts() {
     let recorded = recorded["verdicts"].as_array().unwrap();
     let is_it = |row: &Value, name: &str| row["scenario"] == name;
     // One that succeeded and one that did not.
-    let names = ["common_sense-200-00092-000", "appearance-200-00012-000"];
+    let names = ["appearance-200-00059-000", "common_sense-200-00086-000"];
     let files = names.map(|name| format!("{REPOSITORY}/suites/genmanip-200-rc/scenarios/{name}.json"));
     let policy = format!("agent:vlm=recorded,answers={answers}");
     let made = genmanip(folder.path(), &["evaluate", &files[0], &files[1], "--policy", &policy, "--json"]).json(0);
@@ -215,7 +215,7 @@ fn recorded_answers_of_models_give_the_recorded_verdicts() {
         // Today's renderer shades the same masks a little differently, which moves grasps by fractions of a millimetre.
         for key in ["duration_s", "tcp_path_m"] {
             let [now, then] = [now, then].map(|row| row[key].as_f64().unwrap());
-            assert!((now - then).abs() < 0.01 * then, "{name}: {key} is {now}, was {then}");
+            assert!((now - then).abs() <= 0.01 * then, "{name}: {key} is {now}, was {then}");
         }
         assert_eq!(now["verdict"]["score"], then["score"], "{name}");
     }
