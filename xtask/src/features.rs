@@ -7,6 +7,10 @@ use std::collections::BTreeSet;
 /// Features of programs with learned policies; only these ask for Burn.
 pub const LEARN: [&str; 2] = ["--features", "genmanip-cli/learn"];
 
+/// Packages and features of the tests' build, of which everything is built: the whole workspace with learned policies, so
+/// that nothing is built twice with another choice of features. The wheel does without learned policies.
+pub const ALL: [&str; 3] = ["--workspace", LEARN[0], LEARN[1]];
+
 /// Builds that share the libraries of the tests' build.
 const BUILDS: [(&str, &[&str]); 3] =
     [("the programs", &[]), ("the wheel", &["--package", "genmanip-python"]), ("programs that learn", &LEARN)];
@@ -19,7 +23,7 @@ pub fn check(workspace: &Workspace) -> Result {
         let listed = process::output(&mut workspace.cargo(tree.iter().chain(which).copied()))?;
         Ok(listed.lines().map(|line| line.trim_end_matches(" (*)").to_owned()).collect::<BTreeSet<String>>())
     };
-    let known = libraries(&["--workspace", LEARN[0], LEARN[1]], "normal,build,dev")?;
+    let known = libraries(&ALL, "normal,build,dev")?;
     for (build, which) in BUILDS {
         let needed = libraries(which, "normal,build")?;
         let is_again = |library: &&String| {

@@ -1,6 +1,7 @@
 //! `cargo xtask test`: everything CI runs, cheapest first, stopping at the first failure, with the time of each phase.
 
 use crate::command_line::PHASES;
+use crate::features::ALL;
 use crate::problem::{Problem, Result};
 use crate::process::{self, Workspace};
 use crate::{docs, features, setup, tidy, web, wheel};
@@ -14,10 +15,6 @@ enum Outcome {
     /// With the reason; never silently.
     Skipped(String),
 }
-
-/// Packages and features of every build: the whole workspace with learned policies, so that nothing is built twice with another
-/// choice of features. The wheel and the phases that name their own packages do without learned policies.
-const ALL: [&str; 3] = ["--workspace", "--features", "genmanip-cli/learn"];
 
 /// Runs one phase of [`PHASES`].
 fn phase(name: &str, workspace: &Workspace) -> Result<Outcome> {
