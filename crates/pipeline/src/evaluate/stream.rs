@@ -99,8 +99,7 @@ impl Stream {
         let mut gathered = Vec::new();
         for path in shards {
             let (file, more) = continued(&path)?;
-            let ids: BTreeSet<String> = known.iter().map(|result| result.id.clone()).collect();
-            known.extend(more.into_iter().filter(|result| !ids.contains(&result.id)));
+            add_unknown(&mut known, more);
             gathered.push((path, file));
         }
         Ok(Self { folder: folder.to_owned(), known, file: Mutex::new(file), path, gathered })
@@ -144,11 +143,15 @@ impl Stream {
 pub(super) fn journalled(folder: &Path) -> Result<Vec<EpisodeResult>, WorkspaceError> {
     let mut known: Vec<EpisodeResult> = Vec::new();
     for path in [folder.join(RESULTS)].into_iter().chain(of_shards(folder)?).filter(|path| path.exists()) {
-        let ids: BTreeSet<String> = known.iter().map(|result| result.id.clone()).collect();
-        let (_, more) = complete_lines(&path)?;
-        known.extend(more.into_iter().filter(|result| !ids.contains(&result.id)));
+        add_unknown(&mut known, complete_lines(&path)?.1);
     }
     Ok(known)
+}
+
+/// Adds the results of episodes that are not known yet.
+fn add_unknown(known: &mut Vec<EpisodeResult>, more: Vec<EpisodeResult>) {
+    let ids: BTreeSet<String> = known.iter().map(|result| result.id.clone()).collect();
+    known.extend(more.into_iter().filter(|result| !ids.contains(&result.id)));
 }
 
 /// File name of the journal of a whole evaluation.
