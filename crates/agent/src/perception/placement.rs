@@ -150,13 +150,13 @@ impl<'a> Resolver<'a> {
         let others = self.view.masks.iter().enumerate().filter(|(index, _)| *index != self.moved);
         let mut shares: Vec<(f64, usize)> = others.map(|(index, mask)| (share(mask), index)).collect();
         shares.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        let shares: Vec<(f64, usize)> = shares.into_iter().filter(|(share, _)| *share >= SURFACE_SHARE).collect();
         let main = shares.first().copied();
         let target = match main.filter(|(share, _)| *share >= self.settings.thing_share) {
             Some((_, index)) => self.on_receiver(index, &pixels),
             None => self.on_table(&pixels),
         };
-        let mixed = shares.len() > 1 || main.is_some_and(|(share, _)| share < MAIN_SHARE);
+        let surfaces = shares.iter().filter(|(share, _)| *share >= SURFACE_SHARE).count();
+        let mixed = surfaces > 1 || main.is_some_and(|(share, _)| (SURFACE_SHARE..MAIN_SHARE).contains(&share));
         target.map(|target| PlacementTarget { mixed, ..target })
     }
 
