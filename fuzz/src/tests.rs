@@ -1,6 +1,7 @@
 //! A short campaign of every target, inside the test itself.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::*;
 
@@ -9,32 +10,38 @@ const INPUTS: u64 = 200;
 
 #[test]
 fn valid_inputs_are_accepted_and_mutated_ones_break_nothing() {
-    for target in TARGETS {
-        let mut opened = (target.open)(target.name, &repository()).unwrap();
-        for input in &opened.corpus {
-            let read = (opened.read)(input);
-            assert_eq!(
-                read,
-                Ok(()),
-                "{}: {:?}",
-                target.name,
-                input.files.iter().map(|file| &file.0).collect::<Vec<_>>()
-            );
-        }
-        let (mut accepted, mut refused) = (0, 0);
-        for index in 0..INPUTS {
-            let input = Input::mutated(target, &opened.corpus, 0, index);
-            match catch_unwind(AssertUnwindSafe(|| (opened.read)(&input))) {
-                Ok(Ok(())) => accepted += 1,
-                Ok(Err(_)) => refused += 1,
-                Err(_) => {
-                    let folder = input.save(target, 0, index).unwrap();
-                    panic!("repeat with: cargo xtask fuzz {} --input {}", target.name, folder.display());
+    let next = AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(|| {
+                while let Some(target) = TARGETS.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    check(target);
                 }
+            });
+        }
+    });
+}
+
+fn check(target: &Target) {
+    let mut opened = (target.open)(target.name, &repository()).unwrap();
+    for input in &opened.corpus {
+        let read = (opened.read)(input);
+        let files = || input.files.iter().map(|file| &file.0).collect::<Vec<_>>();
+        assert_eq!(read, Ok(()), "{}: {:?}", target.name, files());
+    }
+    let (mut accepted, mut refused) = (0, 0);
+    for index in 0..INPUTS {
+        let input = Input::mutated(target, &opened.corpus, 0, index);
+        match catch_unwind(AssertUnwindSafe(|| (opened.read)(&input))) {
+            Ok(Ok(())) => accepted += 1,
+            Ok(Err(_)) => refused += 1,
+            Err(_) => {
+                let folder = input.save(target, 0, index).unwrap();
+                panic!("repeat with: cargo xtask fuzz {} --input {}", target.name, folder.display());
             }
         }
-        assert!(accepted > 0 && refused > 0, "{}: {accepted} accepted, {refused} refused", target.name);
     }
+    assert!(accepted > 0 && refused > 0, "{}: {accepted} accepted, {refused} refused", target.name);
 }
 
 #[test]

@@ -21,6 +21,9 @@ pub const PHASES: [&str; 14] = [
     "test",
 ];
 
+/// Phases that run only when they are named: `bytes` compiles the renderer and all below it again.
+pub const OPT_IN: [&str; 1] = ["bytes"];
+
 /// Options of `cargo xtask test`, each of which is a test of its own.
 const OPTIONS: [&str; 4] = ["--packs", "--interop", "--cluster", "--s3"];
 
@@ -39,6 +42,7 @@ Usage: cargo xtask SUBCOMMAND
   install --learn  the same, with programs that train policies (minutes longer)
   wheel [--out DIR]   build the Python wheel, with the simulator's library inside, and check that it runs elsewhere
   test [PHASE…]    everything CI runs, or only the named phases
+  test bytes       compare rendered images with and without wide SIMD registers (minutes; not part of CI)
   test --packs     import objects of published packages (downloads 320 MB, takes minutes; not part of CI)
   test --interop   let published packages of other projects ask, answer and read us (downloads 3 GB; not part of CI)
   test --cluster   collect on a Slurm of two nodes on this machine and lose one (needs its packages; not part of CI)

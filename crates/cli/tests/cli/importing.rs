@@ -3,7 +3,7 @@
 
 use std::fs;
 
-use crate::{QUICK, genmanip, program};
+use crate::{QUICK, genmanip, program, small_images};
 
 /// A box standing on z = 0, metres.
 fn cuboid([x, y, z]: [f64; 3]) -> String {
@@ -61,7 +61,7 @@ fn imported_objects_take_part_from_tasks_to_reports() {
     assert_eq!(genmanip(here, &new).code, Some(0));
     let laid_out = genmanip(here, &["layout", "tasks", "--count", "1", "--out", "scenarios"]);
     assert_eq!(laid_out.code, Some(0), "{laid_out:?}");
-    let collected = genmanip(here, &[&["collect", "tasks", "--out", "run"], &QUICK[..]].concat());
+    let collected = genmanip(here, &[&["collect", "tasks", "--world", small_images(), "--out", "run"], &QUICK[..]].concat());
     assert_eq!(collected.code, Some(0), "one attempt suffices for things that were tried: {collected:?}");
     let evaluated = genmanip(here, &["evaluate", "run", "--policy", "expert", "--json"]).json(0);
     assert_eq!(evaluated[0]["summary"]["success"]["value"], 1.0, "{evaluated}");

@@ -56,7 +56,7 @@ fn a_served_policy_acts_as_in_the_program() {
         genmanip(here, &["evaluate", "run/scenarios", "--policy", policy, "--horizon", "4", "--json"]).json(0)
     };
     // Half of all initial networks say at once that they have finished.
-    let moving = (0..8).find_map(|seed| {
+    let moving = (2..8).find_map(|seed| {
         let policy = format!("policy-{seed}");
         done(&["train", "run", "--preset", "tiny", "--steps", "1", "--seed", &seed.to_string(), "--out", &policy]);
         let results = results(evaluate(&format!("learned:{policy}")));

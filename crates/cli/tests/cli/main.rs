@@ -43,7 +43,7 @@ use serde_json::Value;
 const PROGRAM: &str = env!("CARGO_BIN_EXE_genmanip");
 const REPOSITORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
-/// The two quickest of the example tasks, and pictures at the lowest rate: drawing is what takes time.
+/// The two quickest of the example tasks, with images at the lowest rate: rendering takes most of the time.
 const QUICK_TASKS: [&str; 2] = ["021_spatial", "024_appearance"];
 const QUICK: [&str; 4] = ["--episodes", "1", "--fps", "10"];
 
@@ -131,10 +131,22 @@ fn recorded(name: &str) -> String {
     format!("{REPOSITORY}/crates/tasks/testdata/responses/{name}.json")
 }
 
-/// `collect` of the quick tasks into `run`, with more arguments.
+/// File of the default world with cameras of 128 x 72 pixels.
+fn small_images() -> &'static str {
+    static WORLD: OnceLock<String> = OnceLock::new();
+    WORLD.get_or_init(|| {
+        let usual = fs::read_to_string(format!("{REPOSITORY}/crates/assets/data/world.toml")).unwrap();
+        let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("small_images.toml");
+        fs::write(&file, usual.replace("[512, 288]", "[128, 72]")).unwrap();
+        file.to_str().unwrap().to_owned()
+    })
+}
+
+/// `collect` of the quick tasks with small images into `run`, with more arguments.
 fn collect_quick<'a>(examples: &'a [String], more: &[&'a str]) -> Vec<&'a str> {
     let tasks = examples.iter().map(String::as_str);
-    ["collect"].into_iter().chain(tasks).chain(QUICK).chain(["--out", "run"]).chain(more.iter().copied()).collect()
+    let usual = ["--world", small_images(), "--out", "run"];
+    ["collect"].into_iter().chain(tasks).chain(QUICK).chain(usual).chain(more.iter().copied()).collect()
 }
 
 fn quick_examples() -> Vec<String> {

@@ -6,7 +6,7 @@ use genmanip_data::EpisodeStore;
 use serde_json::Value;
 
 use crate::{
-    QUICK_TASKS, assert_same_tree, collect_quick, copy_of_finished_run, finished_run, genmanip, quick_examples,
+    QUICK_TASKS, assert_same_tree, collect_quick, copy_of_finished_run, finished_run, genmanip, quick_examples, small_images,
 };
 use crate::{times, tree, without_timings};
 
@@ -75,7 +75,7 @@ fn a_run_of_another_seed_is_refused_and_nothing_changes() {
         let arguments: Vec<&str> = ["collect"]
             .into_iter()
             .chain(examples.iter().map(String::as_str))
-            .chain(["--episodes", "1", "--out", "run"])
+            .chain(["--episodes", "1", "--world", small_images(), "--out", "run"])
             .chain(more)
             .chain(if more[0] == "--fps" { vec![] } else { vec!["--fps", "10"] })
             .collect();

@@ -6,12 +6,12 @@ use std::process::Stdio;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use crate::{assert_same_tree, example, genmanip, program, quick_examples, tree, without_timings};
+use crate::{assert_same_tree, example, genmanip, program, quick_examples, small_images, tree, without_timings};
 
 /// `collect` of four attempts, two tasks with two each, into a folder.
 fn collect<'a>(examples: &'a [String], out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     let tasks = examples.iter().map(String::as_str);
-    let usual = ["--episodes", "2", "--fps", "10", "--seed", "720001", "--out", out];
+    let usual = ["--episodes", "2", "--fps", "10", "--seed", "720001", "--world", small_images(), "--out", out];
     ["collect"].into_iter().chain(tasks).chain(usual).chain(more.iter().copied()).collect()
 }
 

@@ -65,15 +65,15 @@ impl Progress for Listener<'_> {
     fn note(&self, _text: &str) {}
 }
 
+/// Episodes of a task in the default world with images of 128 x 72 pixels.
 fn run(episodes: usize) -> Run {
     let path = PathBuf::from(format!("{}/../../examples/tasks/{TASK}.json", env!("CARGO_MANIFEST_DIR")));
     let tasks = task_files::spool_tasks(&[path], &std::env::temp_dir()).unwrap();
-    Run::new(
-        tasks,
-        episodes,
-        PipelineSettings::in_world((*genmanip_assets::worlds::default_world()).clone()),
-        Seed::new(3),
-    )
+    let mut world = (*genmanip_assets::worlds::default_world()).clone();
+    for camera in &mut world.cameras {
+        camera.intrinsics = camera.intrinsics.filling(128, 72);
+    }
+    Run::new(tasks, episodes, PipelineSettings::in_world(world), Seed::new(3))
 }
 
 fn collected(folder: &Path, run: &Run, progress: &dyn Progress, stop: &AtomicBool) -> Collected {
