@@ -94,6 +94,6 @@ pub use sensor::{CameraSensor, ColorSensor, DepthSensor};
 pub use task::{Atom, Goal, GraphEdge, GraphNode, NamedSurface, SceneGraph, SharedCards, Task, TaskKind};
 pub use verdict::{AtomVerdict, GoalVerdict, Measurement, Unit};
 pub use world::{
-    BetweenReading, Board, PhysicsSettings, RelationSettings, SupportSurface, Workspace, World, WorldDifference,
-    WorldFault, WorldFile, WorldHashes, WorldPart, WorldRobot,
+    ArmPhysics, BetweenReading, Board, PhysicsSettings, RelationSettings, SupportSurface, Workspace, World,
+    WorldDifference, WorldFault, WorldFile, WorldHashes, WorldPart, WorldRobot,
 };

@@ -48,12 +48,13 @@ pub(crate) fn assemble(
     world: &World,
     robot: Option<&RobotModel>,
     objects: &[SceneObject],
+    payload: Option<&MassProperties>,
     settings: &CheckedSettings,
 ) -> String {
     let mut parts = Parts::default();
     if let Some((robot, drives)) = robot.zip(settings.drives.as_ref()) {
         let start = world.robot.start.as_deref().unwrap_or(&robot.home);
-        robot::add(&mut parts, robot, start, drives, settings.physics.timestep_s());
+        robot::add(&mut parts, robot, start, settings, drives, payload);
         parts.ctrl.extend(start);
         parts.ctrl.extend(robot.home.iter().map(|_| 0.0));
         parts.ctrl.push(setpoint_from_width(robot.gripper.max_width, drives));

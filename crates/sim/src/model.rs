@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use genmanip_core::{PhysicsSettings, RobotModel, World};
+use genmanip_core::{MassProperties, PhysicsSettings, RobotModel, World};
 use mujoco_rs::mujoco_c::_mjtObjBase as ObjectType;
 use mujoco_rs::wrappers::MjModel;
 
@@ -61,7 +61,16 @@ impl Model {
     /// Invalid settings, names or numbers, or a model that the engine rejects ([`SimError::Compile`] carries its
     /// message).
     pub fn compile(world: &World, robot: &RobotModel, objects: &[SceneObject]) -> Result<Self, SimError> {
-        Self::compile_with(world, Some(robot), objects)
+        Self::compile_with(world, Some(robot), objects, None)
+    }
+
+    /// Compiles a world with a robot that carries a payload, to identify the arm: it is rigidly attached to the hand,
+    /// with its centre in the hand's frame, touches nothing, and the drives do not compensate its weight.
+    ///
+    /// # Errors
+    /// As [`Model::compile`].
+    pub fn compile_with_payload(world: &World, robot: &RobotModel, payload: &MassProperties) -> Result<Self, SimError> {
+        Self::compile_with(world, Some(robot), &[], Some(payload))
     }
 
     /// Compiles surfaces and objects without a robot, for fast settling of layouts.
@@ -69,10 +78,15 @@ impl Model {
     /// # Errors
     /// As [`Model::compile`].
     pub fn compile_without_robot(world: &World, objects: &[SceneObject]) -> Result<Self, SimError> {
-        Self::compile_with(world, None, objects)
+        Self::compile_with(world, None, objects, None)
     }
 
-    fn compile_with(world: &World, robot: Option<&RobotModel>, objects: &[SceneObject]) -> Result<Self, SimError> {
+    fn compile_with(
+        world: &World,
+        robot: Option<&RobotModel>,
+        objects: &[SceneObject],
+        payload: Option<&MassProperties>,
+    ) -> Result<Self, SimError> {
         let engine = engine_version();
         if engine != ENGINE {
             return Err(SimError::EngineVersion { expected: ENGINE.into(), got: engine });
@@ -81,7 +95,7 @@ impl Model {
         let settings = CheckedSettings::of(&world.physics, robot)?;
         check_surfaces(world)?;
         check_objects(objects)?;
-        let mjcf = mjcf::assemble(world, robot, objects, &settings);
+        let mjcf = mjcf::assemble(world, robot, objects, payload, &settings);
         let model = MjModel::from_xml_string(&mjcf).map_err(|error| SimError::Compile(error.to_string()))?;
         let names = Names(&model);
         let robot = robot.map(|robot| names.robot(robot)).transpose()?;

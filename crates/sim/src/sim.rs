@@ -40,6 +40,7 @@ impl Sim {
         // `mjcf::assemble` writes the keyframe, so it exists.
         let reset = data.reset_keyframe(0);
         debug_assert!(reset.is_ok());
+        fill_delay_lines(&scene, &mut data);
         data.kinematics();
         Self { scene, data, stray: None }
     }
@@ -134,6 +135,32 @@ impl Sim {
         Ok(())
     }
 
+    /// Simulates one physics step with the arm's set points at its end (rad) and their mean velocities (rad/s), base to
+    /// tip, not limited by the joints' ranges and speeds; `external_torque` (N·m) acts on the joints beside the drives.
+    ///
+    /// # Errors
+    /// For lists of another length than the arm's, and if the simulation diverges.
+    pub fn drive_step(
+        &mut self,
+        positions: &[f64],
+        velocities: &[f64],
+        external_torque: &[f64],
+    ) -> Result<(), SimError> {
+        let scene = Arc::clone(&self.scene);
+        let robot = scene.robot.as_ref().ok_or(SimError::NoRobot)?;
+        let expected = robot.arm_dof.len();
+        if let Some(list) = [positions, velocities, external_torque].into_iter().find(|list| list.len() != expected) {
+            return Err(SimError::CommandLength { expected, got: list.len() });
+        }
+        for joint in 0..expected {
+            let ctrl = self.data.ctrl_mut();
+            ctrl[robot.position_ctrl[joint]] = positions[joint];
+            ctrl[robot.velocity_ctrl[joint]] = velocities[joint];
+            self.data.qfrc_applied_mut()[robot.arm_dof[joint]] = external_torque[joint];
+        }
+        self.step_with(|_, _| ())
+    }
+
     /// Runs the engine's own step function without checks, for timing comparisons.
     pub fn advance_bare(&mut self, physics_steps: u32) {
         for _ in 0..physics_steps {
@@ -199,6 +226,12 @@ impl Sim {
     pub fn joint_positions(&self) -> Vec<f64> {
         let robot = self.scene.robot.iter();
         robot.flat_map(|robot| robot.arm_qpos.iter().map(|&address| self.data.qpos()[address])).collect()
+    }
+
+    /// Arm joint velocities, rad/s, base to tip; empty without a robot.
+    pub fn joint_velocities(&self) -> Vec<f64> {
+        let robot = self.scene.robot.iter();
+        robot.flat_map(|robot| robot.arm_dof.iter().map(|&address| self.data.qvel()[address])).collect()
     }
 
     /// Opening width between the pads, m; 0 without a robot.
@@ -280,6 +313,19 @@ impl Sim {
         let restored = self.data.set_state(&state, STATE);
         debug_assert!(restored.is_ok());
         result
+    }
+}
+
+/// Fills the delay lines of the arm's drives with the set points at the start; the engine fills them with zeros.
+fn fill_delay_lines(scene: &Model, data: &mut MjData<Arc<MjModel>>) {
+    let Some(robot) = &scene.robot else { return };
+    for &drive in robot.position_ctrl.iter().chain(&robot.velocity_ctrl) {
+        let [samples, _] = scene.model.actuator_history()[drive];
+        if samples > 0 {
+            let start = data.ctrl()[drive];
+            let filled = data.init_ctrl_history(drive, None, &vec![start; samples as usize]);
+            debug_assert!(filled.is_ok());
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::{PhysicsSettings, RelationSettings, SupportSurface, World};
+use super::{ArmPhysics, PhysicsSettings, RelationSettings, SupportSurface, World};
 use crate::{AppearanceFactor, AppearanceRandomisation, Camera, CameraSensor, RobotModel};
 
 /// Maximum side length of surfaces and workspaces, metres; larger values indicate a wrong unit.
@@ -143,6 +143,12 @@ impl World {
             let expected = format!("{} joint positions", robot.arm_dof());
             faults.push(WorldFault::new("robot.start", expected, start.len()));
         }
+        for (name, values) in self.physics.arm.iter().flat_map(ArmPhysics::lists) {
+            if !values.is_empty() && values.len() != robot.arm_dof() {
+                let expected = format!("{} values, one per joint, or none", robot.arm_dof());
+                faults.push(WorldFault::new(format!("physics.arm.{name}"), expected, values.len()));
+            }
+        }
         for (place, joints) in [("home", Some(self.robot.home.as_slice())), ("start", start)] {
             for (index, (joint, &at)) in robot.arm_joints().zip(joints.unwrap_or_default()).enumerate() {
                 if !(joint.lower..=joint.upper).contains(&at) {
@@ -266,12 +272,28 @@ fn check_physics(physics: &PhysicsSettings, faults: &mut Vec<WorldFault>) {
     if !(0.1..=10.0).contains(&physics.pad_friction) {
         faults.push(WorldFault::new("physics.pad_friction", "a factor of 0.1 to 10", physics.pad_friction));
     }
+    if let Some(arm) = &physics.arm {
+        check_arm(arm, faults);
+    }
     if !physics.gravity_m_s2.is_finite() {
         faults.push(WorldFault::new("physics.gravity_m_s2", "a finite number", physics.gravity_m_s2));
     }
     if !physics.rotational_friction_m.iter().all(|value| value.is_finite() && *value >= 0.0) {
         let got = format!("{:?}", physics.rotational_friction_m);
         faults.push(WorldFault::new("physics.rotational_friction_m", "two numbers of 0 or more", got));
+    }
+}
+
+/// Adds the faults of the arm's dynamics; their numbers of joints are checked with the robot.
+fn check_arm(arm: &ArmPhysics, faults: &mut Vec<WorldFault>) {
+    for (name, values) in arm.lists() {
+        if let Some(value) = values.iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
+            faults.push(WorldFault::new(format!("physics.arm.{name}"), "numbers of 0 or more", value));
+        }
+    }
+    if !(0.0..=ArmPhysics::MAX_LATENCY_S).contains(&arm.latency_s) {
+        let expected = format!("0 to {} s", ArmPhysics::MAX_LATENCY_S);
+        faults.push(WorldFault::new("physics.arm.latency_s", expected, arm.latency_s));
     }
 }
 

@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 pub use check::{WorldFault, camera_faults};
 pub use compare::{WorldDifference, WorldHashes, WorldPart};
 pub use file::{WorldFile, read_camera};
-pub use settings::{BetweenReading, PhysicsSettings, RelationSettings};
+pub use settings::{ArmPhysics, BetweenReading, PhysicsSettings, RelationSettings};
 pub use surface::{Board, SupportSurface};
 pub use workspace::Workspace;
 

@@ -23,8 +23,43 @@ pub struct PhysicsSettings {
     /// Factor on the sliding friction of the gripper pads; 1 is the robot's own value.
     #[serde(default = "unit_factor", skip_serializing_if = "is_unit_factor")]
     pub pad_friction: f64,
+    /// Joint dynamics of the arm, as identified on a real one; `None` for those of the robot's file, without latency.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub arm: Option<ArmPhysics>,
     /// Solver settings of the physics engine; the `sim` crate rejects unknown and missing names.
     pub engine: BTreeMap<String, Value>,
+}
+
+/// Joint dynamics of an arm that replace those of the robot's file; a list is per joint, base to tip, and an empty one
+/// leaves the robot's own values.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ArmPhysics {
+    /// Position gains of the drives, N·m/rad.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub kp: Vec<f64>,
+    /// Velocity gains of the drives, N·m·s/rad.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub kv: Vec<f64>,
+    /// Viscous friction of the joints, N·m·s/rad.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub damping: Vec<f64>,
+    /// Dry friction of the joints, N·m; 0 where the list is empty.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub friction_loss: Vec<f64>,
+    /// Time from the stamp of a command to its effect on the drives, s. Without [`ArmPhysics`], drives lead their
+    /// commands by one physics step.
+    pub latency_s: f64,
+}
+
+impl ArmPhysics {
+    /// Maximum latency, s: longer ones are mistakes of units or clocks.
+    pub const MAX_LATENCY_S: f64 = 0.5;
+
+    /// The lists with their names in files.
+    pub fn lists(&self) -> [(&'static str, &[f64]); 4] {
+        [("kp", &self.kp), ("kv", &self.kv), ("damping", &self.damping), ("friction_loss", &self.friction_loss)]
+    }
 }
 
 fn unit_factor() -> f64 {

@@ -1,14 +1,18 @@
 //! The robot's bodies, actuators and limits.
 
-use genmanip_core::{Drives, JointKind, RobotJoint, RobotModel};
+use genmanip_core::{ArmPhysics, Drives, JointKind, MassProperties, RobotJoint, RobotModel};
 
 use super::{GRIP, Parts, geom, inertial, mesh, with_pose};
+use crate::engine_settings::CheckedSettings;
 use crate::xml::Element;
 
 /// Pieces whose centres are at most this much farther from the TCP than the nearest one also count as pads, m.
 const PAD_TIE_M: f64 = 1e-3;
 /// Time constant of the finger coupling, in physics steps: as stiff as the integrator allows.
 const COUPLING_STEPS: f64 = 2.5;
+
+/// Body of a payload that is rigidly attached to the hand.
+const PAYLOAD: &str = "robot/payload";
 
 pub(crate) fn robot_body(link: &str) -> String {
     format!("robot/{link}")
@@ -24,11 +28,22 @@ pub(crate) fn finger_joint(robot: &RobotModel, finger: usize) -> Option<String> 
     link.joint.as_ref().map(|joint| robot_joint(&joint.name))
 }
 
-pub(super) fn add(parts: &mut Parts, robot: &RobotModel, start: &[f64], drives: &Drives, timestep_s: f64) {
-    let mut start = start.iter().copied();
+/// Adds the robot; `payload`, in the hand's frame, is rigidly attached to the hand, and the drives do not compensate
+/// its weight.
+pub(super) fn add(
+    parts: &mut Parts,
+    robot: &RobotModel,
+    start: &[f64],
+    settings: &CheckedSettings,
+    drives: &Drives,
+    payload: Option<&MassProperties>,
+) {
+    let arm = settings.physics.arm.as_ref();
+    let timestep_s = settings.physics.timestep_s();
+    let mut writer = Writer { robot, start: start.iter().copied(), settings, drives, payload };
     let roots = (0..robot.links.len()).filter(|&index| robot.links[index].parent.is_none());
     for root in roots {
-        let body = link_body(parts, robot, root, &mut start, drives);
+        let body = writer.link_body(parts, root);
         parts.bodies.push(body);
     }
     for &(a, b) in &robot.never_colliding {
@@ -38,61 +53,79 @@ pub(super) fn add(parts: &mut Parts, robot: &RobotModel, start: &[f64], drives: 
                 .push(Element::new("exclude").text("body1", &robot_body(&a.name)).text("body2", &robot_body(&b.name)));
         }
     }
-    add_arm_drives(parts, robot, drives);
+    add_arm_drives(parts, robot, drives, arm.map(|arm| arm.latency_s), timestep_s);
     add_gripper_drive(parts, robot, drives, timestep_s);
 }
 
-fn link_body(
-    parts: &mut Parts,
-    robot: &RobotModel,
-    index: usize,
-    start: &mut impl Iterator<Item = f64>,
-    drives: &Drives,
-) -> Element {
-    let link = &robot.links[index];
-    let is_finger = robot.gripper.fingers.contains(&index);
-    let mut body =
-        with_pose(Element::named("body", &robot_body(&link.name)), &link.parent_from_link).number("gravcomp", 1.0);
-    if link.mass.mass_kg > 0.0 {
-        body.push(inertial(&link.mass));
-    }
-    if let Some(joint) = &link.joint {
-        let start = if is_finger { robot.gripper.max_width / 2.0 } else { start.next().unwrap_or(0.0) };
-        parts.qpos.push(start);
-        body.push(joint_element(joint, is_finger, drives));
-    }
-    let pads = if is_finger { pad_pieces(robot, index) } else { Vec::new() };
-    for (number, piece) in link.pieces.iter().enumerate() {
-        let name = format!("robot/{}/{number}", link.name);
-        parts.assets.extend(mesh(piece, &name));
-        let class = if pads.contains(&number) { "pad" } else { "robot" };
-        body.push(geom(&name, class, piece, &name));
-    }
-    for child in (0..robot.links.len()).filter(|&child| robot.links[child].parent == Some(index)) {
-        let child = link_body(parts, robot, child, start, drives);
-        body.push(child);
-    }
-    body
+struct Writer<'a, S: Iterator<Item = f64>> {
+    robot: &'a RobotModel,
+    start: S,
+    settings: &'a CheckedSettings,
+    drives: &'a Drives,
+    payload: Option<&'a MassProperties>,
 }
 
-fn joint_element(joint: &RobotJoint, is_finger: bool, drives: &Drives) -> Element {
-    let kind = match joint.kind {
-        JointKind::Revolute => "hinge",
-        JointKind::Prismatic => "slide",
-    };
-    let element = Element::named("joint", &robot_joint(&joint.name))
-        .text("type", kind)
-        .numbers("axis", &joint.axis.to_array())
-        .numbers("range", &[joint.lower, joint.upper]);
-    if is_finger {
-        element.number("armature", drives.finger_armature).number("damping", drives.finger_damping)
-    } else {
+impl<S: Iterator<Item = f64>> Writer<'_, S> {
+    fn link_body(&mut self, parts: &mut Parts, index: usize) -> Element {
+        let robot = self.robot;
+        let link = &robot.links[index];
+        let is_finger = robot.gripper.fingers.contains(&index);
+        let mut body =
+            with_pose(Element::named("body", &robot_body(&link.name)), &link.parent_from_link).number("gravcomp", 1.0);
+        if link.mass.mass_kg > 0.0 {
+            body.push(inertial(&link.mass));
+        }
+        if let Some(joint) = &link.joint {
+            let start = if is_finger { robot.gripper.max_width / 2.0 } else { self.start.next().unwrap_or(0.0) };
+            parts.qpos.push(start);
+            body.push(self.joint_element(joint, is_finger));
+        }
+        let pads = if is_finger { pad_pieces(robot, index) } else { Vec::new() };
+        for (number, piece) in link.pieces.iter().enumerate() {
+            let name = format!("robot/{}/{number}", link.name);
+            parts.assets.extend(mesh(piece, &name));
+            let class = if pads.contains(&number) { "pad" } else { "robot" };
+            body.push(geom(&name, class, piece, &name));
+        }
+        if let Some(payload) = self.payload.filter(|_| index == robot.hand) {
+            body.push(Element::named("body", PAYLOAD).child(inertial(payload)));
+        }
+        for child in (0..robot.links.len()).filter(|&child| robot.links[child].parent == Some(index)) {
+            let child = self.link_body(parts, child);
+            body.push(child);
+        }
+        body
+    }
+
+    fn joint_element(&self, joint: &RobotJoint, is_finger: bool) -> Element {
+        let drives = self.drives;
+        let kind = match joint.kind {
+            JointKind::Revolute => "hinge",
+            JointKind::Prismatic => "slide",
+        };
+        let element = Element::named("joint", &robot_joint(&joint.name))
+            .text("type", kind)
+            .numbers("axis", &joint.axis.to_array())
+            .numbers("range", &[joint.lower, joint.upper]);
+        if is_finger {
+            return element.number("armature", drives.finger_armature).number("damping", drives.finger_damping);
+        }
+        let own = |list: fn(&ArmPhysics) -> &Vec<f64>| {
+            let number = self.robot.arm_joints().position(|other| other.name == joint.name)?;
+            list(self.settings.physics.arm.as_ref()?).get(number).copied()
+        };
         // The engine counts gravity compensation as actuator force, so that it is part of the published torque limit.
-        element
+        let mut element = element
             .number("armature", drives.arm_armature)
-            .number("damping", drives.arm_damping)
+            .number("damping", own(|arm| &arm.damping).unwrap_or(drives.arm_damping))
             .text("actuatorgravcomp", "true")
-            .numbers("actuatorfrcrange", &[-joint.max_effort, joint.max_effort])
+            .numbers("actuatorfrcrange", &[-joint.max_effort, joint.max_effort]);
+        if let Some(friction_loss) = own(|arm| &arm.friction_loss) {
+            element = element
+                .number("frictionloss", friction_loss)
+                .numbers("solimpfriction", &self.settings.engine.joint_friction_solimp);
+        }
+        element
     }
 }
 
@@ -113,16 +146,28 @@ fn pad_pieces(robot: &RobotModel, finger: usize) -> Vec<usize> {
 }
 
 /// PD drives: a position and a velocity servo per joint; the latter tracks the command's velocity.
-fn add_arm_drives(parts: &mut Parts, robot: &RobotModel, drives: &Drives) {
+///
+/// With a latency, set points take effect at the time that they are for, and the latency later. A position set point is
+/// that of the end of a physics step, hence one step more; a velocity set point is the mean over the step.
+fn add_arm_drives(parts: &mut Parts, robot: &RobotModel, drives: &Drives, latency_s: Option<f64>, timestep_s: f64) {
     let gain = |gains: &[f64], index: usize| gains.get(index).or(gains.last()).copied().unwrap_or(0.0);
-    for (kind, key, gains) in [("position", "kp", &drives.arm_kp), ("velocity", "kv", &drives.arm_kv)] {
+    let position_delay = latency_s.map_or(0.0, |latency| latency + timestep_s);
+    let velocity_delay = latency_s.unwrap_or(0.0);
+    let kinds =
+        [("position", "kp", &drives.arm_kp, position_delay), ("velocity", "kv", &drives.arm_kv, velocity_delay)];
+    for (kind, key, gains, delay_s) in kinds {
         for (index, joint) in robot.arm_joints().enumerate() {
-            parts.actuators.push(
-                Element::new(kind)
-                    .text("name", &format!("arm/{}/{kind}", joint.name))
-                    .text("joint", &robot_joint(&joint.name))
-                    .number(key, gain(gains, index)),
-            );
+            let mut drive = Element::new(kind)
+                .text("name", &format!("arm/{}/{kind}", joint.name))
+                .text("joint", &robot_joint(&joint.name))
+                .number(key, gain(gains, index));
+            if delay_s > 0.0 {
+                drive = drive
+                    .number("delay", delay_s)
+                    .number("nsample", (delay_s / timestep_s).ceil() + 2.0)
+                    .text("interp", "linear");
+            }
+            parts.actuators.push(drive);
         }
     }
 }
