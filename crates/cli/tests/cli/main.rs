@@ -131,13 +131,14 @@ fn recorded(name: &str) -> String {
     format!("{REPOSITORY}/crates/tasks/testdata/responses/{name}.json")
 }
 
-/// File of the default world with cameras of 128 x 72 pixels.
+/// File of the default world whose dataset cameras have 128 x 72 pixels; layouts are judged in the others.
 fn small_images() -> &'static str {
     static WORLD: OnceLock<String> = OnceLock::new();
     WORLD.get_or_init(|| {
         let usual = fs::read_to_string(format!("{REPOSITORY}/crates/assets/data/world.toml")).unwrap();
         let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("small_images.toml");
-        fs::write(&file, usual.replace("[512, 288]", "[128, 72]")).unwrap();
+        let (others, cameras) = usual.split_at(usual.find("name = \"static\"").unwrap());
+        fs::write(&file, format!("{others}{}", cameras.replace("[512, 288]", "[128, 72]"))).unwrap();
         file.to_str().unwrap().to_owned()
     })
 }
