@@ -61,7 +61,8 @@ fn imported_objects_take_part_from_tasks_to_reports() {
     assert_eq!(genmanip(here, &new).code, Some(0));
     let laid_out = genmanip(here, &["layout", "tasks", "--count", "1", "--out", "scenarios"]);
     assert_eq!(laid_out.code, Some(0), "{laid_out:?}");
-    let collected = genmanip(here, &[&["collect", "tasks", "--world", small_images(), "--out", "run"], &QUICK[..]].concat());
+    let collected =
+        genmanip(here, &[&["collect", "tasks", "--world", small_images(), "--out", "run"], &QUICK[..]].concat());
     assert_eq!(collected.code, Some(0), "one attempt suffices for things that were tried: {collected:?}");
     let evaluated = genmanip(here, &["evaluate", "run", "--policy", "expert", "--json"]).json(0);
     assert_eq!(evaluated[0]["summary"]["success"]["value"], 1.0, "{evaluated}");

@@ -6,7 +6,7 @@ use genmanip_assets::GraspFile;
 use genmanip_core::Document;
 use serde_json::{Value, json};
 
-use crate::{copy_of_finished_run, either_program, example, genmanip, quick_examples};
+use crate::{copy_of_finished_run, either_program, example, genmanip, quick_examples, small_images};
 
 /// A call, the exit code it ends with, and what its message must contain.
 type Case = (&'static str, i32, &'static [&'static str]);
@@ -94,7 +94,11 @@ const CASES: [Case; 66] = [
     ("lab motion --problems problems.json", 1, &["problems.json", "problems[0].start", "expected 7", "got 6"]),
     ("lab motion --problems far.json", 1, &["far.json", "problems[0].obstacles[0]", "expected", "got"]),
     // A run that was started otherwise.
-    ("collect --out run 021 024 --episodes 1 --fps 15", 1, &["holds another run (settings.images.fps is 10, not 15)"]),
+    (
+        "collect --out run 021 024 --world small.toml --episodes 1 --fps 15",
+        1,
+        &["holds another run (settings.images.fps is 10, not 15)"],
+    ),
     ("collect --out run 021 --episodes 1 --fps 10", 1, &["its tasks are 021_spatial, 024_appearance, not 021_spatial"]),
     ("collect --out run 021 024 --episodes 1 --fps 10 --no-dataset", 1, &["settings.images is set, not none"]),
     (
@@ -140,6 +144,7 @@ fn workplace() -> tempfile::TempDir {
     changed["seed"] = u64::MAX.into();
     write("large_seed.json", changed.to_string().as_bytes());
     fs::copy(example("021_spatial"), folder.path().join("task.json")).unwrap();
+    fs::copy(small_images(), folder.path().join("small.toml")).unwrap();
     write("bom.json", b"\xef\xbb\xbf{}");
     write("utf16.json", b"\xff\xfe{\0}\0");
     write("empty.json", b"");

@@ -6,7 +6,8 @@ use genmanip_data::EpisodeStore;
 use serde_json::Value;
 
 use crate::{
-    QUICK_TASKS, assert_same_tree, collect_quick, copy_of_finished_run, finished_run, genmanip, quick_examples, small_images,
+    QUICK_TASKS, assert_same_tree, collect_quick, copy_of_finished_run, finished_run, genmanip, quick_examples,
+    small_images,
 };
 use crate::{times, tree, without_timings};
 
