@@ -99,8 +99,16 @@ const CASES: [Case; 66] = [
         1,
         &["holds another run (settings.images.fps is 10, not 15)"],
     ),
-    ("collect --out run 021 --episodes 1 --fps 10", 1, &["its tasks are 021_spatial, 024_appearance, not 021_spatial"]),
-    ("collect --out run 021 024 --episodes 1 --fps 10 --no-dataset", 1, &["settings.images is set, not none"]),
+    (
+        "collect --out run 021 --world small.toml --episodes 1 --fps 10",
+        1,
+        &["its tasks are 021_spatial, 024_appearance, not 021_spatial"],
+    ),
+    (
+        "collect --out run 021 024 --world small.toml --episodes 1 --fps 10 --no-dataset",
+        1,
+        &["settings.images is set, not none"],
+    ),
     (
         "collect --out new 021 --no-dataset --variation per-episode --vary light,physics",
         2,
