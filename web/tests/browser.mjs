@@ -1058,7 +1058,7 @@ withMock("editing stops when the server says so", async () => {
 
 withMock("scene changes leak neither meshes nor heap", async () => {
   const page = await openPage();
-  const changes = 120;
+  const changes = 160;
   const loaded = () => page.waitForFunction(() => !/meshes \d/.test(document.querySelector(".bottom")?.textContent ?? ""));
   const figures = async () => {
     await loaded();
@@ -1080,12 +1080,12 @@ withMock("scene changes leak neither meshes nor heap", async () => {
     await page.waitForTimeout(20);
     if (change % 10 === 9) await ready(page);
     // The same scenario as at the end.
-    if (change !== 39) continue;
+    if (change !== 79) continue;
     const now = await figures();
     early = { geometries: Math.max(early.geometries, now.geometries), heap: Math.max(early.heap, now.heap) };
   }
   const late = await figures();
-  console.log(`   by 40 changes at most ${early.geometries} geometries, ${(early.heap / 1e6).toFixed(1)} MB; after ${changes} ${late.geometries}, ${(late.heap / 1e6).toFixed(1)} MB`);
+  console.log(`   by 80 changes at most ${early.geometries} geometries, ${(early.heap / 1e6).toFixed(1)} MB; after ${changes} ${late.geometries}, ${(late.heap / 1e6).toFixed(1)} MB`);
   assert.ok(late.geometries <= early.geometries * 1.1 + 4, `${early.geometries} to ${late.geometries} geometries`);
   assert.ok(late.heap <= early.heap * 1.1 + 1e6, `${early.heap} to ${late.heap} bytes`);
   assert.equal(await page.locator("canvas").count(), 1);
