@@ -1,7 +1,10 @@
 //! A short campaign of every target, inside the test itself.
 
+use std::convert::Infallible;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::AtomicBool;
+
+use genmanip_rollout::collect::in_parallel;
 
 use super::*;
 
@@ -10,16 +13,11 @@ const INPUTS: u64 = 200;
 
 #[test]
 fn valid_inputs_are_accepted_and_mutated_ones_break_nothing() {
-    let next = AtomicUsize::new(0);
-    std::thread::scope(|scope| {
-        for _ in 0..2 {
-            scope.spawn(|| {
-                while let Some(target) = TARGETS.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    check(target);
-                }
-            });
-        }
+    let done = in_parallel(TARGETS, 2, &AtomicBool::new(false), &|target| {
+        check(target);
+        Ok::<_, Infallible>(())
     });
+    assert_eq!(done.map(|done| done.len()), Ok(TARGETS.len()));
 }
 
 fn check(target: &Target) {

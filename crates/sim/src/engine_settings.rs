@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use genmanip_core::names::near_misses;
-use genmanip_core::{ArmPhysics, Drives, PhysicsSettings, RobotModel};
+use genmanip_core::{Drives, PhysicsSettings, RobotModel};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -136,7 +136,9 @@ impl CheckedSettings {
             drives.pad_friction[0] *= physics.pad_friction;
         }
         if let Some(((arm, robot), drives)) = physics.arm.as_ref().zip(robot).zip(drives.as_mut()) {
-            check_arm(arm, robot)?;
+            if let Some(fault) = arm.faults(robot).first() {
+                return fail(fault.to_string());
+            }
             for (own, gains) in [(&mut drives.arm_kp, &arm.kp), (&mut drives.arm_kv, &arm.kv)] {
                 if !gains.is_empty() {
                     own.clone_from(gains);
@@ -145,22 +147,6 @@ impl CheckedSettings {
         }
         Ok(Self { physics: physics.clone(), engine, drives })
     }
-}
-
-fn check_arm(arm: &ArmPhysics, robot: &RobotModel) -> Result<(), SimError> {
-    let joints = robot.arm_joints().count();
-    for (name, values) in arm.lists() {
-        let fits = values.is_empty() || values.len() == joints;
-        if !fits || !values.iter().all(|value| value.is_finite() && *value >= 0.0) {
-            let expected = format!("{joints} numbers of 0 or more, one per joint of `{}`, or none", robot.name);
-            return Err(SimError::Settings(format!("`physics.arm.{name}`: expected {expected}, got {values:?}")));
-        }
-    }
-    if !(0.0..=ArmPhysics::MAX_LATENCY_S).contains(&arm.latency_s) {
-        let expected = format!("0 to {} s", ArmPhysics::MAX_LATENCY_S);
-        return Err(SimError::Settings(format!("`physics.arm.latency_s`: expected {expected}, got {}", arm.latency_s)));
-    }
-    Ok(())
 }
 
 fn checked_drives(robot: &RobotModel) -> Result<Drives, SimError> {

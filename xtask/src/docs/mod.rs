@@ -18,6 +18,9 @@ use std::time::{Duration, Instant};
 
 /// Folders and files of the repository that blocks see in their folder.
 const LINKED: [&str; 4] = ["examples", "suites", "schemas", "docs"];
+/// World that blocks see in their folder, for `docs: replace`: the default one whose dataset cameras have small images.
+/// Layouts are judged in the other cameras.
+const SMALL_IMAGES: &str = "small.toml";
 /// Pages that run at the same time; chosen: a page has phases on one core.
 const AT_ONCE: usize = 2;
 
@@ -185,6 +188,9 @@ impl Place {
             let link = folder.join(name);
             std::os::unix::fs::symlink(self.root.join(name), &link).on("link", &link)?;
         }
+        let world = self.root.join("crates/assets/data/world.toml");
+        let small = small_images(&fs::read_to_string(&world).on("read", &world)?);
+        fs::write(folder.join(SMALL_IMAGES), small).on("write", &folder)?;
         let mut order: Vec<&str> = Vec::new();
         add_with_needs(page, plans, &mut Vec::new(), &mut order);
         for one in order {
@@ -208,6 +214,12 @@ impl Place {
         // Kept after a failure, to be looked into.
         fs::remove_dir_all(&place).on("remove", &place)
     }
+}
+
+/// [`SMALL_IMAGES`] from the default world.
+fn small_images(world: &str) -> String {
+    let (others, cameras) = world.split_at(world.find("name = \"static\"").unwrap_or(world.len()));
+    format!("{others}{}", cameras.replace("[512, 288]", "[128, 72]"))
 }
 
 /// Adds a page behind the pages that it needs, each once.
@@ -239,6 +251,14 @@ mod tests {
         let mut order = Vec::new();
         add_with_needs("a", &plans, &mut Vec::new(), &mut order);
         assert_eq!(order, ["c", "b", "a"]);
+    }
+
+    #[test]
+    fn the_cameras_of_datasets_have_small_images() {
+        let world = include_str!("../../../crates/assets/data/world.toml");
+        let sizes = |world: &str, size| world.matches(size).count();
+        assert_eq!((sizes(world, "[512, 288]"), sizes(&small_images(world), "[512, 288]")), (5, 3));
+        assert_eq!(sizes(&small_images(world), "[128, 72]"), 2);
     }
 
     #[test]

@@ -55,7 +55,7 @@ fn a_served_policy_acts_as_in_the_program() {
     let evaluate = |policy: &str| {
         genmanip(here, &["evaluate", "run/scenarios", "--policy", policy, "--horizon", "4", "--json"]).json(0)
     };
-    // Half of all initial networks say at once that they have finished.
+    // Half of all initial networks say at once that they have finished, the first two among them.
     let moving = (2..8).find_map(|seed| {
         let policy = format!("policy-{seed}");
         done(&["train", "run", "--preset", "tiny", "--steps", "1", "--seed", &seed.to_string(), "--out", &policy]);

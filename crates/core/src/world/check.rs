@@ -143,12 +143,7 @@ impl World {
             let expected = format!("{} joint positions", robot.arm_dof());
             faults.push(WorldFault::new("robot.start", expected, start.len()));
         }
-        for (name, values) in self.physics.arm.iter().flat_map(ArmPhysics::lists) {
-            if !values.is_empty() && values.len() != robot.arm_dof() {
-                let expected = format!("{} values, one per joint, or none", robot.arm_dof());
-                faults.push(WorldFault::new(format!("physics.arm.{name}"), expected, values.len()));
-            }
-        }
+        faults.extend(self.physics.arm.iter().flat_map(|arm| arm.faults_of_lengths(robot)));
         for (place, joints) in [("home", Some(self.robot.home.as_slice())), ("start", start)] {
             for (index, (joint, &at)) in robot.arm_joints().zip(joints.unwrap_or_default()).enumerate() {
                 if !(joint.lower..=joint.upper).contains(&at) {
@@ -272,9 +267,7 @@ fn check_physics(physics: &PhysicsSettings, faults: &mut Vec<WorldFault>) {
     if !(0.1..=10.0).contains(&physics.pad_friction) {
         faults.push(WorldFault::new("physics.pad_friction", "a factor of 0.1 to 10", physics.pad_friction));
     }
-    if let Some(arm) = &physics.arm {
-        check_arm(arm, faults);
-    }
+    faults.extend(physics.arm.iter().flat_map(ArmPhysics::faults_of_values));
     if !physics.gravity_m_s2.is_finite() {
         faults.push(WorldFault::new("physics.gravity_m_s2", "a finite number", physics.gravity_m_s2));
     }
@@ -284,16 +277,36 @@ fn check_physics(physics: &PhysicsSettings, faults: &mut Vec<WorldFault>) {
     }
 }
 
-/// Adds the faults of the arm's dynamics; their numbers of joints are checked with the robot.
-fn check_arm(arm: &ArmPhysics, faults: &mut Vec<WorldFault>) {
-    for (name, values) in arm.lists() {
-        if let Some(value) = values.iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
-            faults.push(WorldFault::new(format!("physics.arm.{name}"), "numbers of 0 or more", value));
-        }
+impl ArmPhysics {
+    /// All faults of these dynamics for the arm of a robot.
+    pub fn faults(&self, robot: &RobotModel) -> Vec<WorldFault> {
+        let mut faults = self.faults_of_lengths(robot);
+        faults.extend(self.faults_of_values());
+        faults
     }
-    if !(0.0..=ArmPhysics::MAX_LATENCY_S).contains(&arm.latency_s) {
-        let expected = format!("0 to {} s", ArmPhysics::MAX_LATENCY_S);
-        faults.push(WorldFault::new("physics.arm.latency_s", expected, arm.latency_s));
+
+    fn faults_of_lengths(&self, robot: &RobotModel) -> Vec<WorldFault> {
+        let joints = robot.arm_dof();
+        let fault = |(name, values): (&str, &[f64])| {
+            let expected = format!("{joints} values, one per joint, or none");
+            WorldFault::new(format!("physics.arm.{name}"), expected, values.len())
+        };
+        self.lists().into_iter().filter(|(_, values)| !values.is_empty() && values.len() != joints).map(fault).collect()
+    }
+
+    /// Faults that do not depend on the robot.
+    fn faults_of_values(&self) -> Vec<WorldFault> {
+        let mut faults = Vec::new();
+        for (name, values) in self.lists() {
+            if let Some(value) = values.iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
+                faults.push(WorldFault::new(format!("physics.arm.{name}"), "numbers of 0 or more", value));
+            }
+        }
+        if !(0.0..=Self::MAX_LATENCY_S).contains(&self.latency_s) {
+            let expected = format!("0 to {} s", Self::MAX_LATENCY_S);
+            faults.push(WorldFault::new("physics.arm.latency_s", expected, self.latency_s));
+        }
+        faults
     }
 }
 
