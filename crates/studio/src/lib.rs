@@ -2,6 +2,7 @@
 //!
 //! - [`edit`] changes a scenario by [`edit::Operation`]s, each with an inverse, and keeps them in an append-only log
 //!   beside the scenario's file.
+//! - [`faults`] plants faults in sound scenarios.
 //! - [`review`] keeps reviews in an append-only log, derives the standing of each scenario and the next work of each
 //!   reviewer, and writes a balanced suite of the approved scenarios.
 //! - [`log_file`] is the append-only file that both logs use.
@@ -14,6 +15,7 @@
 
 pub mod collections;
 pub mod edit;
+pub mod faults;
 pub mod log_file;
 pub mod new_scenario;
 pub mod review;

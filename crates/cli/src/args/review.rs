@@ -14,12 +14,13 @@ use genmanip_workspace::{Progress, WorkspaceError};
                   genmanip review suites/mine --reviewer ada --approve spatial-7-00003-000 --certify spatial-7-00003-000\n  \
                   genmanip review suites/mine --reviewer bo --reject spatial-7-00003-000 --reason ambiguous\n  \
                   genmanip review suites/mine --agreement --balance --json\n  \
-                  genmanip review suites/mine --build suites/reviewed --per-kind 5\n\n\
+                  genmanip review suites/mine --build suites/reviewed --per-kind 5\n  \
+                  genmanip review out/others --plant out/faulty --faults 8 --seed 7\n\n\
                   Reviews are kept in --out, where the studio keeps them too. A reviewer sees the other's review\n\
                   when both have said; an edit of the scenario voids all of them.")]
 #[command(override_usage = "genmanip review [OPTIONS] [RUN|SUITE|TASKS|SCENARIO]… <ACTION>…")]
 #[command(group(ArgGroup::new("action").required(true).multiple(true).args([
-    "queue", "show", "approve", "reject", "send_back", "take_back", "certify", "agreement", "balance", "build",
+    "queue", "show", "approve", "reject", "send_back", "take_back", "certify", "agreement", "balance", "build", "plant",
 ])))]
 #[command(group(ArgGroup::new("decision").args(["approve", "reject", "send_back", "take_back"])))]
 pub struct ReviewArguments {
@@ -88,6 +89,16 @@ pub struct ReviewArguments {
     /// Number of scenarios of each kind [default: that of the rarest kind among the approved]
     #[arg(long, value_name = "N", requires = "build", value_parser = parse::count)]
     pub per_kind: Option<usize>,
+    /// Write scenarios with planted faults into a new folder, and what was planted into DIR.txt, for --planted. The
+    /// faults are planted in the named scenarios, which should not be under review themselves
+    #[arg(long, value_name = "DIR", requires_all = ["faults", "paths"])]
+    pub plant: Option<PathBuf>,
+    /// Number of faults to plant, each in another scenario, eight kinds in turn
+    #[arg(long, value_name = "N", requires = "plant", value_parser = parse::count)]
+    pub faults: Option<usize>,
+    /// Seed of planted faults
+    #[arg(long, default_value_t = 0, value_parser = parse::seed, requires = "plant")]
+    pub seed: u64,
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
@@ -102,7 +113,7 @@ pub struct ReviewInputArguments {
     /// Target shares as JSON: {"relation": {"left": 0.3, …}, …}
     #[arg(long, value_name = "FILE")]
     pub targets: Option<PathBuf>,
-    /// File with the ids of planted faulty scenarios, one per line: gives each reviewer's detections and false alarms,
+    /// File with the ids of planted faulty scenarios, the first word of each line: gives each reviewer's detections and false alarms,
     /// and keeps them out of suites
     #[arg(long, value_name = "FILE")]
     pub planted: Option<PathBuf>,

@@ -1,16 +1,20 @@
 //! `genmanip review`: reviews of scenarios, certificates, agreement, balance, and the suite of what was approved.
 
+use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use genmanip_benchmark::statistics::ReviewerAgreement;
+use genmanip_core::Seed;
 use genmanip_studio::collections::Collection;
+use genmanip_studio::faults;
 use genmanip_studio::review::{
     Agreement, Built, Dashboard, Decision, Review, ReviewDesk, ReviewError, ReviewQueue, ReviewState, Reviewable,
     Reviewer, build_suite, certify, read_desk,
 };
 use genmanip_terminal::{ExitStatus, Failed, Printer};
-use genmanip_workspace::{WorkspaceError, documents, text_table, workers};
+use genmanip_workspace::{WorkspaceError, documents, scenarios, text_table, workers};
 use serde_json::{Map, Value, json};
 
 use super::plural;
@@ -19,6 +23,9 @@ use crate::args::ReviewArguments;
 pub fn run(arguments: &ReviewArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let collection = Collection::open(&arguments.paths, &arguments.out, printer)?;
     collection.left_out.iter().for_each(|message| printer.say(message));
+    if let (Some(folder), Some(count)) = (&arguments.plant, arguments.faults) {
+        return plant_faults(arguments, &collection, folder, count, printer);
+    }
     let (mut desk, left_out) = read_desk(&collection, &arguments.out)?;
     left_out.iter().for_each(|message| printer.say(message));
     desk.set_inputs(arguments.inputs.read(printer)?);
@@ -61,6 +68,33 @@ pub fn run(arguments: &ReviewArguments, printer: &Printer) -> Result<ExitStatus,
     }
     printer.data(&Value::Object(answer), &text);
     Ok(status)
+}
+
+/// Plants faults in the named scenarios; copies that the studio keeps are left alone.
+fn plant_faults(
+    arguments: &ReviewArguments,
+    collection: &Collection,
+    folder: &Path,
+    count: usize,
+    printer: &Printer,
+) -> Result<ExitStatus, Failed> {
+    let named = collection.iter().filter(|listed| !listed.path.starts_with(&arguments.out));
+    let pool = named.map(|listed| Ok(Arc::new(scenarios::read_scenario(&listed.path)?)));
+    let pool = pool.collect::<Result<Vec<_>, WorkspaceError>>()?;
+    let stop = genmanip_terminal::on_interrupt();
+    let Some(faulty) = faults::plant(&pool, count, Seed::new(arguments.seed), printer, &stop)? else {
+        printer.say("interrupted; nothing was written");
+        return Ok(ExitStatus::NotMet);
+    };
+    let list = faults::write(&faulty, folder)?;
+    let mut counts = BTreeMap::<&str, usize>::new();
+    faulty.iter().for_each(|one| *counts.entry(one.fault.name()).or_default() += 1);
+    let mut text = format!("{} in {}\n", plural(faulty.len(), "faulty scenario"), folder.display());
+    counts.iter().for_each(|(fault, count)| text += &format!("  {fault}: {count}\n"));
+    text += &format!("{} names them: keep it from the reviewers, and give it to --planted\n", list.display());
+    let ids: Vec<&str> = faulty.iter().map(|one| one.scenario.id.as_str()).collect();
+    printer.data(&json!({"planted": list, "scenarios": ids, "faults": counts}), &text);
+    Ok(ExitStatus::Done)
 }
 
 /// Stores the decisions of this call; returns the keys of the decided scenarios.

@@ -43,6 +43,29 @@ fn two_reviewers_agree_and_a_suite_is_built() {
 }
 
 #[test]
+fn planted_faults_measure_reviewers() {
+    let folder = tempfile::tempdir().unwrap();
+    let pool = ["009_appearance-000", "018_spatial-000", "025_spatial-000"]
+        .map(|name| format!("{REPOSITORY}/suites/genmanip-200-rc/scenarios/{name}.json"));
+    let plant: Vec<&str> = ["review"].into_iter().chain(pool.iter().map(String::as_str)).collect();
+    let call = |arguments: &[&str]| genmanip(folder.path(), &[&plant, arguments].concat());
+    let planted = call(&["--plant", "faulty", "--faults", "2", "--seed", "7", "--json"]).json(0);
+    assert_eq!(planted["faults"], json!({"floating": 1, "overlap": 1}));
+    let list = std::fs::read_to_string(folder.path().join("faulty.txt")).unwrap();
+    let ids: Vec<&str> = list.lines().filter_map(|line| line.split(' ').next()).collect();
+    assert_eq!(ids.len(), 2, "{list}");
+    call(&["--plant", "faulty", "--faults", "2"]).assert_refused(&["faulty exists"]);
+    call(&["--plant", "more", "--faults", "4"]).assert_refused(&["4 faults need", "these are 3"]);
+    call(&["--plant", "more"]).assert_ended(2, &["--faults"]);
+    let by = |arguments: &[&str]| genmanip(folder.path(), &[&["review", "faulty"], arguments].concat());
+    by(&["--reviewer", "ada", "--reject", ids[0], "--reason", "looks_wrong"]).assert_done();
+    by(&["--reviewer", "ada", "--approve", ids[1]]).assert_done();
+    let numbers = by(&["--agreement", "--planted", "faulty.txt", "--json"]).json(0);
+    let ada = &numbers["agreement"]["planted"]["ada"];
+    assert_eq!((&ada["planted"], &ada["detected"]), (&json!(2), &json!(1)), "{numbers}");
+}
+
+#[test]
 fn what_cannot_be_said_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("targets.json"), r#"{"relation": {"left": 0.9}}"#).unwrap();

@@ -1,13 +1,10 @@
 //! The studio: random edits by two authors on new layouts, verdicts compared with the audit, planted faults and
 //! repairs.
 
-mod blocked;
 mod edits;
-mod faults;
 mod judged;
 mod measured;
 mod repairs;
-mod site;
 
 use std::sync::Arc;
 

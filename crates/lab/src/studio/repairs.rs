@@ -2,14 +2,13 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{ReferenceId, Scenario, Seed};
+use genmanip_core::{InstanceId, ReferenceId, Scenario, Seed};
+use genmanip_studio::faults::{Fault, Planted};
 use genmanip_studio::verdict::{Equipment, Inspection, Problem, RepairedScenario, repair_all};
 use genmanip_workspace::Progress;
 
-use super::faults::Fault;
 use super::judged::{blocking, is_solved};
 use super::measured::Measured;
-use super::site::Planted;
 use crate::LabError;
 use crate::clock::cpu_clock;
 use crate::quantile::Spread;
@@ -48,7 +47,7 @@ pub(super) fn measure(
         let tally = &mut measured.by_fault[kind].1;
         tally[0] += 1;
         measured.planted += 1;
-        if problems.iter().any(|problem| planted.is_told_by(fault, problem)) {
+        if problems.iter().any(|problem| is_told_by(&planted, fault, problem)) {
             tally[1] += 1;
             measured.found += 1;
         } else {
@@ -83,16 +82,11 @@ pub(super) fn measure(
     Ok(())
 }
 
-impl Planted {
-    /// True if a problem reports the fault and names the right objects.
-    fn is_told_by(&self, fault: Fault, problem: &Problem) -> bool {
-        let names_it =
-            |id: &Option<ReferenceId>| id.as_ref().is_some_and(|id| self.objects.iter().any(|object| object == id));
-        fault.codes().contains(&problem.code)
-            && (names_it(&problem.object) || names_it(&problem.other))
-            && self
-                .neighbour
-                .as_ref()
-                .is_none_or(|neighbour| problem.other.as_ref().is_some_and(|other| other == neighbour))
-    }
+/// True if a problem reports the fault and names the right objects.
+fn is_told_by(planted: &Planted, fault: Fault, problem: &Problem) -> bool {
+    let is_one = |id: &Option<ReferenceId>| id.as_ref().is_some_and(|id| planted.objects.iter().any(|one| one == id));
+    let names_neighbour = |neighbour: &InstanceId| problem.other.as_ref().is_some_and(|other| other == neighbour);
+    fault.codes().contains(&problem.code)
+        && (is_one(&problem.object) || is_one(&problem.other))
+        && planted.neighbour.as_ref().is_none_or(names_neighbour)
 }

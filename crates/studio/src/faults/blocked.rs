@@ -8,12 +8,12 @@ use genmanip_core::{InstanceId, ObjectCard, Pose, Scenario, Seed};
 use genmanip_layout::{LayoutSettings, ReachCheck, is_harmless, obstacles};
 use genmanip_motion::FeasibilitySettings;
 use genmanip_relations::{PosedScene, outlines_apart};
-use genmanip_studio::edit::{ChosenAsset, Operation};
-use genmanip_studio::verdict::Equipment;
 use rand::seq::SliceRandom;
 use rand::{Rng, RngExt};
 
 use super::site::{Planted, Site};
+use crate::edit::{ChosenAsset, Operation};
+use crate::verdict::Equipment;
 
 /// Range of the gap between the object and its neighbour, m.
 const GAP_M: [f64; 2] = [0.001, 0.006];

@@ -1,4 +1,4 @@
-//! Faults planted in sound scenarios, each confirmed independently by the checks of the layout.
+//! Kinds of faults, and how each is planted; the checks of the layout confirm each one.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -8,18 +8,18 @@ use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Atom, GraphEdge, InstanceId, ObjectCard, Pose, ReferenceId, Scenario, Seed, named_enum};
 use genmanip_layout::{GoalOrder, GoalSearch, hidden, moves, overlaps};
 use genmanip_relations::{judge_atom, outlines_apart};
-use genmanip_studio::edit::{ChosenAsset, Operation, Placement};
-use genmanip_studio::verdict::{Equipment, ProblemCode, edge_between};
 use genmanip_tasks::wording;
 use rand::seq::SliceRandom;
 use rand::{Rng, RngExt};
 
 use super::blocked;
 use super::site::{Planted, Site};
+use crate::edit::{ChosenAsset, Operation, Placement};
+use crate::verdict::{Equipment, ProblemCode, edge_between};
 
 named_enum! {
     /// Kind of a planted fault.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
     pub enum Fault {
         /// An object floats above its support.
         Floating = "floating",

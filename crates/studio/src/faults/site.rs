@@ -6,16 +6,17 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{Atom, GraphEdge, InstanceId, Pose, Scenario};
 use genmanip_layout::Move;
 use genmanip_relations::{PosedScene, Rest, judge_atom, judge_goal, outlines_apart};
-use genmanip_studio::edit::{Operation, Placement};
-use genmanip_studio::verdict::Equipment;
+
+use crate::edit::{Operation, Placement};
+use crate::verdict::Equipment;
 
 /// A scenario with a fault.
 pub struct Planted {
     /// The scenario with the fault.
     pub scenario: Arc<Scenario>,
-    /// Ids of the objects of which the verdict must name at least one.
+    /// Ids of the objects that have the fault; the verdict must name at least one.
     pub objects: Vec<InstanceId>,
-    /// Id of the neighbour that the verdict must name as well; `None` if there is none.
+    /// Id of the neighbour that blocks the grasp; `None` for other faults.
     pub neighbour: Option<InstanceId>,
 }
 

@@ -23,7 +23,7 @@ pub struct ReviewInputs {
 
 impl ReviewInputs {
     /// Reads evaluation files, or all of those below a folder such as a run; a JSON file of targets; and a file with the
-    /// ids of planted scenarios, one per line.
+    /// ids of planted scenarios, the first word of each line.
     ///
     /// # Errors
     /// When a file is missing or damaged, a folder has no evaluation, or the targets do not fit ([`check_targets`]).
@@ -80,5 +80,5 @@ fn read_targets(path: &Path) -> Result<Targets, WorkspaceError> {
 
 fn read_planted(path: &Path) -> Result<BTreeSet<String>, WorkspaceError> {
     let text = documents::read_text(path, limits::SETTINGS)?;
-    Ok(text.lines().map(str::trim).filter(|line| !line.is_empty()).map(String::from).collect())
+    Ok(text.lines().filter_map(|line| line.split_whitespace().next()).map(String::from).collect())
 }
