@@ -1,9 +1,10 @@
 //! Catalogue of objects: cards of all objects, and models that are built on demand.
 
+use std::borrow::Borrow;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use genmanip_core::{AssetHashes, AssetRef, ObjectCard, ObjectModel, Seed};
+use genmanip_core::{AssetHashes, AssetRef, AssetUid, ObjectCard, ObjectModel, Seed};
 
 use crate::data_file::read;
 use crate::imported;
@@ -26,8 +27,8 @@ const FILE: &str = "records";
 #[derive(Debug)]
 pub struct Catalogue {
     cards: Vec<ObjectCard>,
-    recipes: BTreeMap<String, Recipe>,
-    models: Mutex<BTreeMap<String, Arc<ObjectModel>>>,
+    recipes: BTreeMap<AssetUid, Recipe>,
+    models: Mutex<BTreeMap<AssetUid, Arc<ObjectModel>>>,
     generated: Mutex<HashMap<AssetRef, Arc<ObjectModel>>>,
     hashes: Mutex<HashMap<AssetRef, AssetHashes>>,
     measured: Mutex<HashMap<AssetRef, (Arc<ObjectModel>, String)>>,
@@ -99,15 +100,18 @@ impl Catalogue {
     }
 
     /// Train/test split of an object; `Train` for hand-written, imported and unknown objects.
-    pub fn split(&self, uid: &str) -> Split {
-        generated_instances().iter().find(|one| one.card.uid == uid).map_or(Split::Train, |one| one.split)
+    pub fn split<Q: AsRef<str> + ?Sized>(&self, uid: &Q) -> Split
+    where
+        AssetUid: Borrow<Q>,
+    {
+        generated_instances().iter().find(|one| one.card.uid == *uid.as_ref()).map_or(Split::Train, |one| one.split)
     }
 
     /// Index for keyword search over the cards, with their train/test splits.
     pub fn index(&self) -> Index {
-        let splits: BTreeMap<&str, Split> =
-            generated_instances().iter().map(|one| (one.card.uid.as_str(), one.split)).collect();
-        let split = |card: &ObjectCard| splits.get(card.uid.as_str()).copied().unwrap_or_default();
+        let splits: BTreeMap<&AssetUid, Split> =
+            generated_instances().iter().map(|one| (&one.card.uid, one.split)).collect();
+        let split = |card: &ObjectCard| splits.get(&card.uid).copied().unwrap_or_default();
         Index::new(self.cards.iter().map(|card| (card.clone(), split(card))))
     }
 
@@ -121,13 +125,13 @@ impl Catalogue {
         for record in records {
             let wrong = |message: String| AssetError::Data { file: FILE.into(), message };
             if let Some(recipe) = &record.recipe {
-                check_parts(FILE, &record.uid, &recipe.parts)?;
+                check_parts(FILE, record.uid.as_str(), &recipe.parts)?;
                 for link in &recipe.links {
                     check_parts(FILE, &format!("{}.{}", record.uid, link.name), &link.parts)?;
                 }
             }
             let (card, recipe) = record.into_parts();
-            if card.uid.contains(['#', '/']) || cards.iter().any(|other: &ObjectCard| other.uid == card.uid) {
+            if card.uid.as_str().contains(['#', '/']) || cards.iter().any(|other: &ObjectCard| other.uid == card.uid) {
                 return Err(wrong(format!("{}: expected a unique uid without # and /", card.uid)));
             }
             if let Some(recipe) = recipe {
@@ -154,28 +158,32 @@ impl Catalogue {
     }
 
     /// Card of an object by uid; `None` for an unknown uid.
-    pub fn card(&self, uid: &str) -> Option<&ObjectCard> {
-        self.cards.iter().find(|card| card.uid == uid)
+    pub fn card<Q: AsRef<str> + ?Sized>(&self, uid: &Q) -> Option<&ObjectCard>
+    where
+        AssetUid: Borrow<Q>,
+    {
+        self.cards.iter().find(|card| card.uid == *uid.as_ref())
     }
 
     /// Model of an object by uid; the same `Arc` every time.
     ///
     /// # Errors
     /// [`AssetError::UnknownUid`], [`AssetError::NotYetGenerated`], or an error of generating or loading the object.
-    pub fn build(&self, uid: &str) -> Result<Arc<ObjectModel>, AssetError> {
-        let card = self
-            .card(uid)
-            .ok_or_else(|| AssetError::UnknownUid { got: uid.to_owned(), near: self.near_misses(uid) })?;
+    pub fn build<Q: AsRef<str> + ?Sized>(&self, uid: &Q) -> Result<Arc<ObjectModel>, AssetError>
+    where
+        AssetUid: Borrow<Q>,
+    {
+        let card = self.card(uid).ok_or_else(|| self.unknown(uid.as_ref()))?;
         if !matches!(card.asset, AssetRef::Builtin { .. }) {
             return self.model(&card.asset);
         }
-        let recipe = self.recipes.get(uid).ok_or_else(|| AssetError::NotYetGenerated {
-            uid: uid.to_owned(),
+        let recipe = self.recipes.get::<AssetUid>(&card.uid).ok_or_else(|| AssetError::NotYetGenerated {
+            uid: card.uid.clone(),
             name: card.name.clone(),
             missing: self.without_recipe(),
         })?;
         let mut models = self.models.lock().unwrap_or_else(PoisonError::into_inner);
-        let model = models.entry(uid.to_owned()).or_insert_with(|| Arc::new(recipe.build(card, seed_of(uid))));
+        let model = models.entry(card.uid.clone()).or_insert_with(|| Arc::new(recipe.build(card, seed_of(&card.uid))));
         Ok(Arc::clone(model))
     }
 
@@ -211,9 +219,9 @@ impl Catalogue {
     pub(crate) fn recipe(&self, asset: &AssetRef) -> Result<(Value, Seed), AssetError> {
         match asset {
             AssetRef::Builtin { uid, .. } => {
-                let unknown = || AssetError::UnknownUid { got: uid.clone(), near: self.near_misses(uid) };
                 let records: Vec<Value> = read(FILE, RECORDS)?;
-                let record = records.into_iter().find(|record| record["uid"] == *uid).ok_or_else(unknown)?;
+                let record = records.into_iter().find(|record| record["uid"] == uid.as_str());
+                let record = record.ok_or_else(|| self.unknown(uid.as_str()))?;
                 Ok((record["recipe"].clone(), seed_of(uid)))
             }
             AssetRef::Generated { family, params, seed, version } if !params.contains_key(VARIANT_OF) => {
@@ -223,10 +231,14 @@ impl Catalogue {
         }
     }
 
-    fn without_recipe(&self) -> Vec<String> {
+    fn without_recipe(&self) -> Vec<AssetUid> {
         let is_builtin = |card: &&ObjectCard| matches!(card.asset, AssetRef::Builtin { .. });
         let missing = self.cards.iter().filter(is_builtin).filter(|card| !self.recipes.contains_key(&card.uid));
         missing.map(|card| card.uid.clone()).collect()
+    }
+
+    fn unknown(&self, uid: &str) -> AssetError {
+        AssetError::UnknownUid { got: uid.into(), near: self.near_misses(uid) }
     }
 
     /// Up to three suggestions `uid (name)`: names that contain the text or share a word with it, then similar uids.
@@ -238,12 +250,13 @@ impl Catalogue {
             .filter_map(|card| {
                 let name = card.name.to_lowercase();
                 let shares_word = wanted.split_whitespace().any(|word| word.len() > 2 && name.contains(word));
-                let same_number = wanted.trim_start_matches('0') == card.uid.trim_start_matches('0');
-                let typos = card.uid.chars().zip(wanted.chars()).filter(|(a, b)| a != b).count();
+                let uid = card.uid.as_str();
+                let same_number = wanted.trim_start_matches('0') == uid.trim_start_matches('0');
+                let typos = uid.chars().zip(wanted.chars()).filter(|(a, b)| a != b).count();
                 match () {
                     () if same_number || name == wanted => Some((0, card)),
                     () if shares_word => Some((1, card)),
-                    () if wanted.len() == card.uid.len() && typos == 1 => Some((2, card)),
+                    () if wanted.len() == uid.len() && typos == 1 => Some((2, card)),
                     () => None,
                 }
             })
@@ -310,6 +323,7 @@ pub(crate) fn check_parts(file: &str, owner: &str, parts: &[Part]) -> Result<(),
 
 /// Seed of a built-in object: its uid if that is a number, so that the seed in a scenario is meaningful; otherwise
 /// derived from the uid.
-fn seed_of(uid: &str) -> Seed {
+fn seed_of(uid: &AssetUid) -> Seed {
+    let uid = uid.as_str();
     uid.parse().map_or_else(|_| Seed::new(0).fork(uid), Seed::new)
 }

@@ -1,6 +1,6 @@
 //! Errors of finding and building objects.
 
-use genmanip_core::{AssetRef, InstanceId};
+use genmanip_core::{AssetRef, AssetUid, InstanceId};
 
 /// Errors of the catalogue, of robots and of worlds.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -9,7 +9,7 @@ pub enum AssetError {
     #[error("no object has uid \"{got}\"; near misses: {}", if near.is_empty() { "none".into() } else { near.join(", ") })]
     UnknownUid {
         /// The requested uid.
-        got: String,
+        got: AssetUid,
         /// Similar objects as `uid (name)`, best first.
         near: Vec<String>,
     },
@@ -39,11 +39,11 @@ pub enum AssetError {
     #[error("object {uid} ({name}) has no recipe yet; objects without a recipe: {}", missing.join(", "))]
     NotYetGenerated {
         /// The requested uid.
-        uid: String,
+        uid: AssetUid,
         /// Name of the object.
         name: String,
         /// Uids of all objects without a recipe.
-        missing: Vec<String>,
+        missing: Vec<AssetUid>,
     },
     /// The scenario was made with different physics than this version produces.
     #[error(
@@ -89,12 +89,15 @@ pub enum AssetError {
     },
     /// The grasps were tried with different physics than this version produces.
     #[error(
-        "the tried grasps of object {uid} are stale: expected physics hash {expected}, got {got}; regenerate them with \
-         `genmanip grasps bake`"
+        "the tried grasps of object {uid}{} are stale: expected physics hash {expected}, got {got}; regenerate them with \
+         `genmanip grasps bake`",
+        robot.as_ref().map_or_else(String::new, |name| format!(" with {name}"))
     )]
     StaleGrasps {
         /// Uid of the object.
-        uid: String,
+        uid: AssetUid,
+        /// Name of the robot if the physics hashes are its own.
+        robot: Option<String>,
         /// Physics hash that the grasps were tried with.
         expected: String,
         /// Current physics hash of the object.

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use genmanip_core::{
-    AssetRef, Document, DocumentError, Grasp, ObjectModel, Pose, RobotModel, Seed, Upgrade, VerifiedGrasp,
+    AssetRef, AssetUid, Document, DocumentError, Grasp, ObjectModel, Pose, RobotModel, Seed, Upgrade, VerifiedGrasp,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -26,7 +26,7 @@ pub struct GraspFile {
     /// Robot, engine and settings with which the grasps were tried.
     pub made_by: GraspProvenance,
     /// Tried grasps of each object, by uid.
-    pub objects: BTreeMap<String, ObjectGrasps>,
+    pub objects: BTreeMap<AssetUid, ObjectGrasps>,
 }
 
 /// Everything besides the objects that the grasps depend on.
@@ -65,9 +65,9 @@ pub struct ObjectGrasps {
 #[derive(Clone, Debug, Default)]
 pub struct GraspLibrary {
     /// Grasps by robot and uid.
-    tried: BTreeMap<(String, String), ObjectGrasps>,
+    tried: BTreeMap<(String, AssetUid), ObjectGrasps>,
     /// Uid of the first object with the same physics, by robot and physics hash.
-    alike: BTreeMap<(String, String), String>,
+    alike: BTreeMap<(String, String), AssetUid>,
     /// Physics hash of each robot at the time of the trials; absent if the file does not state it.
     robots: BTreeMap<String, String>,
 }
@@ -102,11 +102,11 @@ impl GraspLibrary {
         if let Some(expected) = self.robots.get(&robot.name) {
             let got = robot.physics_hash();
             if *expected != got {
-                let uid = format!("{} with {}", model.card.uid, robot.name);
-                return Err(AssetError::StaleGrasps { uid, expected: expected.clone(), got });
+                let (uid, robot) = (model.card.uid.clone(), Some(robot.name.clone()));
+                return Err(AssetError::StaleGrasps { uid, robot, expected: expected.clone(), got });
             }
         }
-        let of_uid = |uid: &str| self.tried.get(&(robot.name.clone(), uid.to_owned()));
+        let of_uid = |uid: &AssetUid| self.tried.get(&(robot.name.clone(), uid.clone()));
         // A variant is looked up by its physics, since its card has the uid of the object that it varies.
         let own = match &model.asset {
             AssetRef::Builtin { uid, .. } => of_uid(uid),
@@ -117,7 +117,7 @@ impl GraspLibrary {
             Some(own) => Some(own),
             None => {
                 let physics_hash = model.physics_hash();
-                let alike = self.alike.get(&(robot.name.clone(), physics_hash.clone())).and_then(|uid| of_uid(uid));
+                let alike = self.alike.get(&(robot.name.clone(), physics_hash.clone())).and_then(of_uid);
                 if alike.is_none() {
                     return Ok(cached_grasps(&robot.physics_hash(), &physics_hash).unwrap_or_default());
                 }
@@ -145,7 +145,8 @@ pub fn cached_grasps(robot_hash: &str, physics_hash: &str) -> Option<&'static [V
 }
 
 fn stale(model: &ObjectModel, expected: &str) -> AssetError {
-    AssetError::StaleGrasps { uid: model.card.uid.clone(), expected: expected.into(), got: model.physics_hash() }
+    let (uid, expected) = (model.card.uid.clone(), expected.into());
+    AssetError::StaleGrasps { uid, robot: None, expected, got: model.physics_hash() }
 }
 
 impl Document for GraspFile {

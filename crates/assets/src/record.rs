@@ -1,6 +1,6 @@
 //! Records of the built-in catalogue.
 
-use genmanip_core::{Annotations, AssetRef, ObjectCard};
+use genmanip_core::{Annotations, AssetRef, AssetUid, ObjectCard};
 use glam::DVec3;
 use serde::Deserialize;
 
@@ -12,7 +12,7 @@ use crate::recipe::Recipe;
 #[serde(deny_unknown_fields)]
 pub struct Record {
     /// Unique id of the object.
-    pub uid: String,
+    pub uid: AssetUid,
     /// Version of the object, incremented when pieces, inertia, joints, cavities or states change.
     version: u32,
     name: String,
@@ -52,7 +52,7 @@ impl Record {
             affordances: self.affordances,
         };
         let card = ObjectCard {
-            asset: AssetRef::builtin(&self.uid, self.version),
+            asset: AssetRef::builtin(self.uid.clone(), self.version),
             uid: self.uid,
             name: self.name,
             description: self.description,

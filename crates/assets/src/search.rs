@@ -134,7 +134,7 @@ impl Index {
                     *known = known.max(weight);
                 }
             };
-            add(&card.uid, 4.0);
+            add(card.uid.as_str(), 4.0);
             add(&card.name, 3.0);
             add(&card.category, 4.0);
             metadata.synonyms.iter().for_each(|text| add(text, 3.0));

@@ -1,6 +1,7 @@
 //! Command-line arguments.
 
 use genmanip_assets::CATALOGUES;
+use genmanip_core::AssetUid;
 use genmanip_terminal::{GlobalArguments, parse};
 use std::path::PathBuf;
 
@@ -333,7 +334,7 @@ pub struct BakeArguments {
 #[derive(Debug, Args)]
 pub struct ShowGraspsArguments {
     /// Uid of the object
-    pub uid: String,
+    pub uid: AssetUid,
     /// File of `grasps bake` instead of the grasps that come with the program
     #[arg(long, value_name = "FILE")]
     pub file: Option<PathBuf>,
@@ -391,7 +392,7 @@ pub struct NewArguments {
     pub objects: Option<String>,
     /// Object that the goal of every task involves; only with --designer rules
     #[arg(long, value_name = "UID")]
-    pub include: Option<String>,
+    pub include: Option<AssetUid>,
     /// World whose further support surfaces tasks may name; only with --designer llm
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,

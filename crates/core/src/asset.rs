@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::Seed;
+use crate::{AssetUid, Seed};
 
 /// Source of an instance's geometry and physics.
 ///
@@ -18,7 +18,7 @@ pub enum AssetRef {
     /// An object of the built-in catalogue.
     Builtin {
         /// Uid of the object in the catalogue, e.g. `001`.
-        uid: String,
+        uid: AssetUid,
         /// Version of the object's catalogue record, incremented when its physics change.
         version: u32,
     },
@@ -43,7 +43,7 @@ pub enum AssetRef {
 
 impl AssetRef {
     /// An object of the built-in catalogue.
-    pub fn builtin(uid: &str, version: u32) -> Self {
+    pub fn builtin(uid: impl Into<AssetUid>, version: u32) -> Self {
         Self::Builtin { uid: uid.into(), version }
     }
 }

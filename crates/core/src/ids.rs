@@ -80,19 +80,84 @@ macro_rules! id_of_text {
     };
 }
 
+/// Implements that any text is an id.
+macro_rules! id_of_any_text {
+    ($Id:ident, $of_text:expr) => {
+        impl From<&str> for $Id {
+            fn from(text: &str) -> Self {
+                Self($of_text(text))
+            }
+        }
+
+        impl From<String> for $Id {
+            fn from(text: String) -> Self {
+                Self($of_text(text))
+            }
+        }
+    };
+}
+
+/// Implements that an id serves wherever a reference is expected.
+macro_rules! id_of_reference {
+    ($Id:ident) => {
+        impl Deref for $Id {
+            type Target = ReferenceId;
+
+            fn deref(&self) -> &ReferenceId {
+                &self.0
+            }
+        }
+
+        impl Borrow<ReferenceId> for $Id {
+            fn borrow(&self) -> &ReferenceId {
+                self
+            }
+        }
+
+        impl From<$Id> for ReferenceId {
+            fn from(id: $Id) -> Self {
+                id.0
+            }
+        }
+
+        impl PartialEq<ReferenceId> for $Id {
+            fn eq(&self, other: &ReferenceId) -> bool {
+                self.0 == *other
+            }
+        }
+
+        impl PartialEq<$Id> for ReferenceId {
+            fn eq(&self, other: &$Id) -> bool {
+                *self == other.0
+            }
+        }
+    };
+}
+
 /// Id of what a relation may refer to: an instance of the scene or a support surface of the world.
 ///
 /// The text does not say which of the two; [`crate::Task::surface`] and [`crate::SceneGraph::index_of`] do.
-/// Instances and surfaces of a scene share no id. An [`InstanceId`] serves wherever a reference is expected.
+/// Instances and surfaces of a scene share no id. An [`InstanceId`] and a [`SurfaceId`] serve wherever a
+/// reference is expected.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct ReferenceId(Arc<str>);
+
+/// Uid of an asset in a catalogue, e.g. `001`; see [`crate::AssetRef`].
+#[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct AssetUid(Arc<str>);
+
+/// Id of a support surface of a world, e.g. `side_table`.
+#[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct SurfaceId(ReferenceId);
 
 /// Id of an instance in a scene: the uid of its asset, with a number for a further copy.
 ///
 /// ```
 /// use genmanip_core::InstanceId;
-/// let [first, second] = [InstanceId::new("001", 1), InstanceId::new("001", 2)];
+/// let [first, second] = [1, 2].map(|copy| InstanceId::new(&"001".into(), copy));
 /// assert_eq!([first.as_str(), second.as_str()], ["001", "001#2"]);
 /// assert_eq!(second.asset(), first.asset());
 /// assert!("001#two".parse::<InstanceId>().is_err());
@@ -103,6 +168,20 @@ pub struct InstanceId(ReferenceId);
 
 id_of_text!(ReferenceId);
 id_of_text!(InstanceId);
+id_of_text!(AssetUid);
+id_of_text!(SurfaceId);
+id_of_any_text!(ReferenceId, Arc::from);
+id_of_any_text!(AssetUid, Arc::from);
+id_of_any_text!(SurfaceId, ReferenceId::from);
+id_of_reference!(InstanceId);
+id_of_reference!(SurfaceId);
+
+impl AssetUid {
+    /// Text in files and messages.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
 
 impl ReferenceId {
     /// Text in files and messages.
@@ -116,33 +195,22 @@ impl ReferenceId {
     }
 }
 
-impl From<&str> for ReferenceId {
-    fn from(text: &str) -> Self {
-        Self(text.into())
-    }
-}
-
-impl From<String> for ReferenceId {
-    fn from(text: String) -> Self {
-        Self(text.into())
-    }
-}
-
 impl InstanceId {
     /// Id of the `copy`-th instance of an asset, counted from 1.
-    pub fn new(uid: &str, copy: usize) -> Self {
-        let id = if copy <= 1 { uid.into() } else { format!("{uid}{COPY_MARK}{copy}").into() };
+    pub fn new(uid: &AssetUid, copy: usize) -> Self {
+        let id = if copy <= 1 { Arc::clone(&uid.0) } else { format!("{uid}{COPY_MARK}{copy}").into() };
         Self(ReferenceId(id))
     }
 
     /// Ids for one instance of each of the assets, in order.
     ///
     /// ```
-    /// use genmanip_core::InstanceId;
-    /// assert_eq!(InstanceId::numbered(["7", "001", "7", "7"]), ["7", "001", "7#2", "7#3"]);
+    /// use genmanip_core::{AssetUid, InstanceId};
+    /// let uids = ["7", "001", "7", "7"].map(AssetUid::from);
+    /// assert_eq!(InstanceId::numbered(&uids), ["7", "001", "7#2", "7#3"]);
     /// ```
-    pub fn numbered<'a>(uids: impl IntoIterator<Item = &'a str>) -> Vec<Self> {
-        let mut seen: BTreeMap<&str, usize> = BTreeMap::new();
+    pub fn numbered<'a>(uids: impl IntoIterator<Item = &'a AssetUid>) -> Vec<Self> {
+        let mut seen: BTreeMap<&AssetUid, usize> = BTreeMap::new();
         let mut number = |uid| {
             let copy = seen.entry(uid).or_default();
             *copy += 1;
@@ -152,8 +220,9 @@ impl InstanceId {
     }
 
     /// Uid of the asset.
-    pub fn asset(&self) -> &str {
-        self.parts().0
+    pub fn asset(&self) -> AssetUid {
+        let ReferenceId(text) = &self.0;
+        AssetUid(self.copy().map_or_else(|| Arc::clone(text), |_| parts(text).0.into()))
     }
 
     /// Number of the copy as text; `None` for the first instance.
@@ -187,38 +256,6 @@ impl std::str::FromStr for InstanceId {
 
     fn from_str(text: &str) -> Result<Self, IdError> {
         Arc::<str>::from(text).try_into()
-    }
-}
-
-impl Deref for InstanceId {
-    type Target = ReferenceId;
-
-    fn deref(&self) -> &ReferenceId {
-        &self.0
-    }
-}
-
-impl Borrow<ReferenceId> for InstanceId {
-    fn borrow(&self) -> &ReferenceId {
-        self
-    }
-}
-
-impl From<InstanceId> for ReferenceId {
-    fn from(id: InstanceId) -> Self {
-        id.0
-    }
-}
-
-impl PartialEq<ReferenceId> for InstanceId {
-    fn eq(&self, other: &ReferenceId) -> bool {
-        self.0 == *other
-    }
-}
-
-impl PartialEq<InstanceId> for ReferenceId {
-    fn eq(&self, other: &InstanceId) -> bool {
-        *self == other.0
     }
 }
 
@@ -262,11 +299,13 @@ mod tests {
         let text = schemars::schema_for!(Vec<String>);
         assert_eq!(schemars::schema_for!(Vec<InstanceId>), text);
         assert_eq!(schemars::schema_for!(Vec<ReferenceId>), text);
+        assert_eq!(schemars::schema_for!(Vec<AssetUid>), text);
+        assert_eq!(schemars::schema_for!(Vec<SurfaceId>), text);
     }
 
     #[test]
     fn maps_are_looked_up_by_text_and_by_reference() {
-        let id = InstanceId::new("001", 2);
+        let id = InstanceId::new(&"001".into(), 2);
         let numbers = BTreeMap::from([(id.clone(), 7)]);
         assert_eq!((numbers.get("001#2"), numbers.get::<ReferenceId>(&id)), (Some(&7), Some(&7)));
     }

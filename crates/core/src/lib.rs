@@ -75,7 +75,7 @@ pub use failure::{AgentFailure, AgentStage, FailedStage, Failure, FailureCause, 
 pub use geometry::{Aabb, OrientedBox, Piece, Shape};
 pub use grasp::{Grasp, VerifiedGrasp};
 pub use hash::{AssetHashes, hexadecimal};
-pub use ids::{IdError, InstanceId, ReferenceId};
+pub use ids::{AssetUid, IdError, InstanceId, ReferenceId, SurfaceId};
 pub use image::{CameraRequest, ImageChannels, RgbdImage};
 pub use interchange::{InterchangeError, MAX_ALTERNATIVES, MAX_INTERCHANGEABLE};
 pub use intrinsics::Intrinsics;

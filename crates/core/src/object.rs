@@ -6,14 +6,14 @@ use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Aabb, AssetRef, Piece, Pose, Shape, VisualPart};
+use crate::{Aabb, AssetRef, AssetUid, Piece, Pose, Shape, VisualPart};
 
 /// Description of an object for people and language models.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectCard {
     /// Uid of the asset; instance ids derive from it.
-    pub uid: String,
+    pub uid: AssetUid,
     /// The asset that the card describes.
     pub asset: AssetRef,
     /// Short name, e.g. `Red Mug`.

@@ -188,7 +188,7 @@ mod tests {
         assert_eq!([3, 4, 5].map(|id| visible_region(&ids, 6, id)), visible[..]);
         let whole = [VisibleRegion { bounds_px: [1, 1, 5, 3], pixels: 8 }, VisibleRegion::default(), visible[2]];
         let placed = OrientedBox { outer_from_box: Pose::from_position(DVec3::X), size: DVec3::splat(0.1) };
-        let names = ["mug", "fork", "box"].map(|name| InstanceId::new(name, 1));
+        let names = ["mug", "fork", "box"].map(|name| InstanceId::new(&name.into(), 1));
         let described = names.iter().zip(visible).zip(whole).map(|((id, visible), whole)| (id, visible, whole, placed));
         let labels = labels(&projection, described);
         let shares: Vec<_> = labels.iter().map(|label| label.visible_share).collect();

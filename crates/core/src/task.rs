@@ -7,7 +7,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::upgrade;
-use crate::{AssetRef, Document, InstanceId, ObjectCard, ReferenceId, Relation, Upgrade, named_enum};
+use crate::{
+    AssetRef, AssetUid, Document, InstanceId, ObjectCard, ReferenceId, Relation, SurfaceId, Upgrade, named_enum,
+};
 
 /// A task: instruction, goal and initial scene described by relations. Valid by construction: only the validator in
 /// `tasks` makes one from a language model's answer.
@@ -56,7 +58,7 @@ impl Document for Task {
 /// ```
 #[derive(Debug, Default)]
 pub struct SharedCards {
-    by_uid: BTreeMap<String, Shared>,
+    by_uid: BTreeMap<AssetUid, Shared>,
 }
 
 /// Card and asset of an object, shared by tasks that contain it.
@@ -115,7 +117,7 @@ named_enum! {
 #[serde(deny_unknown_fields)]
 pub struct NamedSurface {
     /// Id in the world, e.g. `side_table`.
-    pub id: String,
+    pub id: SurfaceId,
     /// Display name, e.g. `side table`.
     pub name: String,
 }
@@ -131,23 +133,26 @@ pub struct Goal {
 /// A condition on the final scene that is true or false.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "test", rename_all = "snake_case")]
-pub enum Atom {
+#[serde(bound(deserialize = "Subject: Deserialize<'de>, Reference: Deserialize<'de>"))]
+#[schemars(rename = "Atom")]
+// Templates of tasks name other subjects and references than a task does.
+pub enum Atom<Subject = InstanceId, Reference = ReferenceId> {
     /// `subject` stands in `relation` to `reference`.
     Relation {
         /// Id of the placed instance.
-        subject: InstanceId,
+        subject: Subject,
         /// Relation of the subject to the reference.
         relation: Relation,
         /// Id of the reference instance or support surface.
-        reference: ReferenceId,
+        reference: Reference,
         /// Second reference of `between`; `None` for all other relations.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        second_reference: Option<ReferenceId>,
+        second_reference: Option<Reference>,
     },
     /// The object is in a named state.
     State {
         /// Id of the articulated instance.
-        object: InstanceId,
+        object: Subject,
         /// Name of the state.
         state: String,
     },
@@ -224,7 +229,7 @@ impl Task {
 
     /// A support surface by id; `None` if the task does not refer to it.
     pub fn surface(&self, id: &ReferenceId) -> Option<&NamedSurface> {
-        self.surfaces.iter().find(|surface| surface.id == id.as_str())
+        self.surfaces.iter().find(|surface| surface.id == *id)
     }
 
     /// Display name of an instance: `Red Mug`, or `Red Mug #2` for its second copy; a surface's name; the id if there
@@ -240,21 +245,23 @@ impl Task {
 }
 
 impl Atom {
+    /// Ids of all instances and surfaces in the condition, the subject first.
+    pub fn ids(&self) -> impl Iterator<Item = &ReferenceId> {
+        std::iter::once(&**self.subject()).chain(self.references())
+    }
+}
+
+impl<Subject, Reference> Atom<Subject, Reference> {
     /// Id of the instance whose place or state is tested.
-    pub fn subject(&self) -> &InstanceId {
+    pub fn subject(&self) -> &Subject {
         match self {
             Self::Relation { subject, .. } => subject,
             Self::State { object, .. } => object,
         }
     }
 
-    /// Ids of all instances and surfaces in the condition, the subject first.
-    pub fn ids(&self) -> impl Iterator<Item = &ReferenceId> {
-        std::iter::once(&**self.subject()).chain(self.references())
-    }
-
     /// Ids of the references of a relation, none for a state.
-    pub fn references(&self) -> impl Iterator<Item = &ReferenceId> {
+    pub fn references(&self) -> impl Iterator<Item = &Reference> {
         let (reference, second) = match self {
             Self::Relation { reference, second_reference, .. } => (Some(reference), second_reference.as_ref()),
             Self::State { .. } => (None, None),

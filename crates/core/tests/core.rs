@@ -118,7 +118,7 @@ fn verdict(margin: f64, unit: Unit) -> AtomVerdict {
     let measurement =
         Measurement { quantity: "q".into(), value: 0.0, threshold: -margin, unit, met: margin >= 0.0, margin };
     AtomVerdict {
-        atom: Atom::State { object: InstanceId::new("057", 1), state: "open".into() },
+        atom: Atom::State { object: InstanceId::new(&"057".into(), 1), state: "open".into() },
         holds: margin >= 0.0,
         margin,
         measurements: vec![measurement],

@@ -589,7 +589,10 @@ fn simulator_ground_truth_is_exported_on_request() {
     let state = crowded.frames[0].objects[0].clone();
     let placed = crowded.scenario.objects[0].clone();
     for number in 0..20 {
-        crowded.scenario.objects.push(PlacedObject { id: InstanceId::new("more", number + 1), ..placed.clone() });
+        crowded
+            .scenario
+            .objects
+            .push(PlacedObject { id: InstanceId::new(&"more".into(), number + 1), ..placed.clone() });
         crowded.frames.iter_mut().for_each(|frame| frame.objects.push(state.clone()));
     }
     let crowd = EpisodeStore::create(folder.path().join("crowd")).unwrap();

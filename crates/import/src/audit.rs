@@ -2,7 +2,7 @@
 
 use crate::collision::piece_volume;
 use genmanip_assets::Catalogue;
-use genmanip_core::{AssetRef, ObjectModel};
+use genmanip_core::{AssetRef, AssetUid, ObjectModel};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -31,7 +31,8 @@ const COMPARED: [(&str, &str, f64); 4] =
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
     /// Uid of the object, or the category for a difference between sources.
-    pub uid: String,
+    #[serde(rename = "uid")]
+    pub subject: String,
     /// Name of the object.
     pub name: String,
     /// Quantity, e.g. the density.
@@ -41,14 +42,14 @@ pub struct Finding {
     /// Plausible range with its unit.
     pub expected: String,
     /// Uids of example objects: the object itself, or one per source for a difference between sources.
-    pub shown_by: Vec<String>,
+    pub shown_by: Vec<AssetUid>,
 }
 
 /// Values of one object, in the order of [`COMPARED`].
 type Measures = [f64; COMPARED.len()];
 
 /// Uids with their values, by source.
-type BySource<'a> = BTreeMap<String, Vec<(&'a str, Measures)>>;
+type BySource<'a> = BTreeMap<String, Vec<(&'a AssetUid, Measures)>>;
 
 /// Audits every object of a catalogue.
 ///
@@ -83,18 +84,18 @@ fn source(asset: &AssetRef) -> String {
 /// Differences between the sources of one category: for each quantity, the two sources that are farthest apart.
 fn between_sources(category: &str, sources: &BySource) -> Vec<Finding> {
     let compare = |(quantity, (what, unit, factor)): (usize, &(&str, &str, f64))| {
-        let mean = |(source, objects): (&String, &Vec<(&str, Measures)>)| {
+        let mean = |(source, objects): (&String, &Vec<(&AssetUid, Measures)>)| {
             let mean = objects.iter().map(|(_, measures)| measures[quantity]).sum::<f64>() / objects.len() as f64;
             // The object closest to the mean is the example of its source.
             let off = |measures: &Measures| (measures[quantity] - mean).abs();
             let typical = objects.iter().min_by(|a, b| off(&a.1).total_cmp(&off(&b.1)))?.0;
-            Some((source.clone(), mean, typical.to_owned()))
+            Some((source.clone(), mean, typical.clone()))
         };
         let mut means: Vec<_> = sources.iter().filter_map(mean).filter(|(_, mean, _)| *mean > 0.0).collect();
         means.sort_by(|a, b| a.1.total_cmp(&b.1));
         let ((low, least, small), (high, most, large)) = (means.first()?, means.last()?);
         (most / least > *factor).then(|| Finding {
-            uid: category.to_owned(),
+            subject: category.to_owned(),
             name: format!("all of category {category}"),
             what: format!("mean {what} of {low} and {high}"),
             got: format!("{least:.3} and {most:.3}{unit}"),
@@ -119,7 +120,7 @@ pub fn of_object(model: &ObjectModel) -> Vec<Finding> {
     let mut check = |what: &str, got: f64, [low, high]: [f64; 2], unit: &str| {
         if !(low..=high).contains(&got) {
             findings.push(Finding {
-                uid: model.card.uid.clone(),
+                subject: model.card.uid.to_string(),
                 name: model.card.name.clone(),
                 what: what.to_owned(),
                 got: format!("{got:.3}{unit}"),

@@ -276,7 +276,7 @@ fn card(
     ));
     let shape = names_and_colors::shape(size, rigid, cavity.is_some());
     ObjectCard {
-        uid: format!("{}-{}", names_and_colors::slug(name), &hash[..hash.len().min(6)]),
+        uid: format!("{}-{}", names_and_colors::slug(name), &hash[..hash.len().min(6)]).into(),
         asset: AssetRef::Imported { hash: hash.to_owned() },
         name: name.to_owned(),
         description: names_and_colors::description(&category, &colors, &shape, size),

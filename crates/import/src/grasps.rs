@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use genmanip_assets::{Catalogue, GraspFile, GraspProvenance, ObjectGrasps};
 use genmanip_core::limits;
-use genmanip_core::{Document, ObjectModel, Seed, VerifiedGrasp, World};
+use genmanip_core::{AssetUid, Document, ObjectModel, Seed, VerifiedGrasp, World};
 use genmanip_motion::{GraspSettings, PlannerSettings};
 use genmanip_rollout::collect::in_parallel;
 use genmanip_rollout::grasp_trial::{
@@ -49,7 +49,7 @@ pub struct Baked {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BakedRow {
     /// Uid of the object.
-    pub uid: String,
+    pub uid: AssetUid,
     /// Name of the object.
     pub name: String,
     /// Number of tested grasps.
@@ -72,7 +72,7 @@ pub struct BakedRow {
 #[expect(clippy::too_many_arguments, reason = "inputs, output, settings and progress")]
 pub fn bake(
     out: &Path,
-    uids: &[String],
+    uids: &[AssetUid],
     world: &World,
     settings: &BakeSettings,
     seed: Seed,
@@ -135,7 +135,7 @@ pub fn bake(
         progress.advance();
     };
     let tried = in_parallel(&missing, workers, stop, &|model| -> Result<(), TrialError> {
-        let seed = made_by.seed.fork(&model.card.uid);
+        let seed = made_by.seed.fork(model.card.uid.as_str());
         let grasps = match brief {
             false => verified_grasps(&trials, model, trying, seed),
             true => robust_grasps(&trials, model, trying, WANTED_GRASPS, MAX_FAILED_GRASPS, seed),
@@ -170,9 +170,9 @@ pub fn read(path: &Path) -> Result<GraspFile, WorkspaceError> {
 }
 
 /// Models of the given objects, or of all graspable ones if none are given.
-fn graspable(catalogue: &Catalogue, uids: &[String]) -> Result<Vec<Arc<ObjectModel>>, WorkspaceError> {
+fn graspable(catalogue: &Catalogue, uids: &[AssetUid]) -> Result<Vec<Arc<ObjectModel>>, WorkspaceError> {
     let all = catalogue.cards().iter().filter(|card| card.can_grasp && !card.is_articulated);
-    let wanted: Vec<&String> =
+    let wanted: Vec<&AssetUid> =
         if uids.is_empty() { all.map(|card| &card.uid).collect() } else { uids.iter().collect() };
     wanted
         .into_iter()
@@ -190,7 +190,7 @@ fn graspable(catalogue: &Catalogue, uids: &[String]) -> Result<Vec<Arc<ObjectMod
 }
 
 fn rows(catalogue: &Catalogue, file: &GraspFile) -> Vec<BakedRow> {
-    let row = |(uid, object): (&String, &ObjectGrasps)| BakedRow {
+    let row = |(uid, object): (&AssetUid, &ObjectGrasps)| BakedRow {
         uid: uid.clone(),
         name: catalogue.card(uid).map_or_else(String::new, |card| card.name.clone()),
         grasps: object.grasps.len(),
@@ -206,7 +206,7 @@ pub fn table(rows: &[BakedRow]) -> String {
     let mut lines = vec![["uid", "object", "grasps", "always held", "held / trials"].map(String::from).to_vec()];
     for row in rows {
         lines.push(vec![
-            row.uid.clone(),
+            row.uid.to_string(),
             row.name.clone(),
             row.grasps.to_string(),
             row.always_held.to_string(),

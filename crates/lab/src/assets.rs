@@ -13,8 +13,8 @@ use genmanip_assets::worlds::default_world;
 use genmanip_assets::{AssetSource, Catalogue, Families, Family};
 use genmanip_core::glam::DVec3;
 use genmanip_core::{
-    Annotations, AssetRef, MassProperties, ObjectCard, ObjectLink, ObjectModel, PhysicsFactors, Piece, Pose, Seed,
-    Shape, World,
+    Annotations, AssetRef, AssetUid, MassProperties, ObjectCard, ObjectLink, ObjectModel, PhysicsFactors, Piece, Pose,
+    Seed, Shape, World,
 };
 use genmanip_import::packs::{Packs, at_rest};
 use genmanip_motion::PlannerSettings;
@@ -104,7 +104,7 @@ pub struct Measured {
 #[derive(Clone, Debug, Serialize)]
 pub struct Problem {
     /// Uid of the object; that of a generated one contains family and seed.
-    pub uid: String,
+    pub uid: AssetUid,
     /// Description of the problem, for people.
     pub what: String,
 }
@@ -167,7 +167,7 @@ pub fn measure(
     };
     progress.begin("trying", models.len());
     let tried = in_parallel(&models, workers, &AtomicBool::new(false), &|model: &Arc<ObjectModel>| {
-        let tried = try_object(model, &trials, seed.fork(&model.card.uid));
+        let tried = try_object(model, &trials, seed.fork(model.card.uid.as_str()));
         progress.advance();
         Ok::<_, LabError>(tried)
     })?;
@@ -224,7 +224,10 @@ fn made(
         match families.instance(&family.family, &Default::default(), seed) {
             Ok(model) => models.push(Arc::new(model)),
             Err(error) => {
-                problems.push(Problem { uid: format!("{}-{}", family.family, seed.value()), what: error.to_string() });
+                problems.push(Problem {
+                    uid: format!("{}-{}", family.family, seed.value()).into(),
+                    what: error.to_string(),
+                });
             }
         }
         progress.advance();
@@ -478,7 +481,7 @@ fn search_ms() -> f64 {
     let cards = Catalogue::full().cards();
     let copies = (0..SEARCHED).map(|copy| {
         let card = &cards[copy % cards.len()];
-        (ObjectCard { uid: format!("{}-{copy}", card.uid), ..card.clone() }, Default::default())
+        (ObjectCard { uid: format!("{}-{copy}", card.uid).into(), ..card.clone() }, Default::default())
     });
     let index = Index::new(copies);
     let mut asked = BTreeSet::new();

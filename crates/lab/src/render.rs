@@ -13,7 +13,7 @@ use std::sync::Arc;
 use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, panda};
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Camera, ObjectModel, Pose, RobotModel, Seed};
+use genmanip_core::{AssetUid, Camera, ObjectModel, Pose, RobotModel, Seed};
 use genmanip_motion::{Chain, IkSettings, InverseKinematics};
 use genmanip_render::{Channels, FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob};
 use rand::RngExt;
@@ -225,11 +225,11 @@ fn objects(seed: Seed, is_textured: bool, count: usize) -> Result<Vec<Arc<Object
     let catalogue = Catalogue::builtin();
     let mut rng = seed.rng();
     let fits = |size: DVec3| size.x.max(size.y) <= MAX_SIDE_M;
-    let mut uids: Vec<&str> = catalogue
+    let mut uids: Vec<&AssetUid> = catalogue
         .cards()
         .iter()
         .filter(|card| !card.is_articulated && fits(card.size_m))
-        .map(|card| card.uid.as_str())
+        .map(|card| &card.uid)
         .collect();
     let mut objects = Vec::new();
     while objects.len() < count && !uids.is_empty() {

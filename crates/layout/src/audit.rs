@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_assets::AssetSource;
-use genmanip_core::{Atom, ObjectState, PhysicsFactors, ReferenceId, RobotModel, Scenario, World};
+use genmanip_core::{Atom, InstanceId, ObjectState, PhysicsFactors, ReferenceId, RobotModel, Scenario, World};
 use genmanip_relations::{PosedObject, PosedScene, Rest, ShapeCache, judge_edges, judge_goal, judge_states};
 use genmanip_sim::{BodyId, Model, SceneObject, SettleSettings, Sim, SimError};
 
@@ -135,7 +135,10 @@ pub struct Overlap {
 pub fn overlaps(scene: &PosedScene, world: &World, settings: &LayoutSettings) -> Result<Vec<Overlap>, SimError> {
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
     let mut sim = Sim::new(Arc::new(Model::compile_without_robot(world, &objects)?));
-    let surface = |index: usize| world.surfaces.get(index).map_or("table", |surface| surface.id.as_str());
+    let ids: Vec<&InstanceId> = scene.objects().map(|object| &object.id).collect();
+    let surface = |index: usize| {
+        world.surfaces.get(index).map_or_else(|| "table".into(), |surface| ReferenceId::from(surface.id.clone()))
+    };
     let mut found: Vec<Overlap> = Vec::new();
     for contact in sim.contacts().into_iter().filter(|contact| -contact.distance > settings.max_penetration_m) {
         let depth_m = -contact.distance;
@@ -144,9 +147,9 @@ pub fn overlaps(scene: &PosedScene, world: &World, settings: &LayoutSettings) ->
             _ => continue,
         };
         let other: ReferenceId = match other {
-            BodyId::Object { object, .. } => objects[object].name.as_str().into(),
-            BodyId::Table => surface(0).into(),
-            BodyId::Surface { surface: index } => surface(index).into(),
+            BodyId::Object { object, .. } => ids[object].clone().into(),
+            BodyId::Table => surface(0),
+            BodyId::Surface { surface: index } => surface(index),
             BodyId::Floor => "floor".into(),
             BodyId::Robot { .. } => continue,
         };

@@ -1,7 +1,7 @@
 //! Layout errors.
 
 use genmanip_assets::AssetError;
-use genmanip_core::{Atom, InstanceId, InterchangeError, PlacedObject, ReferenceId};
+use genmanip_core::{Atom, InstanceId, InterchangeError, PlacedObject, ReferenceId, SurfaceId};
 use genmanip_relations::Window;
 use genmanip_render::RenderError;
 use genmanip_sim::SimError;
@@ -36,9 +36,9 @@ pub enum LayoutError {
     #[error("the task needs surface `{id}`, but the world has {}", if known.is_empty() { "only a table".into() } else { known.join(", ") })]
     UnknownSurface {
         /// Unknown id of the surface.
-        id: String,
+        id: SurfaceId,
         /// Ids of the world's surfaces besides the table.
-        known: Vec<String>,
+        known: Vec<SurfaceId>,
     },
     /// An object id equals the id of a surface of the world.
     #[error("object id `{id}` is also the id of a surface of the world")]

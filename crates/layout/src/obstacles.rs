@@ -13,7 +13,7 @@ pub fn around(scene: &PosedScene, without: Option<usize>) -> CollisionWorld {
     let mut world = CollisionWorld::new();
     for surface in scene.surfaces() {
         // Boxes of a validated world and finite poses cannot be rejected.
-        let _ = world.add(&surface.id, &surface.pieces(), &surface.world_from_surface());
+        let _ = world.add(surface.id.as_str(), &surface.pieces(), &surface.world_from_surface());
     }
     for (index, object) in scene.objects().enumerate() {
         if Some(index) != without {

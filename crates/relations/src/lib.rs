@@ -16,6 +16,7 @@
 //! Curved outlines are polygons of 64 sides (error below 0.12 % of the radius). Vertical gaps are exact to a
 //! micrometre.
 
+mod body_model;
 #[cfg(test)]
 mod catalogue_tests;
 mod cloud_scene;
@@ -24,7 +25,6 @@ mod cloud_scene_tests;
 pub mod clouds;
 mod contact;
 mod extent;
-mod fixed;
 mod hull;
 mod judge;
 pub mod observed;

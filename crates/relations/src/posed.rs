@@ -98,11 +98,11 @@ impl Room<'_> {
 fn share_inside(a: &Body, b: &Body) -> f64 {
     let hull;
     let mut rooms: Vec<Room> = Vec::new();
-    if b.object.model.is_hollow() {
-        let links = b.shape.links.iter().zip(&b.object.model.links).zip(&b.object_from_link);
+    if b.shape.model.links().iter().any(|link| !link.cavity.is_empty()) {
+        let links = b.shape.links.iter().zip(b.shape.model.links()).zip(&b.object_from_link);
         rooms.extend(links.filter(|((link, _), _)| !link.cavity.is_empty()).map(
             |((link, model), object_from_link)| {
-                let world_from_link = b.object.pose * *object_from_link;
+                let world_from_link = b.pose * *object_from_link;
                 let bounds = Aabb::from_pieces(&world_from_link, &model.cavity);
                 Room { bounds, room_from_world: world_from_link.inverse(), solids: &link.cavity }
             },
@@ -110,7 +110,7 @@ fn share_inside(a: &Body, b: &Body) -> f64 {
     } else {
         hull = b.shape.hull(&b.object_from_link);
         let solids = std::slice::from_ref(hull.as_ref());
-        rooms.push(Room { bounds: b.bounds, room_from_world: b.object.pose.inverse(), solids });
+        rooms.push(Room { bounds: b.bounds, room_from_world: b.pose.inverse(), solids });
     }
     let (mut inside, mut count) = (0usize, 0usize);
     for point in a.samples() {

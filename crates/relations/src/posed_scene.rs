@@ -5,7 +5,6 @@ use std::sync::{Arc, OnceLock};
 use genmanip_core::{Aabb, InstanceId, ObjectModel, Piece, Pose, ReferenceId, Shape, SupportSurface};
 use glam::{DAffine3, DVec2, DVec3};
 
-use super::fixed;
 use super::shape::{ObjectShape, ShapeCache, outline_directions, outline_points};
 use crate::planar::Polygon;
 
@@ -32,18 +31,20 @@ pub struct PosedObject {
 /// objects, but they cannot be moved.
 #[derive(Clone, Debug)]
 pub struct PosedScene {
-    /// Objects, then surfaces.
-    pub(super) bodies: Vec<Body>,
-    /// Number of bodies that are objects.
-    count: usize,
+    objects: Vec<PosedObject>,
     surfaces: Arc<[SupportSurface]>,
+    /// Geometry of the objects, then of the surfaces other than the table.
+    pub(super) bodies: Vec<Body>,
 }
 
-/// An object with its geometry in the world.
+/// Geometry of an object or a surface in the world.
 #[derive(Clone, Debug)]
 pub(super) struct Body {
-    pub object: PosedObject,
     pub shape: Arc<ObjectShape>,
+    /// `world_from_object`.
+    pub pose: Pose,
+    /// Joint positions in the order of the links.
+    pub joint_positions: Vec<f64>,
     pub object_from_link: Vec<Pose>,
     pub pieces: Vec<WorldPiece>,
     pub bounds: Aabb,
@@ -76,23 +77,14 @@ impl PosedScene {
     /// Places objects among the support surfaces of their world, of which the table is the first. Shapes are taken from
     /// the cache or added to it.
     pub fn new(objects: Vec<PosedObject>, surfaces: &[SupportSurface], shapes: &mut ShapeCache) -> Self {
-        let count = objects.len();
-        let mut bodies: Vec<Body> = objects
-            .into_iter()
-            .map(|object| {
-                let shape = shapes.get(&object.model);
-                Body::new(object, shape)
-            })
-            .collect();
+        let of_object =
+            |object: &PosedObject| Body::new(shapes.get(&object.model), object.pose, object.joint_positions.clone());
+        let mut bodies: Vec<Body> = objects.iter().map(of_object).collect();
         bodies.extend(surfaces.iter().skip(1).map(|surface| {
-            let model = Arc::new(fixed::model(surface));
             // Not cached: another world may have another surface with the same id.
-            let shape = Arc::new(shapes.shape_of(&model));
-            // A surface is the only instance of its model.
-            let (id, pose) = (InstanceId::new(&model.card.uid, 1), surface.world_from_surface());
-            Body::new(PosedObject { id, model, pose, joint_positions: Vec::new() }, shape)
+            Body::new(Arc::new(shapes.of_surface(surface)), surface.world_from_surface(), Vec::new())
         }));
-        Self { bodies, count, surfaces: surfaces.into() }
+        Self { objects, surfaces: surfaces.into(), bodies }
     }
 
     /// The support surfaces, the table first.
@@ -102,13 +94,14 @@ impl PosedScene {
 
     /// The objects, in the order of their indices.
     pub fn objects(&self) -> impl ExactSizeIterator<Item = &PosedObject> {
-        self.bodies[..self.count].iter().map(|body| &body.object)
+        self.objects.iter()
     }
 
     /// The position among [`PosedScene::surfaces`] of the surface with a body index; `None` for an object.
     pub fn surface_at(&self, index: usize) -> Option<usize> {
         // The table has no body index.
-        (self.count..self.bodies.len()).contains(&index).then(|| index - self.count + 1)
+        let count = self.objects.len();
+        (count..self.bodies.len()).contains(&index).then(|| index - count + 1)
     }
 
     /// True if an object penetrates a support surface or one of its boards, or is closer to its side than a margin,
@@ -129,25 +122,25 @@ impl PosedScene {
 
     /// Index of an object, or of a support surface other than the table; `None` for an unknown id.
     pub fn index_of(&self, id: &ReferenceId) -> Option<usize> {
-        self.bodies.iter().position(|body| body.object.id == *id)
+        let surface = || self.surfaces.iter().skip(1).position(|surface| surface.id == *id);
+        let object = self.objects.iter().position(|object| object.id == *id);
+        object.or_else(|| Some(self.objects.len() + surface()?))
     }
 
     /// Moves one object and keeps the geometry of the others. An index out of range has no effect.
     pub fn set_pose(&mut self, index: usize, world_from_object: Pose, joint_positions: &[f64]) {
-        if let Some(body) = self.bodies[..self.count].get_mut(index) {
-            let object = PosedObject {
-                pose: world_from_object,
-                joint_positions: joint_positions.to_vec(),
-                ..body.object.clone()
-            };
+        if let Some((object, body)) = self.objects.get_mut(index).zip(self.bodies.get_mut(index)) {
+            (object.pose, object.joint_positions) = (world_from_object, joint_positions.to_vec());
             let previous_state = body.previous_state.take();
-            *body = Body { previous_state, ..Body::new(object, Arc::clone(&body.shape)) };
+            let moved = Body::new(Arc::clone(&body.shape), world_from_object, joint_positions.to_vec());
+            *body = Body { previous_state, ..moved };
         }
     }
 
     /// Translates one object, which keeps its outlines. An index out of range has no effect.
     pub fn shift(&mut self, index: usize, by: DVec3) {
-        if let Some(body) = self.bodies[..self.count].get_mut(index) {
+        if let Some((object, body)) = self.objects.get_mut(index).zip(self.bodies.get_mut(index)) {
+            object.pose.position += by;
             body.shift(by);
         }
     }
@@ -180,11 +173,11 @@ impl PosedScene {
 }
 
 impl Body {
-    fn new(object: PosedObject, shape: Arc<ObjectShape>) -> Self {
-        let object_from_link = object.model.link_poses(&object.joint_positions);
+    fn new(shape: Arc<ObjectShape>, pose: Pose, joint_positions: Vec<f64>) -> Self {
+        let object_from_link = shape.model.link_poses(&joint_positions);
         let mut pieces = Vec::new();
-        for (link, (part, link_pose)) in object.model.links.iter().zip(&object_from_link).enumerate() {
-            let world_from_link = object.pose * *link_pose;
+        for (link, (part, link_pose)) in shape.model.links().iter().zip(&object_from_link).enumerate() {
+            let world_from_link = pose * *link_pose;
             pieces.extend(part.pieces.iter().enumerate().map(|(index, piece)| WorldPiece {
                 link,
                 index,
@@ -194,8 +187,9 @@ impl Body {
         }
         let bounds = pieces.iter().fold(Aabb::EMPTY, |bounds, piece| bounds.union(&piece.bounds));
         let mut body = Self {
-            object,
             shape,
+            pose,
+            joint_positions,
             object_from_link,
             pieces,
             bounds,
@@ -214,7 +208,7 @@ impl Body {
     }
 
     fn shift(&mut self, by: DVec3) {
-        self.object.pose.position += by;
+        self.pose.position += by;
         self.center += by;
         let moved = |bounds: &Aabb| Aabb { min: bounds.min + by, max: bounds.max + by };
         self.bounds = moved(&self.bounds);
@@ -229,7 +223,7 @@ impl Body {
 
     /// Centroid of a link's surface in the world.
     pub fn link_center(&self, link: usize) -> DVec3 {
-        (self.object.pose * self.object_from_link[link]).transform_point(self.shape.links[link].centroid)
+        (self.pose * self.object_from_link[link]).transform_point(self.shape.links[link].centroid)
     }
 
     /// The convex body of a piece in its own frame.
@@ -240,7 +234,7 @@ impl Body {
     /// Surface points in the world.
     pub fn samples(&self) -> impl Iterator<Item = DVec3> + '_ {
         self.shape.links.iter().zip(&self.object_from_link).flat_map(|(link, object_from_link)| {
-            let Pose { position, rotation } = self.object.pose * *object_from_link;
+            let Pose { position, rotation } = self.pose * *object_from_link;
             // A matrix is faster than a quaternion for thousands of points.
             let world_from_link = DAffine3::from_rotation_translation(rotation, position);
             link.samples.iter().map(move |&point| world_from_link.transform_point3(point))
@@ -275,7 +269,7 @@ impl Body {
     }
 
     fn piece(&self, piece: &WorldPiece) -> &Piece {
-        &self.object.model.links[piece.link].pieces[piece.index]
+        &self.shape.model.links()[piece.link].pieces[piece.index]
     }
 }
 

@@ -3,10 +3,11 @@
 use std::collections::HashMap;
 use std::sync::{Arc, OnceLock};
 
-use genmanip_core::{AssetRef, ObjectLink, ObjectModel, Pose, Seed, Shape};
+use genmanip_core::{AssetRef, ObjectLink, ObjectModel, Pose, Seed, Shape, SupportSurface};
 use glam::DVec3;
 use rand::RngExt;
 
+use super::body_model::BodyModel;
 use super::solid::Solid;
 use crate::hull::Hull;
 
@@ -17,7 +18,7 @@ const SIDES: usize = 64;
 #[derive(Debug)]
 pub struct ObjectShape {
     /// Model whose geometry is prepared.
-    pub model: Arc<ObjectModel>,
+    pub(super) model: BodyModel,
     /// One entry per link of the model.
     pub(super) links: Vec<LinkShape>,
     /// Convex hull of a rigid object in its own frame, computed on first use.
@@ -57,22 +58,22 @@ impl ShapeCache {
         Self { shapes: HashMap::new(), samples }
     }
 
-    /// The shape of a model that is not cached, sampled like the others.
-    pub(super) fn shape_of(&self, model: &Arc<ObjectModel>) -> ObjectShape {
-        ObjectShape::new(model, self.samples)
+    /// The shape of a support surface, which is not cached, sampled like the others.
+    pub(super) fn of_surface(&self, surface: &SupportSurface) -> ObjectShape {
+        ObjectShape::new(BodyModel::of_surface(surface), self.samples)
     }
 
     /// Prepared shape of a model, from the cache if it is there.
     pub fn get(&mut self, model: &Arc<ObjectModel>) -> Arc<ObjectShape> {
-        let samples = self.samples;
-        Arc::clone(self.shapes.entry(model.asset.clone()).or_insert_with(|| Arc::new(ObjectShape::new(model, samples))))
+        let make = || Arc::new(ObjectShape::new(BodyModel::Object(Arc::clone(model)), self.samples));
+        Arc::clone(self.shapes.entry(model.asset.clone()).or_insert_with(make))
     }
 }
 
 impl ObjectShape {
     /// Samples the visual surface, or the collision pieces of a link without one, with about `samples` points.
-    pub fn new(model: &Arc<ObjectModel>, samples: usize) -> Self {
-        let faces: Vec<Vec<[DVec3; 3]>> = model.links.iter().map(surface).collect();
+    fn new(model: BodyModel, samples: usize) -> Self {
+        let faces: Vec<Vec<[DVec3; 3]>> = model.links().iter().map(surface).collect();
         let areas: Vec<f64> = faces.iter().map(|faces| faces.iter().map(area).sum()).collect();
         let total: f64 = areas.iter().sum();
         let links = faces
@@ -82,11 +83,11 @@ impl ObjectShape {
             .map(|(index, (faces, &area))| {
                 let count = if total > 0.0 { (samples as f64 * area / total).round() as usize } else { 0 };
                 let seed = Seed::new(0).fork("surface").fork_index(index as u64);
-                let cavity = model.links[index].cavity.iter().map(Solid::of_piece).collect();
+                let cavity = model.links()[index].cavity.iter().map(Solid::of_piece).collect();
                 LinkShape { samples: sample(faces, area, count, seed), area, centroid: centroid(faces, area), cavity }
             })
             .collect();
-        Self { model: Arc::clone(model), links, rigid_hull: OnceLock::new() }
+        Self { model, links, rigid_hull: OnceLock::new() }
     }
 
     /// The convex hull in the object's frame at the given link poses.
@@ -94,7 +95,7 @@ impl ObjectShape {
         let make = || {
             let points: Vec<DVec3> = self
                 .model
-                .links
+                .links()
                 .iter()
                 .zip(object_from_link)
                 .flat_map(|(link, pose)| link.pieces.iter().map(move |piece| (*pose * piece.link_from_piece, piece)))
@@ -104,7 +105,7 @@ impl ObjectShape {
                 .collect();
             Solid::of_hull(&Hull::of(&points))
         };
-        if self.model.links.len() == 1 {
+        if self.model.links().len() == 1 {
             std::borrow::Cow::Borrowed(self.rigid_hull.get_or_init(make))
         } else {
             std::borrow::Cow::Owned(make())

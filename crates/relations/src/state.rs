@@ -16,7 +16,7 @@ pub fn joint_state(scene: &PosedScene, index: usize, settings: &RelationSettings
     let holds = |name: &str| state_requirements(body, name, settings).iter().all(Requirement::met);
     let previous = body.previous_state.clone().filter(|state| holds(state));
     previous.or_else(|| {
-        let states = body.object.model.joint_states.iter();
+        let states = body.shape.model.joint_states().iter();
         states.map(|state| &state.name).find(|name| holds(name)).cloned()
     })
 }
@@ -32,13 +32,13 @@ impl PosedScene {
 
 /// Requires every joint to lie in its interval of the state, widened by the hysteresis for the previous state.
 pub(super) fn state_requirements(body: &Body, state: &str, settings: &RelationSettings) -> Vec<Requirement> {
-    let model = &body.object.model;
-    let Some(wanted) = model.joint_states.iter().find(|known| known.name == state) else {
+    let known_states = body.shape.model.joint_states();
+    let Some(wanted) = known_states.iter().find(|known| known.name == state) else {
         return vec![Requirement::fact("a state of the object", false)];
     };
     // States exclude each other: a state that persists by hysteresis excludes the others.
     let lasting = body.previous_state.as_deref().filter(|previous| *previous != state).is_some_and(|previous| {
-        model.joint_states.iter().any(|known| {
+        known_states.iter().any(|known| {
             known.name == previous && joints(body, known, settings.state_hysteresis).iter().all(Requirement::met)
         })
     });
@@ -51,9 +51,9 @@ pub(super) fn state_requirements(body: &Body, state: &str, settings: &RelationSe
 }
 
 fn joints(body: &Body, state: &JointState, widening: f64) -> Vec<Requirement> {
-    let names = body.object.model.links.iter().filter_map(|link| link.joint.as_ref());
+    let names = body.shape.model.links().iter().filter_map(|link| link.joint.as_ref());
     let positions: Vec<(&str, f64, Unit)> = names
-        .zip(body.object.joint_positions.iter().copied().chain(std::iter::repeat(0.0)))
+        .zip(body.joint_positions.iter().copied().chain(std::iter::repeat(0.0)))
         .map(|(joint, position)| {
             let unit = match joint.kind {
                 JointKind::Revolute => Unit::Radian,

@@ -107,7 +107,7 @@ fn check(objects: &[(&Arc<ObjectModel>, Pose)], expected: Option<Label>) -> Pair
     assert_eq!(pair.a_to_b, expected, "{pair:#?}");
     assert_eq!(label_pair(&scene, 1, 0, &settings).unwrap().a_to_b, expected.map(Label::inverse));
     for word in Relation::OF_PAIRS {
-        let atom = relation(&objects[0].0.card.uid, word, &objects[1].0.card.uid);
+        let atom = relation(objects[0].0.card.uid.as_str(), word, objects[1].0.card.uid.as_str());
         let verdict = judge_atom(&scene, &atom, &settings);
         let implied = match word {
             Relation::Top => matches!(expected, Some(Label::On | Label::In)),
@@ -239,7 +239,7 @@ fn between_three() {
     let check = |subject: &Arc<ObjectModel>, x: f64, [plane, space]: [bool; 2]| {
         let scene = scene(&[(subject, at(x, 0.0, 0.0)), (&a, at(0.5, 0.1, 0.0)), (&c, at(0.5, -0.1, 0.0))]);
         let atom = Atom::Relation {
-            subject: subject.card.uid.parse().unwrap(),
+            subject: subject.card.uid.as_str().parse().unwrap(),
             relation: Relation::Between,
             reference: "a".into(),
             second_reference: Some("c".into()),
@@ -335,8 +335,8 @@ fn a_goal_prepares_nothing_twice_and_outlines_only_what_it_names() {
         PosedScene::new(objects.collect(), &[], &mut shapes)
     };
     let (scene, again) = (posed(), posed());
-    for (one, other) in scene.bodies.iter().zip(&again.bodies) {
-        assert!(Arc::ptr_eq(&one.shape, &other.shape), "{} was prepared twice", one.object.id);
+    for ((one, other), object) in scene.bodies.iter().zip(&again.bodies).zip(scene.objects()) {
+        assert!(Arc::ptr_eq(&one.shape, &other.shape), "{} was prepared twice", object.id);
     }
     let atom = |index: usize, word, other: usize| relation(&format!("cup{index}"), word, &format!("cup{other}"));
     let goal = Goal {

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use genmanip_core::{MassProperties, PhysicsSettings, RobotModel, World};
+use genmanip_core::{MassProperties, PhysicsSettings, RobotModel, SurfaceId, World};
 use mujoco_rs::mujoco_c::_mjtObjBase as ObjectType;
 use mujoco_rs::wrappers::MjModel;
 
@@ -23,7 +23,7 @@ pub struct Model {
     pub(crate) robot: Option<RobotIndex>,
     pub(crate) objects: Vec<ObjectIndex>,
     /// Ids of the support surfaces, the table first.
-    surfaces: Vec<String>,
+    surfaces: Vec<SurfaceId>,
     /// [`BodyId`] of each body of the engine, in the engine's order.
     pub(crate) bodies: Vec<BodyId>,
 }
@@ -130,7 +130,7 @@ impl Model {
         match body {
             BodyId::Table => mjcf::TABLE.into(),
             BodyId::Surface { surface } => {
-                self.surfaces.get(surface).map_or_else(|| format!("surface {surface}"), Clone::clone)
+                self.surfaces.get(surface).map_or_else(|| format!("surface {surface}"), ToString::to_string)
             }
             BodyId::Floor => mjcf::FLOOR.into(),
             BodyId::Robot { link } => self
@@ -184,7 +184,7 @@ fn check_surfaces(world: &World) -> Result<(), SimError> {
             return Err(SimError::NotFinite(format!("support surface `{}`", surface.id)));
         }
         if !ids.insert(surface.id.as_str()) {
-            return Err(SimError::DuplicateName(surface.id.clone()));
+            return Err(SimError::DuplicateName(surface.id.to_string()));
         }
     }
     if world.surfaces.is_empty() {

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 
 use genmanip_assets::Catalogue;
 use genmanip_assets::worlds::default_world;
-use genmanip_core::{ObjectCard, Seed};
+use genmanip_core::{AssetUid, ObjectCard, Seed};
 use genmanip_layout::LayoutSettings;
 use genmanip_pipeline::layouts::{LayoutOutput, lay_out};
 use genmanip_tasks::designer::{SentenceError, phrases_of_sentence};
@@ -41,7 +41,7 @@ pub struct PhraseChoice {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Candidate {
     /// Uid in the catalogue.
-    pub uid: String,
+    pub uid: AssetUid,
     /// Name of the object for people.
     pub name: String,
 }
@@ -68,7 +68,7 @@ pub fn choices(sentence: &str) -> Result<Vec<PhraseChoice>, WorkspaceError> {
 ///
 /// # Errors
 /// When the sentence cannot be parsed, no layout is found, or a file cannot be written.
-pub fn create(sentence: &str, chosen: &BTreeMap<String, String>, folder: &Path) -> Result<PathBuf, WorkspaceError> {
+pub fn create(sentence: &str, chosen: &BTreeMap<String, AssetUid>, folder: &Path) -> Result<PathBuf, WorkspaceError> {
     let sentence = check(sentence)?;
     let phrases = phrases_of_sentence(sentence, cards()).map_err(not_understood)?;
     let is_chosen = |card: &ObjectCard| chosen.values().any(|uid| *uid == card.uid);

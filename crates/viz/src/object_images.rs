@@ -6,7 +6,7 @@ use std::sync::Arc;
 use genmanip_assets::worlds::default_world;
 use genmanip_assets::{AssetSource, Families};
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Camera, Intrinsics, ObjectModel, PhysicsFactors, Pose, limits};
+use genmanip_core::{AssetUid, Camera, Intrinsics, ObjectModel, PhysicsFactors, Pose, limits};
 use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, encode};
 
 use genmanip_workspace::Progress;
@@ -138,7 +138,7 @@ pub fn tiled(pictures: &[Vec<u8>], columns: usize, cell: u32, path: &Path) -> Re
 ///
 /// # Errors
 /// When the catalogue has no object with this uid.
-pub fn model(catalogue: &genmanip_assets::Catalogue, uid: &str) -> Result<Arc<ObjectModel>, WorkspaceError> {
+pub fn model(catalogue: &genmanip_assets::Catalogue, uid: &AssetUid) -> Result<Arc<ObjectModel>, WorkspaceError> {
     catalogue.build(uid).map_err(|error| {
         WorkspaceError::input(format!("no object {uid}"))
             .because(error)
@@ -190,7 +190,7 @@ pub fn obj(model: &ObjectModel, mtl: &str) -> (String, String) {
 /// When the simulator cannot build the scene.
 pub fn mjcf(model: &Arc<ObjectModel>) -> Result<String, WorkspaceError> {
     let object = genmanip_sim::SceneObject {
-        name: model.card.uid.clone(),
+        name: model.card.uid.to_string(),
         model: Arc::clone(model),
         pose: Pose::from_position(DVec3::new(0.5, 0.0, 0.0)),
         joint_positions: vec![0.0; model.joint_count()],

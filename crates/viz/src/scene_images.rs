@@ -202,7 +202,7 @@ fn footprints(
         Ok(Footprint { id: placed.id.clone().into(), name, color, polygons })
     };
     let surface = |surface: &SupportSurface| Footprint {
-        id: surface.id.as_str().into(),
+        id: surface.id.clone().into(),
         name: surface.name.clone(),
         color: SURFACE_COLOR,
         polygons: vec![surface.top_corners().iter().map(|corner| [corner.x, corner.y]).collect()],

@@ -5,7 +5,7 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use genmanip_core::{Atom, Document, ObjectCard, Seed, Task, TaskKind, limits};
+use genmanip_core::{AssetUid, Atom, Document, ObjectCard, Seed, Task, TaskKind, limits};
 use genmanip_data::files;
 use genmanip_rollout::collect::in_parallel;
 use genmanip_tasks::designer::{DesignSettings, Missing, SentenceError, Series, task_from_sentence};
@@ -46,7 +46,7 @@ pub struct Design<'a> {
     /// True if a task whose kind fails is replaced by one of the next kind that succeeds.
     pub fill: bool,
     /// Uid of an object that the goal of every task involves. `None` for any objects.
-    pub include: Option<&'a str>,
+    pub include: Option<&'a AssetUid>,
 }
 
 /// Composes tasks and writes each as a file of the folder. An existing file with the same content is kept, so a call
@@ -139,11 +139,11 @@ fn hint_for(error: &SentenceError) -> &'static str {
 
 /// Next task of the series; with `include`, the next one whose goal involves that object. The inner error describes a
 /// task that could not be composed; the outer one ends the series.
-fn compose(series: &mut Series, include: Option<&str>) -> Result<Result<Task, Missing>, WorkspaceError> {
+fn compose(series: &mut Series, include: Option<&AssetUid>) -> Result<Result<Task, Missing>, WorkspaceError> {
     let Some(uid) = include else { return Ok(series.compose()) };
     let involves = |task: &Task| {
         let named = task.goal.alternatives.iter().flatten().flat_map(Atom::ids);
-        named.filter_map(|id| task.card(id)).any(|card| card.uid == uid)
+        named.filter_map(|id| task.card(id)).any(|card| card.uid == *uid)
     };
     for _ in 0..MOST_WITHOUT {
         match series.compose() {

@@ -217,9 +217,9 @@ pub fn select_objects(text: &str, catalogue: &Catalogue) -> Result<Vec<ObjectCar
     let parts: Vec<String> = parts.collect();
     let is_uid = |part: &String| {
         let Ok(id) = part.parse::<InstanceId>() else { return false };
-        let uid = id.asset();
-        let is_like_one = uid.contains(|c: char| c.is_ascii_digit())
-            && uid.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
+        let uid = &id.asset();
+        let is_like_one = uid.as_str().contains(|c: char| c.is_ascii_digit())
+            && uid.as_str().chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
         is_like_one || Catalogue::builtin().card(uid).or_else(|| Catalogue::all().card(uid)).is_some()
     };
     if parts.iter().any(is_uid) {
@@ -283,7 +283,7 @@ const MIN_OBJECTS: usize = 2;
 fn offered(ids: &[InstanceId], place: &str) -> Result<Vec<ObjectCard>, WorkspaceError> {
     let catalogue = Catalogue::builtin();
     ids.iter()
-        .map(|id| match catalogue.card(id.asset()).or_else(|| Catalogue::all().card(id.asset())) {
+        .map(|id| match catalogue.card(&id.asset()).or_else(|| Catalogue::all().card(&id.asset())) {
             Some(card) => Ok(card.clone()),
             // Building the model of an unknown object yields an error with similar uids.
             None => catalogue.build(id.as_str()).map(|model| model.card.clone()).map_err(|error| {

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 
-use genmanip_core::{Aabb, Annotations, AssetRef, CavitySize, ObjectCard, ObjectModel, Pose, Seed};
+use genmanip_core::{Aabb, Annotations, AssetRef, AssetUid, CavitySize, ObjectCard, ObjectModel, Pose, Seed};
 use glam::DVec3;
 use rand::RngExt;
 use serde::Deserialize;
@@ -264,14 +264,14 @@ impl Family {
     }
 
     /// Uid of an object: family name and seed, with a hash of the fixed parameters if there are any.
-    fn uid(&self, params: &BTreeMap<String, Value>, seed: Seed) -> String {
+    fn uid(&self, params: &BTreeMap<String, Value>, seed: Seed) -> AssetUid {
         let name = self.family.replace(' ', "-");
         if params.is_empty() {
-            return format!("{name}-{}", seed.value());
+            return format!("{name}-{}", seed.value()).into();
         }
         let text = serde_json::to_string(params).unwrap_or_default();
         let digest = Sha256::digest(text.as_bytes());
-        format!("{name}-{}-{:02x}{:02x}{:02x}", seed.value(), digest[0], digest[1], digest[2])
+        format!("{name}-{}-{:02x}{:02x}{:02x}", seed.value(), digest[0], digest[1], digest[2]).into()
     }
 }
 

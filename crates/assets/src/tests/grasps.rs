@@ -1,4 +1,4 @@
-use genmanip_core::{AssetRef, Document, Seed};
+use genmanip_core::{AssetRef, AssetUid, Document, Seed};
 
 use crate::{AssetError, Catalogue, GraspFile, GraspLibrary, panda, variant};
 
@@ -95,12 +95,12 @@ fn the_library_returns_grasps_of_this_robot_and_object() {
 fn the_list_has_grasps_that_were_tried() {
     let (robot, full) = (panda(), Catalogue::full());
     let can_grasp = full.cards().iter().filter(|card| card.can_grasp && !card.is_articulated);
-    let without: Vec<&str> = can_grasp
+    let without: Vec<&AssetUid> = can_grasp
         .step_by(29)
-        .map(|card| card.uid.as_str())
-        .filter(|uid| GraspLibrary::builtin().of(&robot, &full.build(uid).unwrap()).unwrap().is_empty())
+        .map(|card| &card.uid)
+        .filter(|uid| GraspLibrary::builtin().of(&robot, &full.build(*uid).unwrap()).unwrap().is_empty())
         .collect();
-    assert_eq!(without, Vec::<&str>::new(), "regenerate data/instance_grasps.json");
+    assert_eq!(without, Vec::<&AssetUid>::new(), "regenerate data/instance_grasps.json");
 }
 
 #[test]

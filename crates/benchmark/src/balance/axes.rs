@@ -59,7 +59,7 @@ fn joints(task: &Task, catalogue: &Catalogue) -> BTreeSet<&'static str> {
     let mut kinds = BTreeSet::new();
     for atom in task.goal.alternatives.iter().flatten() {
         let Atom::State { object, state } = atom else { continue };
-        let Ok(model) = catalogue.build(object.asset()) else { continue };
+        let Ok(model) = catalogue.build(&object.asset()) else { continue };
         let meant = model.joint_states.iter().filter(|known| known.name == *state);
         let names: BTreeSet<&str> = meant.flat_map(|known| &known.intervals).map(|(name, _)| name.as_str()).collect();
         let joints = model.links.iter().filter_map(|link| link.joint.as_ref());

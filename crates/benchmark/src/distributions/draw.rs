@@ -3,11 +3,11 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use genmanip_core::{Atom, Goal, GraphNode, InstanceId, ObjectCard, ReferenceId, SceneGraph, Seed, Task};
+use genmanip_core::{AssetUid, Atom, Goal, GraphNode, InstanceId, ObjectCard, ReferenceId, SceneGraph, Seed, Task};
 use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt};
 
-use super::format::{Distractors, Distribution, DistributionsFile, Split, card, placeholders};
+use super::format::{Distractors, Distribution, DistributionsFile, RoleAtom, Split, card, placeholders};
 
 /// Maximum number of draws for objects of different categories. Chosen by hand, far more than sets of several
 /// categories need.
@@ -31,31 +31,30 @@ pub(super) fn draw(file: &DistributionsFile, distribution: &Distribution, place:
     let wording = goal.as_ref().and_then(|goal| goal.wordings.choose(rng)).cloned().unwrap_or_default();
     let others = others(&distribution.distractors, &cast, rng);
     let player = |role: &str| distribution.roles.iter().position(|it| it.role == role).map(|index| cast[index]);
-    // The conditions of a distribution name roles, which the checked file has.
-    let instance =
-        |role: &InstanceId| player(role.as_str()).map_or_else(|| role.clone(), |card| InstanceId::new(&card.uid, 1));
-    let reference = |role: &ReferenceId| {
-        player(role.as_str()).map_or_else(|| role.clone(), |card| InstanceId::new(&card.uid, 1).into())
-    };
+    let instance = |role: &String| Some(InstanceId::new(&player(role)?.uid, 1));
+    let reference = |role: &String| instance(role).map(ReferenceId::from);
     let mut instruction = wording.clone();
     for role in placeholders(&wording) {
         let category = player(role).map(|card| card.category.as_str()).unwrap_or_default();
         instruction = instruction.replace(&format!("{{{role}}}"), category);
     }
     let states = goal.iter().flat_map(|goal| &goal.initial_states);
-    let states: Vec<(&str, &String)> =
-        states.filter_map(|(role, state)| Some((player(role)?.uid.as_str(), state))).collect();
-    let atom = |atom: &Atom| match atom {
-        Atom::Relation { subject, relation, reference: first, second_reference } => Atom::Relation {
-            subject: instance(subject),
-            relation: *relation,
-            reference: reference(first),
-            second_reference: second_reference.as_ref().map(reference),
-        },
-        Atom::State { object, state } => Atom::State { object: instance(object), state: state.clone() },
+    let states: Vec<(&AssetUid, &String)> =
+        states.filter_map(|(role, state)| Some((&player(role)?.uid, state))).collect();
+    // The checked file has all roles that its conditions name.
+    let atom = |atom: &RoleAtom| {
+        Some(match atom {
+            Atom::Relation { subject, relation, reference: first, second_reference } => Atom::Relation {
+                subject: instance(subject)?,
+                relation: *relation,
+                reference: reference(first)?,
+                second_reference: second_reference.as_ref().and_then(reference),
+            },
+            Atom::State { object, state } => Atom::State { object: instance(object)?, state: state.clone() },
+        })
     };
     let node = |card: &&ObjectCard| {
-        let state = states.iter().find(|(uid, _)| *uid == card.uid).map(|(_, state)| (*state).clone());
+        let state = states.iter().find(|(uid, _)| **uid == card.uid).map(|(_, state)| (*state).clone());
         GraphNode { state, ..GraphNode::of(card) }
     };
     let cards: Vec<&ObjectCard> = cast.iter().copied().chain(others).collect();
@@ -64,7 +63,7 @@ pub(super) fn draw(file: &DistributionsFile, distribution: &Distribution, place:
         id: format!("{}-{}-{number:04}{again}", distribution.name, split.name()),
         kind: distribution.kind,
         instruction,
-        goal: Goal { alternatives: vec![goal.iter().flat_map(|goal| &goal.conditions).map(atom).collect()] },
+        goal: Goal { alternatives: vec![goal.iter().flat_map(|goal| &goal.conditions).filter_map(atom).collect()] },
         scene_graph: SceneGraph {
             description: String::new(),
             nodes: cards.iter().map(node).collect(),
@@ -97,7 +96,7 @@ fn others(distractors: &Distractors, cast: &[&'static ObjectCard], rng: &mut imp
     let mut drawn: Vec<&'static ObjectCard> = Vec::new();
     for _ in 0..count {
         let is_free = |card: &&ObjectCard| cast.iter().chain(&drawn).all(|other| other.category != card.category);
-        let free: Vec<_> = distractors.objects.iter().filter_map(|uid| card(uid)).filter(is_free).collect();
+        let free: Vec<_> = distractors.objects.iter().filter_map(card).filter(is_free).collect();
         drawn.extend(free.choose(rng));
     }
     drawn

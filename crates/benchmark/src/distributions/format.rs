@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use genmanip_assets::Catalogue;
 use genmanip_assets::metadata::Split as AssetSplit;
 use genmanip_core::names::is_file_name;
-use genmanip_core::{Atom, BetweenReading, Document, ObjectCard, ReferenceId, Seed, TaskKind, named_enum};
+use genmanip_core::{AssetUid, Atom, BetweenReading, Document, ObjectCard, Seed, TaskKind, named_enum};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -75,7 +75,7 @@ pub struct Role {
     /// Name in goals and wordings, e.g. `object`.
     pub role: String,
     /// Uids of objects of the full catalogue, one of which is drawn.
-    pub objects: BySplit<Vec<String>>,
+    pub objects: BySplit<Vec<AssetUid>>,
 }
 
 /// Values by split. An absent one is that of `train`, which `validation` and `familiar` always share.
@@ -108,14 +108,17 @@ impl<T> BySplit<T> {
     }
 }
 
+/// A condition on objects that are named by their roles.
+pub type RoleAtom = Atom<String, String>;
+
 /// A goal with roles in place of objects.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GoalTemplate {
     /// Instructions, one of which is drawn; `{ROLE}` stands for the category of the role's object.
     pub wordings: Vec<String>,
-    /// Conditions that all hold at the end, with roles as ids.
-    pub conditions: Vec<Atom>,
+    /// Conditions that all hold at the end.
+    pub conditions: Vec<RoleAtom>,
     /// Names of initial states of articulated objects, by role.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub initial_states: BTreeMap<String, String>,
@@ -128,7 +131,7 @@ pub struct Distractors {
     /// Maximum number of distractors per layout; every number from 0 is equally likely.
     pub most: usize,
     /// Uids of objects of the full catalogue to draw from.
-    pub objects: Vec<String>,
+    pub objects: Vec<AssetUid>,
 }
 
 /// Minimum number of objects of the first role in `train`.
@@ -185,8 +188,8 @@ impl Distribution {
             return Some("relation: it has a goal of train".into());
         }
         for goal in goals {
-            let states = goal.initial_states.keys().map(String::as_str);
-            let named = goal.conditions.iter().flat_map(Atom::ids).map(ReferenceId::as_str).chain(states);
+            let named = |atom| std::iter::once(Atom::subject(atom)).chain(Atom::references(atom));
+            let named = goal.conditions.iter().flat_map(named).chain(goal.initial_states.keys()).map(String::as_str);
             let said = goal.wordings.iter().flat_map(|wording| placeholders(wording));
             if let Some(role) = named.chain(said).find(|name| self.roles.iter().all(|role| role.role != *name)) {
                 return Some(format!("{}: there is no role `{role}`", split.name()));
@@ -210,10 +213,10 @@ impl Role {
             return Some(format!("role `{}` has an empty set of objects", self.role));
         }
         let catalogue = Catalogue::full();
-        let of = |uid: &String| card(uid).map(|card| card.category.as_str()).unwrap_or_default();
+        let of = |uid: &AssetUid| card(uid).map(|card| card.category.as_str()).unwrap_or_default();
         let trained: BTreeSet<&str> = train.iter().map(of).collect();
-        let is_wrong = |uid: &&String, split: Split| {
-            let (is_trained, known) = (trained.contains(of(uid)), catalogue.split(uid));
+        let is_wrong = |uid: &&AssetUid, split: Split| {
+            let (is_trained, known) = (trained.contains(of(uid)), catalogue.split(*uid));
             match split {
                 Split::Train | Split::Validation | Split::Familiar | Split::Relation => known != AssetSplit::Train,
                 Split::Instance => known != AssetSplit::UnseenInstance || !is_trained,
@@ -230,11 +233,11 @@ impl Role {
 }
 
 /// Card of an object of the full catalogue.
-pub(super) fn card(uid: &str) -> Option<&'static ObjectCard> {
+pub(super) fn card(uid: &AssetUid) -> Option<&'static ObjectCard> {
     Catalogue::full().card(uid)
 }
 
-fn unknown(uid: &str) -> String {
+fn unknown(uid: &AssetUid) -> String {
     format!("object `{uid}` is not in the full catalogue")
 }
 

@@ -20,7 +20,7 @@ mod suite;
 mod tests;
 
 pub use check::{DistributionsCheck, check, describe as describe_check};
-pub use format::{BySplit, Distractors, Distribution, DistributionsFile, GoalTemplate, Role, Split};
+pub use format::{BySplit, Distractors, Distribution, DistributionsFile, GoalTemplate, Role, RoleAtom, Split};
 pub use freeze::freeze;
 pub use frozen::{FrozenLayout, layout_hash};
 pub use show::{DistributionsOverview, describe as describe_distributions, show};

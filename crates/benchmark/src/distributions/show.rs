@@ -7,7 +7,7 @@ use genmanip_core::Atom;
 use genmanip_workspace::{WorkspaceError, text_table};
 use serde::Serialize;
 
-use super::format::{Distribution, DistributionsFile, Split, card};
+use super::format::{Distribution, DistributionsFile, RoleAtom, Split, card};
 use super::suite::{Distributions, SplitChoice};
 
 /// Summary of a suite of task distributions.
@@ -85,11 +85,11 @@ fn objects(distribution: &Distribution, split: Split) -> String {
 
 /// Text of the relations and joint states that the goals of `train` require.
 fn goals(distribution: &Distribution) -> String {
-    let name = |atom: &Atom| match atom {
+    let name = |atom: &RoleAtom| match atom {
         Atom::Relation { relation, .. } => relation.name().to_owned(),
         Atom::State { state, .. } => state.clone(),
     };
-    let of_goal = |conditions: &Vec<Atom>| conditions.iter().map(name).collect::<Vec<_>>().join(" and ");
+    let of_goal = |conditions: &Vec<RoleAtom>| conditions.iter().map(name).collect::<Vec<_>>().join(" and ");
     let goals: Vec<String> = distribution.goals.train.iter().map(|goal| of_goal(&goal.conditions)).collect();
     goals.join(", ")
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use genmanip_assets::worlds::default_world;
-use genmanip_core::Document;
+use genmanip_core::{AssetUid, Document};
 use genmanip_motion::PlannerSettings;
 use genmanip_rollout::collect::Resources;
 use genmanip_workspace::worlds;
@@ -58,7 +58,7 @@ fn a_task_depends_on_distribution_split_and_number_alone() {
         }
     }
     // Another split is another stream, also of the same objects.
-    let objects = |split| -> Vec<Vec<String>> {
+    let objects = |split| -> Vec<Vec<AssetUid>> {
         let uids = |one: DrawnTask| one.task.objects.iter().map(|card| card.uid.clone()).collect();
         drawn(&suite, split, Some("into"), 8).into_iter().map(uids).collect()
     };

@@ -8,7 +8,7 @@ mod tests;
 
 use std::collections::BTreeMap;
 
-use genmanip_core::{AssetRef, Atom, Document, Seed, Task, TaskKind, hexadecimal};
+use genmanip_core::{AssetRef, AssetUid, Atom, Document, Seed, Task, TaskKind, hexadecimal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -156,7 +156,7 @@ pub fn sha256(bytes: &[u8]) -> String {
 pub fn balanced_traits(
     task: &Task,
     clues_at_places: usize,
-    is_unseen: &dyn Fn(&str) -> bool,
+    is_unseen: &dyn Fn(&AssetUid) -> bool,
 ) -> BTreeMap<String, Vec<String>> {
     let atoms = || task.goal.alternatives.iter().flatten();
     let mut relations: Vec<String> = atoms()

@@ -11,7 +11,7 @@ use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
 use genmanip_assets::{AssetError, AssetSource, FrozenAsset};
 use genmanip_core::names::is_file_name;
-use genmanip_core::{AssetHashes, AssetRef, Document, ObjectCard, ObjectModel, limits};
+use genmanip_core::{AssetHashes, AssetRef, AssetUid, Document, ObjectCard, ObjectModel, limits};
 
 use genmanip_workspace::documents;
 
@@ -119,7 +119,7 @@ pub(super) fn path(folder: &Path, file: &FrozenFile) -> PathBuf {
 /// Distinct objects of all scenarios, by the name of their file.
 pub(super) fn distinct<'a>(
     objects: impl Iterator<Item = &'a AssetRef>,
-    uid: impl Fn(&AssetRef) -> Result<String, AssetError>,
+    uid: impl Fn(&AssetRef) -> Result<AssetUid, AssetError>,
 ) -> Result<BTreeMap<String, AssetRef>, AssetError> {
     let mut names: BTreeMap<String, AssetRef> = BTreeMap::new();
     for asset in objects {

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::suite_format::{BuildStep, balanced_traits};
 use genmanip_assets::Catalogue;
 use genmanip_assets::metadata::Split;
-use genmanip_core::{Atom, Relation, Seed, Task, TaskKind};
+use genmanip_core::{AssetUid, Atom, Relation, Seed, Task, TaskKind};
 use genmanip_rollout::collect::in_parallel;
 use genmanip_tasks::designer::{DesignSettings, Series};
 use genmanip_tasks::references::{self, Clue, clues_at_places, is_needless};
@@ -310,6 +310,6 @@ fn has_one_clue(task: &Task) -> bool {
 
 /// Balanced traits of a task, by name.
 pub fn traits(task: &Task, catalogue: &Catalogue) -> BTreeMap<String, Vec<String>> {
-    let is_unseen = |uid: &str| catalogue.split(uid) != Split::Train;
+    let is_unseen = |uid: &AssetUid| catalogue.split(uid) != Split::Train;
     balanced_traits(task, clues_at_places(task).unwrap_or(0), &is_unseen)
 }

@@ -1,6 +1,7 @@
 //! Arguments of `assets`.
 
 use genmanip_assets::CATALOGUES;
+use genmanip_core::AssetUid;
 use genmanip_terminal::parse;
 use std::path::PathBuf;
 
@@ -73,7 +74,7 @@ pub struct SearchArguments {
 #[derive(Debug, Args)]
 pub struct ShowAssetArguments {
     /// Uid of the object
-    pub uid: String,
+    pub uid: AssetUid,
     /// Write an image of the object from four sides, PNG or JPEG
     #[arg(long, value_name = "FILE")]
     pub picture: Option<PathBuf>,
@@ -117,7 +118,7 @@ pub struct SheetArguments {
 #[derive(Debug, Args)]
 pub struct ExportAssetArguments {
     /// Uid of the object
-    pub uid: String,
+    pub uid: AssetUid,
     /// Folder to write the files to
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,

@@ -61,7 +61,7 @@ fn search(arguments: &SearchArguments, limit: usize, printer: &Printer) -> Resul
     for one in &found {
         let card = one.card;
         rows.push(vec![
-            card.uid.clone(),
+            card.uid.to_string(),
             card.name.clone(),
             card.category.clone(),
             card.size_m.to_array().map(|side| format!("{:.0}", side * 1e3)).join(" × "),
@@ -273,8 +273,8 @@ fn audit(arguments: &AuditArguments, printer: &Printer) -> Result<ExitStatus, Fa
         printer.say(format!("wrote {}", path.display()));
     }
     let mut rows = vec![["uid", "name", "what", "got", "expected", "shown by"].map(String::from).to_vec()];
-    for Finding { uid, name, what, got, expected, shown_by } in &findings {
-        rows.push([uid, name, what, got, expected, &shown_by.join(", ")].map(String::clone).to_vec());
+    for Finding { subject, name, what, got, expected, shown_by } in &findings {
+        rows.push([subject, name, what, got, expected, &shown_by.join(", ")].map(String::clone).to_vec());
     }
     let text = if findings.is_empty() { "nothing implausible\n".to_owned() } else { text_table(&rows) };
     printer.data(&findings, &text);

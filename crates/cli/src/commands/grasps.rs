@@ -2,7 +2,7 @@
 
 use genmanip_assets::{Catalogue, GraspFile, panda};
 use genmanip_core::grasp::GraspNetGrasp;
-use genmanip_core::{Grasp, Seed, VerifiedGrasp};
+use genmanip_core::{AssetUid, Grasp, Seed, VerifiedGrasp};
 use genmanip_import::grasps;
 use genmanip_motion::GraspSettings;
 use genmanip_rollout::grasp_trial::RobustnessSettings;
@@ -31,7 +31,7 @@ pub fn bake(arguments: &BakeArguments, printer: &Printer) -> Result<ExitStatus, 
         Some(text) => task_files::select_objects(text, catalogue(&arguments.catalog))?,
         None => Vec::new(),
     };
-    let uids: Vec<String> = objects.into_iter().map(|card| card.uid).collect();
+    let uids: Vec<AssetUid> = objects.into_iter().map(|card| card.uid).collect();
     let (seed, workers) = (Seed::new(arguments.seed), workers::workers(arguments.workers));
     let stop = genmanip_terminal::on_interrupt();
     let baked = grasps::bake(
@@ -67,7 +67,7 @@ pub fn show(arguments: &ShowGraspsArguments, printer: &Printer) -> Result<ExitSt
             Failed::new(format!("{from}: holds no tried grasps of object {uid} ({name})")).hint(help)
         })?;
     let pad_height_m = panda().gripper.pad_size.y;
-    let object_id = model.card.uid.parse().unwrap_or(-1);
+    let object_id = model.card.uid.as_str().parse().unwrap_or(-1);
     let shown = |tried: &VerifiedGrasp| {
         let grasp = Grasp { score: tried.share(), ..tried.grasp.clone() };
         let row = GraspNetGrasp { grasp, height_m: pad_height_m, depth_m: DEPTH_M, object_id }.to_graspnet();
@@ -87,7 +87,7 @@ pub fn show(arguments: &ShowGraspsArguments, printer: &Printer) -> Result<ExitSt
 /// Output of `grasps show`.
 #[derive(Serialize)]
 struct Shown {
-    uid: String,
+    uid: AssetUid,
     name: String,
     physics_hash: String,
     grasps: Vec<ShownGrasp>,

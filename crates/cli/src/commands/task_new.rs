@@ -94,7 +94,7 @@ fn by_rules(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> 
         seed: Seed::new(arguments.seed),
         settings: DesignSettings { copies: arguments.copies, ..DesignSettings::default() },
         fill: arguments.fill,
-        include: arguments.include.as_deref(),
+        include: arguments.include.as_ref(),
     };
     Ok(design_into(&arguments.out, &design, printer)?)
 }

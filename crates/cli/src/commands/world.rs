@@ -91,7 +91,7 @@ fn show(file: &Path, picture: Option<&Path>, printer: &Printer) -> Result<ExitSt
     let numbers = |values: DVec3| values.to_array().map(|value| format!("{value:.3}")).join(", ");
     for surface in &world.surfaces {
         rows.push(vec![
-            surface.id.clone(),
+            surface.id.to_string(),
             surface.name.clone(),
             numbers(surface.top_center_m),
             numbers(surface.size_m),

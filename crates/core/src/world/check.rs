@@ -182,10 +182,10 @@ pub fn camera_faults(cameras: &[Camera]) -> Vec<WorldFault> {
 }
 
 fn check_surface(surface: &SupportSurface, place: &str, faults: &mut Vec<WorldFault>) {
-    let id = &surface.id;
+    let id = surface.id.as_str();
     let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
     let is_id = id.len() <= 40 && id.chars().next().is_some_and(|c| c.is_ascii_lowercase()) && id.chars().all(fits);
-    if !is_id || ["robot", "floor", "object"].contains(&id.as_str()) {
+    if !is_id || ["robot", "floor", "object"].contains(&id) {
         let expected = "lower-case letters, digits and _, starting with a letter; not `robot`, `floor` or `object`";
         faults.push(WorldFault::new(format!("{place}.id"), expected, format!("`{id}`")));
     }

@@ -88,12 +88,12 @@ impl World {
 
     /// A support surface by id; `None` if there is none.
     pub fn surface(&self, id: &ReferenceId) -> Option<&SupportSurface> {
-        self.surfaces.iter().find(|surface| surface.id == id.as_str())
+        self.surfaces.iter().find(|surface| surface.id == *id)
     }
 
     /// Index of a surface other than the table, by id; `None` if no such surface has this id.
     pub fn further_surface(&self, id: &ReferenceId) -> Option<usize> {
-        self.surfaces.iter().position(|surface| surface.id == id.as_str()).filter(|&index| index > 0)
+        self.surfaces.iter().position(|surface| surface.id == *id).filter(|&index| index > 0)
     }
 
     /// The support surfaces that tasks may refer to: all but the table.

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::workspace::Workspace;
-use crate::{Aabb, Piece, Pose, Shape};
+use crate::{Aabb, Piece, Pose, Shape, SurfaceId};
 
 /// A fixed, level slab that objects stand on: the table, a shelf, a side table.
 ///
@@ -14,7 +14,7 @@ use crate::{Aabb, Piece, Pose, Shape};
 #[serde(deny_unknown_fields)]
 pub struct SupportSurface {
     /// Id in files; `table` for the first one. Tasks refer to the others by it.
-    pub id: String,
+    pub id: SurfaceId,
     /// Display name, e.g. `side table`.
     pub name: String,
     /// Centre of the top in the world, metres.

@@ -116,7 +116,7 @@ impl Card {
                 .map_err(|error| DataError::table(path, format!("scenario_json in row {row}: {error}")))?;
             for object in scenario.objects {
                 match object.asset {
-                    AssetRef::Builtin { uid, .. } => self.objects.insert(uid),
+                    AssetRef::Builtin { uid, .. } => self.objects.insert(uid.to_string()),
                     AssetRef::Generated { family, .. } => self.objects.insert(family),
                     AssetRef::Imported { hash } => self.imported.insert(hash),
                 };

@@ -10,7 +10,7 @@ use crate::units_and_frame::lying_from_standing;
 use crate::{Given, Imported, pack};
 use genmanip_assets::{Catalogue, GraspFile, GraspProvenance, ObjectGrasps, cache_grasps};
 use genmanip_core::glam::DQuat;
-use genmanip_core::{AssetRef, Document, Pose, Seed, VerifiedGrasp, World, limits};
+use genmanip_core::{AssetRef, AssetUid, Document, Pose, Seed, VerifiedGrasp, World, limits};
 use genmanip_data::{files, panics};
 use genmanip_motion::PlannerSettings;
 use genmanip_rollout::collect::in_parallel;
@@ -67,7 +67,7 @@ pub struct ImportRow {
     pub hint: Option<String>,
     /// Uid of the imported object; `None` if the file was rejected.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub uid: Option<String>,
+    pub uid: Option<AssetUid>,
     /// Name of the object.
     pub name: String,
     /// True if it stays where it is placed on the table.
@@ -157,7 +157,7 @@ pub fn import(
 
 /// Entries and grasps of the pack so far.
 struct PackContents {
-    entries: BTreeMap<String, PackEntry>,
+    entries: BTreeMap<AssetUid, PackEntry>,
     grasps: GraspFile,
 }
 
@@ -297,7 +297,7 @@ pub fn table(rows: &[ImportRow]) -> String {
         let grasps = if row.can_grasp { row.grasps.to_string() } else { "-".into() };
         lines.push(vec![
             row.file.clone(),
-            row.uid.clone().unwrap_or_else(|| "rejected".into()),
+            row.uid.as_ref().map_or_else(|| "rejected".into(), ToString::to_string),
             if row.rests { "yes" } else { "no" }.into(),
             row.pieces.to_string(),
             grasps,
@@ -310,7 +310,7 @@ pub fn table(rows: &[ImportRow]) -> String {
             text += &row.hint.as_ref().map_or_else(String::new, |hint| format!("  hint: {hint}\n"));
             continue;
         }
-        text += &format!("\n{}\n", row.uid.as_deref().unwrap_or_default());
+        text += &format!("\n{}\n", row.uid.as_ref().map_or("", AssetUid::as_str));
         for Guess { what, value, because } in &row.guesses {
             text += &format!("  {what}: {value} ({because})\n");
         }

@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::report::Report;
 use genmanip_assets::imported::{self, Origin};
 use genmanip_assets::{AssetError, AssetSource, GraspFile, cache_grasps};
-use genmanip_core::{AssetRef, Document, ObjectCard, ObjectModel, limits};
+use genmanip_core::{AssetRef, AssetUid, Document, ObjectCard, ObjectModel, limits};
 use genmanip_data::files;
 use serde::{Deserialize, Serialize};
 
@@ -62,9 +62,9 @@ impl Document for PackList {
             return invalid("objects".into(), &format!("more than {MAX_OBJECTS} objects"));
         }
         for (index, PackEntry { card, .. }) in self.objects.iter().enumerate() {
-            let fits = !card.uid.is_empty()
-                && !card.uid.starts_with('.')
-                && card.uid.chars().all(genmanip_core::names::fits_file_name);
+            let uid = card.uid.as_str();
+            let fits =
+                !uid.is_empty() && !uid.starts_with('.') && uid.chars().all(genmanip_core::names::fits_file_name);
             if !fits || !matches!(card.asset, AssetRef::Imported { .. }) {
                 return invalid(
                     format!("objects[{index}].card"),
@@ -125,7 +125,7 @@ impl Packs {
 }
 
 /// File of an object in its pack's folder.
-fn object_file(pack: &Path, uid: &str) -> PathBuf {
+fn object_file(pack: &Path, uid: &AssetUid) -> PathBuf {
     pack.join(format!("{uid}.object"))
 }
 

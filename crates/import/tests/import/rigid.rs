@@ -128,7 +128,7 @@ fn a_textured_obj_in_centimetres_is_imported_upright() {
     assert!(object.origin.licence.starts_with("Creative Commons Zero"), "{}", object.origin.licence);
     assert!(object.origin.source.contains("pictures/card.png"), "{}", object.origin.source);
     let AssetRef::Imported { hash } = &card.asset else { panic!("{}", card.asset) };
-    assert!(hash.len() == 16 && card.uid.starts_with("blorp-"));
+    assert!(hash.len() == 16 && card.uid.as_str().starts_with("blorp-"));
     for what in ["unit", "up", "category", "mass", "friction", "collision", "materials", "can_grasp"] {
         assert!(object.report.guesses.iter().any(|guess| guess.what == what), "{what} is not reported as guessed");
     }

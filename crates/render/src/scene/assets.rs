@@ -95,7 +95,7 @@ impl RenderAssets {
             let instance = u16::try_from(index).ok().filter(|&i| i < 60_000).ok_or(too_many)? + FIRST_OBJECT;
             for link in &object.links {
                 for visual in &link.visual {
-                    parts.push(Part::new(visual, &object.card.uid, Some(body), instance)?);
+                    parts.push(Part::new(visual, object.card.uid.as_str(), Some(body), instance)?);
                 }
                 body += 1;
             }

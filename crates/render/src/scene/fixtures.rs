@@ -30,7 +30,7 @@ pub fn visuals(world: &World) -> Vec<Fixture> {
         let is_first = index == 0;
         let mut add = |mesh: TriMesh, material: Material, is_slab: bool| {
             fixed.push(Fixture {
-                visual: VisualPart::new(&surface.id, mesh, material, surface.world_from_surface()),
+                visual: VisualPart::new(surface.id.as_str(), mesh, material, surface.world_from_surface()),
                 is_slab,
                 casts_shadow: !is_first,
             });

@@ -61,7 +61,7 @@ pub fn object(uid: &str, mesh: TriMesh, material: Material) -> Arc<ObjectModel> 
     let text = || uid.to_string();
     Arc::new(ObjectModel {
         card: ObjectCard {
-            uid: text(),
+            uid: uid.into(),
             asset: AssetRef::builtin(uid, 1),
             name: text(),
             description: text(),

@@ -149,7 +149,7 @@ fn neighbours(table: &Table, surfaces: &[SupportSurface]) -> CollisionWorld {
     let mut world = CollisionWorld::new();
     // A checked world's boxes, finite poses and the models' own pieces are always accepted.
     for surface in surfaces {
-        let _ = world.add(&surface.id, &surface.pieces(), &surface.world_from_surface());
+        let _ = world.add(surface.id.as_str(), &surface.pieces(), &surface.world_from_surface());
     }
     for (index, (model, pose)) in table.models.iter().zip(&table.poses).enumerate() {
         let _ = world.add(&index.to_string(), &model.links[0].pieces, pose);

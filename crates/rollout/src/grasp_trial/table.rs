@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, variant};
 use genmanip_core::glam::DVec3;
-use genmanip_core::{ObjectCard, ObjectModel, PhysicsFactors, Pose, Seed, World};
+use genmanip_core::{AssetUid, ObjectCard, ObjectModel, PhysicsFactors, Pose, Seed, World};
 use genmanip_sim::{Model, SceneObject, SettleSettings, Sim};
 use rand::RngExt;
 
@@ -60,7 +60,7 @@ impl Table {
         let all: Vec<&ObjectCard> = compact.iter().chain(&utensils).copied().collect();
         let mut rng = seed.fork("things").rng();
         let mut draw = |from: &[&ObjectCard]| from[rng.random_range(0..from.len())].uid.clone();
-        let uids: Vec<String> = match class {
+        let uids: Vec<AssetUid> = match class {
             TrialClass::Compact => vec![draw(&compact)],
             TrialClass::Utensils => vec![draw(&utensils)],
             TrialClass::Clutter => std::iter::once(draw(&compact)).chain((1..CLUTTER).map(|_| draw(&all))).collect(),

@@ -146,7 +146,7 @@ fn catalogue_objects_are_held() {
 fn catalogue_objects_stay_where_they_are_placed() {
     let mut restless = Vec::new();
     for card in Catalogue::builtin().cards().iter().filter(|card| !card.is_articulated) {
-        let object = placed(&card.uid, Catalogue::builtin().build(&card.uid).unwrap(), 0.5, 0.0, 0.3);
+        let object = placed(card.uid.as_str(), Catalogue::builtin().build(&card.uid).unwrap(), 0.5, 0.0, 0.3);
         let scene = Model::compile_without_robot(&default_world(), &[object]).unwrap();
         let report = Sim::new(Arc::new(scene)).settle(&SettleSettings::default()).unwrap();
         if !report.settled || report.displacement[0] > 0.005 || report.rotation[0] > 0.05 {
@@ -172,7 +172,7 @@ fn pick_table() {
     let fresh = (0..100).map(|index| random_case(Seed::new(2).fork_index(index)));
     let named = named_cases().into_iter().map(|(name, case)| (name.to_string(), case));
     let catalogue = Catalogue::builtin().cards().iter().filter(|card| !card.is_articulated);
-    let catalogue = catalogue.filter_map(|card| catalogue_case(&card.uid));
+    let catalogue = catalogue.filter_map(|card| catalogue_case(card.uid.as_str()));
     for (name, case) in named.chain(fresh).chain(catalogue) {
         match pick(&panda(), &case) {
             Ok(report) => eprintln!("{name:34} {}", figures(&report)),

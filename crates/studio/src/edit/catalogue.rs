@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use genmanip_assets::AssetSource;
 use genmanip_core::names::near_misses;
-use genmanip_core::{AssetHashes, InstanceId, ObjectCard, ObjectModel, PhysicsFactors, PlacedObject, Pose, Scenario};
+use genmanip_core::{
+    AssetHashes, AssetUid, InstanceId, ObjectCard, ObjectModel, PhysicsFactors, PlacedObject, Pose, Scenario,
+};
 
 use super::error::EditError;
 use super::operation::ChosenAsset;
@@ -28,7 +30,7 @@ pub(super) fn find(asset: &ChosenAsset, assets: &dyn AssetSource, place: &str) -
         (ChosenAsset::Reference(asset), None) => asset.clone(),
         (ChosenAsset::Uid(uid), None) => {
             let known: Vec<&str> = cards.iter().map(|card| card.uid.as_str()).collect();
-            let near = near_misses(uid, &known);
+            let near = near_misses(uid.as_str(), &known);
             let hint = if near.is_empty() {
                 "`genmanip assets list` shows the catalogue".into()
             } else {
@@ -71,10 +73,14 @@ pub(super) fn nominal_joints(model: &ObjectModel, state: Option<&str>) -> Option
 }
 
 /// Id of a new instance: the wanted one if it belongs to the asset and is free, else the first free one.
-pub(super) fn new_id(scenario: &Scenario, uid: &str, wanted: Option<&InstanceId>) -> Result<InstanceId, EditError> {
+pub(super) fn new_id(
+    scenario: &Scenario,
+    uid: &AssetUid,
+    wanted: Option<&InstanceId>,
+) -> Result<InstanceId, EditError> {
     let is_taken = |id: &InstanceId| scenario.index_of(id).is_some() || scenario.world.surface(id).is_some();
     match wanted {
-        Some(id) if id.asset() != uid => {
+        Some(id) if id.asset() != *uid => {
             let hint = format!("ids of copies are {uid}, {uid}#2, …; leave the id out");
             Err(EditError::invalid("args.id", format!("expected an id of asset {uid:?}, got {id:?}"), hint))
         }

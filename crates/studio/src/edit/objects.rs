@@ -132,7 +132,7 @@ pub(super) fn duplicate(
     };
     check_pose(&pose, "args.pose")?;
     let node = scenario.task.scene_graph.index_of(object);
-    let uid = node.map_or_else(|| object.asset().to_owned(), |node| scenario.task.objects[node].uid.clone());
+    let uid = node.map_or_else(|| object.asset(), |node| scenario.task.objects[node].uid.clone());
     let id = new_id(scenario, &uid, id)?;
     let node = node.map(|node| {
         let graph_node = GraphNode { id: id.clone(), ..scenario.task.scene_graph.nodes[node].clone() };

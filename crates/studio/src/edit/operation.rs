@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use genmanip_core::{
-    AssetRef, Camera, Goal, GraphEdge, GraphNode, InstanceId, ObjectCard, PlacedObject, Pose, Request, Scenario,
-    TaskKind,
+    AssetRef, AssetUid, Camera, Goal, GraphEdge, GraphNode, InstanceId, ObjectCard, PlacedObject, Pose, Request,
+    Scenario, TaskKind,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -136,7 +136,7 @@ pub struct Placement {
 #[serde(untagged)]
 pub enum ChosenAsset {
     /// Uid in the catalogue.
-    Uid(String),
+    Uid(AssetUid),
     /// Reference with its source.
     Reference(AssetRef),
 }

@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use genmanip_assets::robots;
 use genmanip_core::{
-    Atom, Camera, GraphEdge, InstanceId, Joint, JointKind, JointState, ObjectModel, PlacedObject, Pose, ReferenceId,
-    RobotModel, Scenario, Task, TaskKind, Workspace, World,
+    AssetUid, Atom, Camera, GraphEdge, InstanceId, Joint, JointKind, JointState, ObjectModel, PlacedObject, Pose,
+    ReferenceId, RobotModel, Scenario, SurfaceId, Task, TaskKind, Workspace, World,
 };
 use genmanip_relations::{PosedObject, PosedScene, ShapeCache, joint_state};
 use genmanip_tasks::wording;
@@ -80,7 +80,7 @@ pub struct ObjectMessage {
     /// Id of the instance.
     pub id: InstanceId,
     /// Uid of the object's asset in the catalogue.
-    pub uid: String,
+    pub uid: AssetUid,
     /// Name of the object for people.
     pub name: String,
     /// Description in one sentence.
@@ -160,7 +160,7 @@ pub struct CameraMessage {
 #[derive(Clone, Debug, Serialize)]
 pub struct SurfaceMessage {
     /// Id of the surface in the world.
-    pub id: String,
+    pub id: SurfaceId,
     /// Name of the surface for people.
     pub name: String,
     /// Centre of the upper side, m, world frame.
@@ -271,7 +271,7 @@ impl SceneAssets {
         model: &Arc<ObjectModel>,
     ) -> Result<ObjectMessage, WorkspaceError> {
         let task = &scenario.task;
-        let hashes = self.hashes(&Body::Object(Arc::clone(model)), &model.card.uid)?;
+        let hashes = self.hashes(&Body::Object(Arc::clone(model)), model.card.uid.as_str())?;
         let poses = model.link_poses(&placed.joint_positions).into_iter().map(|link| placed.pose * link);
         let bounds = model.world_bounds(&placed.pose, &placed.joint_positions);
         let named = task.card(&placed.id).is_some();

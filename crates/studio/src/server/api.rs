@@ -9,7 +9,7 @@ use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, HeaderName};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
-use genmanip_core::{InstanceId, Pose, ReferenceId, Scenario};
+use genmanip_core::{AssetUid, InstanceId, Pose, ReferenceId, Scenario};
 use genmanip_workspace::WorkspaceError;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -369,7 +369,7 @@ async fn search(State(studio): Shared, Query(asked): Query<Searched>) -> Respons
     .await
 }
 
-async fn thumbnail(State(studio): Shared, Path(uid): Path<String>) -> Response {
+async fn thumbnail(State(studio): Shared, Path(uid): Path<AssetUid>) -> Response {
     work(&studio, move |studio| match studio.catalogue.thumbnail(&uid).map_err(|error| Refusal::of_work(&error))? {
         Some(jpeg) => {
             let head = [(CONTENT_TYPE, "image/jpeg"), (CACHE_CONTROL, "max-age=86400")];

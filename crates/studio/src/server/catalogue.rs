@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use genmanip_assets::Catalogue;
 use genmanip_assets::search::{Filter, Index};
+use genmanip_core::AssetUid;
 use genmanip_render::encode::jpeg_rgb;
 use genmanip_viz::object_images::portrait;
 use genmanip_workspace::WorkspaceError;
@@ -24,7 +25,7 @@ const MAX_THUMBNAILS: usize = 4096;
 #[derive(Clone, Debug, Serialize)]
 pub struct Found {
     /// Uid in the catalogue.
-    pub uid: String,
+    pub uid: AssetUid,
     /// Short name of the object, e.g. `Red Mug`.
     pub name: String,
     /// Description in one sentence.
@@ -45,7 +46,7 @@ pub struct Found {
 #[derive(Debug, Default)]
 pub struct CatalogueSearch {
     index: OnceLock<Index>,
-    thumbnails: Mutex<BTreeMap<String, Arc<[u8]>>>,
+    thumbnails: Mutex<BTreeMap<AssetUid, Arc<[u8]>>>,
 }
 
 impl CatalogueSearch {
@@ -74,7 +75,7 @@ impl CatalogueSearch {
     ///
     /// # Errors
     /// When the thumbnail cannot be rendered.
-    pub fn thumbnail(&self, uid: &str) -> Result<Option<Arc<[u8]>>, WorkspaceError> {
+    pub fn thumbnail(&self, uid: &AssetUid) -> Result<Option<Arc<[u8]>>, WorkspaceError> {
         let known = || self.thumbnails.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(thumbnail) = known().get(uid) {
             return Ok(Some(Arc::clone(thumbnail)));
@@ -88,7 +89,7 @@ impl CatalogueSearch {
         if thumbnails.len() >= MAX_THUMBNAILS {
             thumbnails.clear();
         }
-        thumbnails.insert(uid.to_owned(), Arc::clone(&thumbnail));
+        thumbnails.insert(uid.clone(), Arc::clone(&thumbnail));
         Ok(Some(thumbnail))
     }
 }

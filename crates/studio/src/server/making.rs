@@ -8,10 +8,10 @@ use axum::http::header::{CONTENT_DISPOSITION, CONTENT_TYPE};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
-use genmanip_core::Document;
 use genmanip_core::camera::PRESETS;
 use genmanip_core::names::fits_file_name;
 use genmanip_core::sensor::SENSORS;
+use genmanip_core::{AssetUid, Document};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -45,7 +45,7 @@ async fn cameras() -> Json<Value> {
 struct Said {
     text: String,
     #[serde(default)]
-    choices: BTreeMap<String, String>,
+    choices: BTreeMap<String, AssetUid>,
 }
 
 async fn sentence(State(studio): Shared, request: HttpRequest) -> Response {

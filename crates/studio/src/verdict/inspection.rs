@@ -178,7 +178,7 @@ impl<'a> Inspection<'a> {
                 let (gap_mm, limit_mm) = (below.gap_m * 1e3, limit_m * 1e3);
                 let other = match below.below {
                     Below::Object(other) => self.id(other),
-                    Below::Surface(surface) => world.surfaces[surface].id.as_str().into(),
+                    Below::Surface(surface) => world.surfaces[surface].id.clone().into(),
                     Below::Nothing => continue,
                 };
                 let message =

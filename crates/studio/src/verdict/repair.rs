@@ -188,7 +188,7 @@ impl Inspection<'_> {
         let operation = Group::of(scene, &self.scenario.world, index).shifted(scene, by);
         let on = match below.below {
             Below::Object(other) => self.name(&self.scenario.objects[other].id),
-            Below::Surface(surface) => self.name(&self.scenario.world.surfaces.get(surface)?.id.as_str().into()),
+            Below::Surface(surface) => self.name(&self.scenario.world.surfaces.get(surface)?.id),
             Below::Nothing => return None,
         };
         let label = format!("{} it by {:.1} mm onto {on}", if by.z < 0.0 { "lower" } else { "lift" }, by.z.abs() * 1e3);
@@ -342,7 +342,7 @@ impl Inspection<'_> {
         let surface = self.scenario.world.table()?;
         let position = DVec3 { z: surface.top_center_m.z, ..object.pose.position };
         let pose = Pose::from_position_yaw(position, object.pose.yaw());
-        let label = format!("stand {} upright on {}", self.name(&object.id), self.name(&surface.id.as_str().into()));
+        let label = format!("stand {} upright on {}", self.name(&object.id), self.name(&surface.id));
         let objects = vec![Placement { id: object.id.clone(), pose, joint_positions: None }];
         Some(Repair { label, operation: Operation::Place { objects } })
     }

@@ -24,7 +24,7 @@ pub(super) fn problems(scenario: &Scenario) -> Vec<Problem> {
     let nodes = &task.scene_graph.nodes;
     let distractors = scenario.objects.iter().filter(|object| !nodes.iter().any(|node| node.id == object.id));
     for object in distractors {
-        let card = genmanip_assets::Catalogue::all().card(object.id.asset());
+        let card = genmanip_assets::Catalogue::all().card(&object.id.asset());
         if let Some(card) = card.filter(|card| !is_harmless(card, task)) {
             let message = format!(
                 "the instruction may also mean the {}, which the scene graph does not know",

@@ -184,10 +184,10 @@ fn read_literally(answer: &Value, request: &TaskRequest) -> Option<(Task, bool)>
     // An object by its uid; the name must not be that of another offered object.
     let mut object = |value: &Value, name: &str, uid: &str| {
         let (name, uid) = (exact(value, name)?, exact(value, uid)??);
-        let card = request.offered.iter().find(|card| card.uid == uid)?;
+        let card = request.offered.iter().find(|card| card.uid == uid.as_str())?;
         let is = |card: &ObjectCard| name.as_ref().is_some_and(|name| card.name.eq_ignore_ascii_case(name));
         names_fit &= is(card) || !request.offered.iter().any(is);
-        Some(uid)
+        Some(InstanceId::new(&card.uid, 1))
     };
     let word =
         |value: &Value| Relation::OF_PAIRS.into_iter().find(|word| value["position"].as_str() == Some(word.name()));
@@ -195,7 +195,7 @@ fn read_literally(answer: &Value, request: &TaskRequest) -> Option<(Task, bool)>
     for node in graph["nodes"].as_array()? {
         let known = keys(node, &["obj_uid", "state"]).then(|| (exact(node, "obj_uid"), exact(node, "state")))?;
         let (uid, state) = (known.0??, known.1?);
-        let card = request.offered.iter().find(|card| card.uid == uid)?;
+        let card = request.offered.iter().find(|card| card.uid == uid.as_str())?;
         if state.as_ref().is_some_and(|state| !card.states.contains(state)) {
             return None;
         }
@@ -205,7 +205,7 @@ fn read_literally(answer: &Value, request: &TaskRequest) -> Option<(Task, bool)>
     for edge in graph["edges"].as_array()? {
         keys(edge, &["obj1", "obj1_uid", "position", "obj2", "obj2_uid"]).then_some(())?;
         edges.push(GraphEdge {
-            subject: InstanceId::new(&object(edge, "obj1", "obj1_uid")?, 1),
+            subject: object(edge, "obj1", "obj1_uid")?,
             relation: word(edge)?,
             reference: object(edge, "obj2", "obj2_uid")?.into(),
             second_reference: None,
@@ -228,13 +228,11 @@ fn read_literally(answer: &Value, request: &TaskRequest) -> Option<(Task, bool)>
             let absent = ["obj2", "obj2_uid", "position"].iter().all(|key| condition[*key] == "none");
             atoms.push(match exact(condition, "obj1_state")? {
                 Some(state) if absent => {
-                    let card = request.offered.iter().find(|card| card.uid == subject)?;
-                    card.states
-                        .contains(&state)
-                        .then_some(Atom::State { object: InstanceId::new(&subject, 1), state })?
+                    let card = request.offered.iter().find(|card| subject == card.uid.as_str())?;
+                    card.states.contains(&state).then_some(Atom::State { object: subject, state })?
                 }
                 None => Atom::Relation {
-                    subject: InstanceId::new(&subject, 1),
+                    subject,
                     relation: word(condition)?,
                     reference: object(condition, "obj2", "obj2_uid")?.into(),
                     second_reference: None,

@@ -74,9 +74,10 @@ impl RecordedAnswer {
     /// [`RecordedAnswerError::UnknownOffer`] if an offered uid has no card.
     pub fn request(&self, id: &str, catalogue: &[ObjectCard]) -> Result<TaskRequest, RecordedAnswerError> {
         let card = |id: &InstanceId| {
+            let uid = id.asset();
             catalogue
                 .iter()
-                .find(|card| card.uid == id.asset())
+                .find(|card| card.uid == uid)
                 .cloned()
                 .ok_or_else(|| RecordedAnswerError::UnknownOffer { uid: id.clone(), known: catalogue.len() })
         };

@@ -33,13 +33,13 @@ pub struct TaskRequest {
 impl TaskRequest {
     /// Ids of the offered objects: uids, numbered from the second instance of an asset on; then those of the surfaces.
     pub fn ids(&self) -> Vec<ReferenceId> {
-        let surfaces = self.surfaces.iter().map(|surface| surface.id.as_str().into());
+        let surfaces = self.surfaces.iter().map(|surface| surface.id.clone().into());
         self.instances().into_iter().map(ReferenceId::from).chain(surfaces).collect()
     }
 
     /// Ids of the offered objects.
     pub(super) fn instances(&self) -> Vec<InstanceId> {
-        InstanceId::numbered(self.offered.iter().map(|card| card.uid.as_str()))
+        InstanceId::numbered(self.offered.iter().map(|card| &card.uid))
     }
 
     /// Names of the objects and surfaces, in the order of [`TaskRequest::ids`].

@@ -71,7 +71,7 @@ impl Draft {
         let uid = |index: usize| request.offered.get(index).map(|card| &card.uid);
         let alone = |index: usize| self.nodes.iter().filter(|node| uid(node.object) == uid(index)).count() == 1;
         let ids = request.instances().into_iter().enumerate();
-        ids.map(|(index, id)| if alone(index) { InstanceId::new(id.asset(), 1) } else { id }).collect()
+        ids.map(|(index, id)| if alone(index) { InstanceId::new(&id.asset(), 1) } else { id }).collect()
     }
 
     /// Surfaces to which goal and graph refer, in the order of the request.
@@ -94,7 +94,7 @@ impl Draft {
         let instance = |index: usize| instances.get(index).cloned();
         let reference = |index: usize| match instance(index) {
             Some(id) => Some(id.into()),
-            None => request.surfaces.get(index - instances.len()).map(|surface| surface.id.as_str().into()),
+            None => request.surfaces.get(index - instances.len()).map(|surface| surface.id.clone().into()),
         };
         let atom = |condition: &Condition| match &condition.test {
             Test::Relation(relation, first, second) => Some(Atom::Relation {

@@ -64,7 +64,7 @@ pub(super) fn pass(scene: &Sketch, draft: &Draft, kind: TaskKind, id: &str, sour
 
 /// The task in the exchange format, as a language model would return it: copies of an object are numbered in order.
 pub fn as_answer(task: &Task) -> Value {
-    let numbered = InstanceId::numbered(task.objects.iter().map(|card| card.uid.as_str()));
+    let numbered = InstanceId::numbered(task.objects.iter().map(|card| &card.uid));
     let nodes = &task.scene_graph.nodes;
     if nodes.len() == numbered.len() && nodes.iter().any(|node| !numbered.contains(&node.id)) {
         let ids = nodes.iter().map(|node| &*node.id).zip(&numbered).collect();

@@ -233,7 +233,7 @@ impl<'a> Sketch<'a> {
 
     /// Ids of the objects in the graph.
     fn ids(&self) -> Vec<InstanceId> {
-        InstanceId::numbered(self.cards.iter().map(|card| card.uid.as_str()))
+        InstanceId::numbered(self.cards.iter().map(|card| &card.uid))
     }
 
     pub fn graph(&self, description: String) -> SceneGraph {

@@ -4,7 +4,9 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{Atom, GraphNode, InstanceId, ObjectCard, ReferenceId, Relation, SceneGraph, Seed, Task, TaskKind};
+use genmanip_core::{
+    AssetUid, Atom, GraphNode, InstanceId, ObjectCard, ReferenceId, Relation, SceneGraph, Seed, Task, TaskKind,
+};
 use proptest::prelude::*;
 
 use super::knowledge::{Decides, handling, is_of, needs};
@@ -179,7 +181,7 @@ fn every_change_of_state_is_understood() {
         for from in &handling.from {
             let node = GraphNode { state: Some(from.clone()), ..GraphNode::of(&card) };
             let graph = SceneGraph { nodes: vec![node], ..SceneGraph::default() };
-            let expected = ReadAtom::State { object: card.uid.parse().unwrap(), state: handling.to.clone() };
+            let expected = ReadAtom::State { object: card.uid.as_str().parse().unwrap(), state: handling.to.clone() };
             for say in &handling.say {
                 let said = format!("{}.", capitalised(&fill(say, &[("y", &noun)])));
                 let goal = references::read(&said, std::slice::from_ref(&card), &graph).map(|reading| reading.goal);
@@ -197,7 +199,7 @@ fn every_change_of_state_is_understood() {
 fn imported_objects_of_unknown_categories_are_used() {
     let mug = cards().iter().find(|card| card.category == "mug").unwrap();
     let foreign = |category: &str, number: usize| ObjectCard {
-        uid: format!("{}-0a1b2c{number}", category.replace(' ', "-")),
+        uid: format!("{}-0a1b2c{number}", category.replace(' ', "-")).into(),
         asset: genmanip_core::AssetRef::Imported { hash: "0a1b2c".into() },
         name: capitalised(category),
         category: category.into(),
@@ -241,7 +243,7 @@ fn everything_has_words() {
             let heard = references::read(&format!("Put the {words} near the stapler."), &cards, &graph);
             let means = heard.as_ref().ok().and_then(|reading| reading.phrases.first()).map(|(_, ids)| ids.clone());
             said += 1;
-            if means == Some(vec![card.uid.parse().unwrap()]) {
+            if means == Some(vec![card.uid.as_str().parse().unwrap()]) {
                 understood.insert((card.category.as_str(), card.annotations.looks.contains(words)));
             } else {
                 misheard.push(format!("{}: {words}: {:?}", card.uid, heard.err()));
@@ -394,9 +396,9 @@ fn scenes_with_copies_are_designed() {
     let open = copied.iter().filter(|task| !task.interchangeable.is_empty()).count();
     let about_copies = |task: &&&Task| {
         let copies = task.scene_graph.nodes.iter().filter(|node| node.id.copy().is_some());
-        let twins: Vec<&str> = copies.map(|node| node.id.asset()).collect();
-        let asset = |id| task.card(id).unwrap().uid.as_str();
-        task.goal.alternatives.iter().flatten().flat_map(Atom::ids).any(|id| twins.contains(&asset(id)))
+        let twins: Vec<AssetUid> = copies.map(|node| node.id.asset()).collect();
+        let asset = |id| &task.card(id).unwrap().uid;
+        task.goal.alternatives.iter().flatten().flat_map(Atom::ids).any(|id| twins.contains(asset(id)))
     };
     let singled_out = copied.iter().filter(|task| task.interchangeable.is_empty()).filter(about_copies).count();
     assert!(copied.len() > 60 && open > 10 && singled_out > 0, "{} {open} {singled_out}", copied.len());

@@ -25,7 +25,7 @@ fn scene(facts: &[&str]) -> (Vec<Arc<ObjectCard>>, SceneGraph) {
         for id in words.iter().filter(|word| word.chars().all(|c| c.is_ascii_digit() || c == '#')) {
             let id: InstanceId = id.parse().unwrap();
             if graph.index_of(&id).is_none() {
-                let card = card(id.asset());
+                let card = card(id.asset().as_str());
                 graph.nodes.push(GraphNode { id, ..GraphNode::of(&card) });
                 cards.push(card);
             }
@@ -209,7 +209,7 @@ fn corrupted_tasks_are_found() {
             Atom::Relation { relation, .. } => {
                 *relation = if *relation == Relation::Near { Relation::In } else { Relation::Near };
             }
-            Atom::State { object, .. } => *object = InstanceId::new("999", 1),
+            Atom::State { object, .. } => *object = InstanceId::new(&"999".into(), 1),
         }
         corrupted.push((5, other));
         if task.goal.alternatives.len() > 1 {
@@ -270,7 +270,7 @@ fn identical_copies_are_one_thing_to_say_and_two_to_choose_from() {
         assert_eq!(found.join(" "), groups, "{instruction}");
         assert_eq!(check(&task), Ok(()), "{instruction}");
         // Copies may be exchanged in the goal only where nothing distinguishes them.
-        let [one, other] = [1, 2].map(|copy| InstanceId::new("001", copy));
+        let [one, other] = [1, 2].map(|copy| InstanceId::new(&"001".into(), copy));
         let swap = std::collections::BTreeMap::from([(&*one, &other), (&*other, &one)]);
         task.goal.alternatives[0][0] = task.goal.alternatives[0][0].renamed(&swap);
         assert_eq!(check(&task).is_ok(), !groups.is_empty(), "{instruction}");

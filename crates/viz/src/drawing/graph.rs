@@ -88,8 +88,8 @@ impl Panel {
             Node::new(task, &node.id, node.state.clone(), atoms.iter().any(|atom| *atom.subject() == node.id))
         });
         let edges = &task.scene_graph.edges;
-        let surfaces = task.surfaces.iter().map(|surface| surface.id.as_str().into());
-        let used = surfaces.filter(|id: &ReferenceId| edges.iter().any(|edge| edge.reference == *id));
+        let surfaces = task.surfaces.iter().map(|surface| ReferenceId::from(surface.id.clone()));
+        let used = surfaces.filter(|id| edges.iter().any(|edge| edge.reference == *id));
         let nodes = nodes.chain(used.map(|id| Node::new(task, &id, None, false)));
         let mut panel = Self::build("START".into(), false, nodes.collect(), edges);
         let ids: Vec<ReferenceId> = panel.nodes.iter().map(|node| node.id.clone()).collect();
