@@ -1,7 +1,8 @@
-//! Recorded answers, replayed by ask index if the question matches.
+//! Recorded answers, replayed in the order of their asks if the question matches.
 //!
 //! A question matches if its kind, prompt, instruction and previously rejected answers are equal, and its marks and
-//! images differ by at most [`Tolerance`]. Any other question is reported as a mismatch and never answered.
+//! images differ by at most [`Tolerance`]. Recorded questions that are no longer asked are passed over. Any other question is
+//! reported as a mismatch and never answered.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -183,18 +184,21 @@ impl RecordedAnswer {
 }
 
 impl RecordedAnswers {
-    /// Returns the recorded answer to a question.
+    /// Returns the recorded answer to a question: of the matching ones from its ask index on, the first. The agent may
+    /// ask fewer questions than when the answers were recorded.
     ///
     /// # Errors
-    /// Reports a missing recording or the first difference.
+    /// Reports a missing recording, or the first difference from the one of the same ask index.
     pub fn answer(&self, question: &Question, tolerance: &Tolerance) -> Result<ModelReply, Mismatch> {
         let (scenario, ask) = (self.scenario.clone(), question.ask);
+        let later = self.answers.iter().filter(|answer| answer.ask >= ask);
+        let matching = later.filter(|answer| answer.difference(question, tolerance).is_none());
+        if let Some(found) = matching.min_by_key(|answer| answer.ask) {
+            return Ok(ModelReply { text: found.answer.clone(), usage: found.usage, cut_off: found.cut_off });
+        }
         let recorded = self.answers.iter().find(|answer| answer.ask == ask);
-        let Some(recorded) = recorded else {
-            return Err(Mismatch::Missing { scenario, ask, stage: question.stage });
-        };
-        match recorded.difference(question, tolerance) {
-            None => Ok(ModelReply { text: recorded.answer.clone(), usage: recorded.usage, cut_off: recorded.cut_off }),
+        match recorded.and_then(|recorded| recorded.difference(question, tolerance)) {
+            None => Err(Mismatch::Missing { scenario, ask, stage: question.stage }),
             Some((what, recorded, asked)) => Err(Mismatch::Other { scenario, ask, what, recorded, asked }),
         }
     }

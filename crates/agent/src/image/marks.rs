@@ -10,8 +10,8 @@ use super::{BLACK, Color, RgbImage, WHITE};
 use crate::grid::Grid;
 use crate::segmentation::Mask;
 
-/// Sentence that explains the arrows in prompts.
-pub const ARROWS: &str = "The camera faces the robot. Arrows in the picture show the robot's own directions: LEFT and \
+/// Sentences that explain the arrows in prompts, after the one on the [`viewpoint`].
+const ARROWS: &str = "Arrows in the picture show the robot's own directions: LEFT and \
 RIGHT are the robot's left and right, FAR points away from the robot, NEAR towards it. Words like left, right, front \
 and behind in the task mean the robot's directions, not those of the picture: front, or in front of, means the far \
 side, and behind means the side near the robot.";
@@ -290,6 +290,27 @@ fn cross(image: &mut RgbImage, at: [f64; 2]) {
 const ARROW_M: f64 = 0.11;
 /// Position of the arrows as a share of the image's width and height: a lower corner, away from the table's centre.
 const ARROWS_AT: [f64; 2] = [0.9, 0.86];
+/// Horizontal share of a viewing direction below which a camera counts as looking straight down. Chosen by hand.
+const STEEP: f64 = 0.2;
+
+/// Sentences that say from where the camera sees the table and what the arrows mean.
+pub fn directions(view: &RgbdImage) -> String {
+    format!("{} {ARROWS}", viewpoint(view.world_from_camera.transform_vector(DVec3::Z)))
+}
+
+/// Sentence on the viewpoint of a camera that looks in a direction, world frame.
+fn viewpoint(looks: DVec3) -> &'static str {
+    let [along, across] = [looks.x, looks.y].map(f64::abs);
+    if along.max(across) < STEEP * looks.length() {
+        "The camera looks straight down."
+    } else if along >= across {
+        if looks.x < 0.0 { "The camera faces the robot." } else { "The camera looks away from the robot." }
+    } else if looks.y < 0.0 {
+        "The camera looks across the table from the robot's left."
+    } else {
+        "The camera looks across the table from the robot's right."
+    }
+}
 
 /// Draws arrows for the robot's left, right, far and near directions into a corner of the image, in perspective.
 pub fn arrows(image: &mut RgbImage, view: &RgbdImage, table_m: f64) {

@@ -51,7 +51,7 @@ pub struct PlacementTarget {
     pub rim_m: f64,
     /// Number of objects on the table close to the place; 0 for a place on a receiver.
     pub neighbours: usize,
-    /// True if the cell shows several surfaces, so that it may mean another one.
+    /// True if the cell may mean another of the surfaces that it shows.
     pub mixed: bool,
 }
 
@@ -69,7 +69,11 @@ pub fn targets(
 ) -> BTreeMap<Cell, PlacementTarget> {
     let Some(view) = views.shown() else { return BTreeMap::new() };
     let resolver = Resolver::new(views, view, moved, object, around, table_m, settings);
-    grid.cells().filter_map(|cell| Some((cell, resolver.target(grid, cell)?))).collect()
+    let seen: Vec<SeenCell> = grid.cells().map(|cell| resolver.seen(grid, cell)).collect();
+    let best = |mask: usize| seen.iter().map(|seen| seen.shares[mask]).fold(0.0, f64::max);
+    let best: Vec<f64> = (0..view.masks.len()).map(best).collect();
+    let targets = grid.cells().zip(&seen).map(|(cell, seen)| Some((cell, resolver.target(seen, &best)?)));
+    targets.flatten().collect()
 }
 
 struct Resolver<'a> {
@@ -82,6 +86,14 @@ struct Resolver<'a> {
     receivers: Vec<Option<Receiver>>,
     /// Height map of everything except the moved object.
     around: HeightMap,
+}
+
+/// What is seen in a cell.
+struct SeenCell {
+    /// Pixel indices sampled over the cell, its centre in the middle of the list.
+    pixels: Vec<usize>,
+    /// Share of them that each mask covers, 0 to 1.
+    shares: Vec<f64>,
 }
 
 /// An object that may receive the moved object.
@@ -103,10 +115,13 @@ const NEIGHBOUR_M: f64 = 0.05;
 const REACH_M: [DVec2; 2] = [DVec2::new(-0.2, -1.0), DVec2::new(1.2, 1.0)];
 /// Clearance levels that rank candidate points (m); more clearance is no better.
 const CLEARANCE_LEVELS_M: [f64; 4] = [0.01, 0.006, 0.003, 0.0];
-/// Minimum share of a cell for an object to be one of its surfaces, and (`MAIN_SHARE`) share from which a single object is
-/// what the cell means. Chosen by hand.
+/// Minimum share of a cell for an object to be one of its surfaces, and (`MAIN_SHARE`) share from which an object rather
+/// than the table is what the cell means. Chosen by hand.
 const SURFACE_SHARE: f64 = 0.05;
 const MAIN_SHARE: f64 = 0.5;
+/// Minimum share of a cell, relative to the cell that shows most of an object, for the cell to mean this object: who means
+/// it chooses a cell that shows it well. Chosen by hand.
+const MEANT_SHARE: f64 = 0.5;
 /// Height above the target below which points do not count as obstacles (m). Chosen by hand.
 const MIN_OBSTACLE_HEIGHT_M: f64 = 0.006;
 /// A receiver longer than this multiple of the moved object holds two of them.
@@ -139,24 +154,32 @@ impl<'a> Resolver<'a> {
         Self { view, moved, object, table_m, settings, receivers, around }
     }
 
-    fn target(&self, grid: &Grid, cell: Cell) -> Option<PlacementTarget> {
+    fn seen(&self, grid: &Grid, cell: Cell) -> SeenCell {
         let pixels = self.pixels(grid, cell);
+        let covered = |mask: &Mask| pixels.iter().filter(|&&pixel| mask.pixels[pixel]).count();
+        let share = |mask: &Mask| covered(mask) as f64 / pixels.len() as f64;
+        let shares = self.view.masks.iter().map(share).collect();
+        SeenCell { pixels, shares }
+    }
+
+    /// Target of a cell; `best` holds the largest share of a cell that each mask has.
+    fn target(&self, seen: &SeenCell, best: &[f64]) -> Option<PlacementTarget> {
+        let SeenCell { pixels, shares } = seen;
         let middle = pixels.get(pixels.len() / 2).copied()?;
         if !self.settings.snap {
             return self.measured(middle);
         }
-        let covered = |mask: &Mask| pixels.iter().filter(|&&pixel| mask.pixels[pixel]).count();
-        let share = |mask: &Mask| covered(mask) as f64 / pixels.len() as f64;
-        let others = self.view.masks.iter().enumerate().filter(|(index, _)| *index != self.moved);
-        let mut shares: Vec<(f64, usize)> = others.map(|(index, mask)| (share(mask), index)).collect();
-        shares.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        let main = shares.first().copied();
-        let target = match main.filter(|(share, _)| *share >= self.settings.thing_share) {
-            Some((_, index)) => self.on_receiver(index, &pixels),
-            None => self.on_table(&pixels),
+        let others = (0..shares.len()).filter(|index| *index != self.moved);
+        let largest = others.clone().max_by(|a, b| shares[*a].total_cmp(&shares[*b]).then(b.cmp(a)));
+        let main = largest.filter(|index| shares[*index] >= self.settings.thing_share);
+        let target = match main {
+            Some(index) => self.on_receiver(index, pixels),
+            None => self.on_table(pixels),
         };
-        let surfaces = shares.iter().filter(|(share, _)| *share >= SURFACE_SHARE).count();
-        let mixed = surfaces > 1 || main.is_some_and(|(share, _)| (SURFACE_SHARE..MAIN_SHARE).contains(&share));
+        // The table may be meant beside an object that covers less than half of the cell.
+        let may_be_table = main.is_some_and(|index| shares[index] < MAIN_SHARE);
+        let may_be = |index: usize| shares[index] >= SURFACE_SHARE && shares[index] >= MEANT_SHARE * best[index];
+        let mixed = may_be_table || others.clone().any(|index| Some(index) != main && may_be(index));
         target.map(|target| PlacementTarget { mixed, ..target })
     }
 

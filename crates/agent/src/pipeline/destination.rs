@@ -177,7 +177,7 @@ impl PlacementQuestion<'_> {
         Ok((Placement { fine, ..placement }, found))
     }
 
-    /// True if the coarse cell is ambiguous: it shows several surfaces, lies close to several objects, or is to lie
+    /// True if the coarse cell is ambiguous: it may mean several surfaces, lies close to several objects, or is to lie
     /// between objects.
     fn needs_fine_cell(&self, target: &PlacementTarget) -> bool {
         let is_between = self.subtask.to_lowercase().split(|c: char| !c.is_alphabetic()).any(|word| word == "between");

@@ -10,14 +10,14 @@ use std::sync::Arc;
 
 use genmanip_core::{
     ActionChunk, AgentStage, CameraRequest, EpisodeStart, FailedStage, ImageChannels, Observation, Policy, PolicyError,
-    PolicySpec, RgbdImage, Seed, StageCause,
+    PolicySpec, Pose, RgbdImage, Seed, StageCause,
 };
 use genmanip_motion::{DepthSettings, GeometryError, Planner};
 
 use self::arm_state::ArmState;
 use self::destination::Placement;
 use self::place::HeldObject;
-use self::subtask::Subtask;
+use self::subtask::{ObjectChoice, Retry, Subtask};
 use crate::ask::{
     Answer, Marks, PromptSet, PromptVariant, Question, QuestionImage, QuestionKind, RetryLimits, TAKES,
     TranscriptRecorder, VisionModel, ask, ask_each,
@@ -64,6 +64,8 @@ pub struct Agent {
     all_picks: u64,
     /// Failures at the current sub-task, one sentence each, for the next questions.
     tried: Vec<String>,
+    /// Grasps of the current sub-task from which the object slipped, world frame.
+    slipped: Vec<Pose>,
     /// Valid answers to the placement questions of the current sub-task. `None` before they are answered.
     placement: Option<Placement>,
     phase: Phase,
@@ -78,7 +80,7 @@ enum Phase {
     /// A placement of an object of this name was executed.
     Placed(String),
     /// The object was dropped or put back and is to be picked again.
-    RetryPick,
+    RetryPick(Box<Retry>),
 }
 
 impl Agent {
@@ -113,6 +115,7 @@ impl Agent {
             picks: 0,
             all_picks: 0,
             tried: Vec::new(),
+            slipped: Vec::new(),
             placement: None,
             phase: Phase::ReadyToPick,
         })
@@ -185,8 +188,8 @@ impl Agent {
 
     fn question(&self, view: &View, asked: QuestionDraft) -> Question {
         let QuestionDraft { stage, instruction, object_name, start_point, pictures, marks, variant, .. } = asked;
-        let arrows = if self.settings.arrows { marks::ARROWS } else { "" };
-        let inputs = crate::ask::Inputs { instruction, object_name, start_point, arrows };
+        let arrows = if self.settings.arrows { marks::directions(&view.image) } else { String::new() };
+        let inputs = crate::ask::Inputs { instruction, object_name, start_point, arrows: &arrows };
         let (prompt, mut text) = self.services.prompts.fill(stage, variant, inputs);
         text += &self.told_of_failures(stage);
         Question {
@@ -223,6 +226,7 @@ impl Agent {
     fn begin_subtask(&mut self, current: usize) {
         (self.current, self.picks, self.placement) = (current, 0, None);
         self.tried.clear();
+        self.slipped.clear();
     }
 
     /// Image of a view, with the robot's direction arrows if the settings ask for them.
@@ -246,9 +250,21 @@ impl Agent {
         Ok(())
     }
 
-    /// Asks all questions of the current sub-task and plans its pick.
-    fn pick(&mut self, observation: &Observation, state: &ArmState) -> Result<ActionChunk, Stop> {
+    /// Asks all questions of the current sub-task and plans its pick. In a retry, an object that stands where it stood
+    /// is not asked for again.
+    fn pick(
+        &mut self,
+        observation: &Observation,
+        state: &ArmState,
+        retry: Option<&Retry>,
+    ) -> Result<ActionChunk, Stop> {
         let mut views = self.segment(observation, state)?;
+        let mut kept = None;
+        if let Some(retry) = retry.filter(|_| self.settings.asks == Asks::Needed)
+            && let Some((shown, mask)) = retry.found(&views)
+        {
+            (views, kept) = (shown, Some((mask, retry)));
+        }
         let mut view = views.shown().cloned().ok_or_else(|| PolicyError::Unsuited("needs a camera".into()))?;
         if self.subtasks.is_empty() {
             self.decompose(&view)?;
@@ -263,7 +279,13 @@ impl Agent {
             let is_last_view = !self.settings.other_views || camera + 1 >= views.views.len();
             let asked = match answered.take() {
                 Some(subtask) => subtask.regrasp(self, &view, seed),
-                None => Subtask::asked(self, &views, &view, is_last_view, state, seed),
+                None => {
+                    let choice = match kept {
+                        Some((mask, retry)) => ObjectChoice::Kept { mask, retry },
+                        None => ObjectChoice::Asked { is_last_view },
+                    };
+                    Subtask::asked(self, &views, &view, choice, state, seed)
+                }
             };
             let planned = asked.and_then(|subtask| match pick::plan(self, &views, &subtask, state, seed) {
                 Ok(pick) => Ok((subtask, pick)),
@@ -310,7 +332,7 @@ impl Agent {
         match self.subtasks.get(self.current + 1) {
             Some(next) if self.settings.asks == Asks::Needed && !names(next, name) => {
                 self.begin_subtask(self.current + 1);
-                self.pick(observation, state)
+                self.pick(observation, state, None)
             }
             Some(_) | None => self.check(observation, state),
         }
@@ -350,13 +372,14 @@ impl Agent {
             }
             (self.subtasks, self.current) = (remaining, 0);
         }
-        self.pick(observation, state)
+        self.pick(observation, state, None)
     }
 
     fn next(&mut self, observation: &Observation) -> Result<ActionChunk, Stop> {
         let state = ArmState::of(observation, self.planner.robot().arm_dof())?;
         match std::mem::replace(&mut self.phase, Phase::ReadyToPick) {
-            Phase::ReadyToPick | Phase::RetryPick => self.pick(observation, &state),
+            Phase::ReadyToPick => self.pick(observation, &state, None),
+            Phase::RetryPick(retry) => self.pick(observation, &state, Some(&retry)),
             Phase::Picked(held) => self.place(*held, observation, &state),
             Phase::Placed(name) => self.placed(&name, observation, &state),
         }
@@ -371,9 +394,12 @@ impl Agent {
                 let evidence = format!("{} was not in the gripper after {} picks", held.subtask.name, self.picks);
                 return Err(FailedStage::new(AgentStage::Execute, StageCause::Slipped, evidence).into());
             }
-            self.tried.push(format!("took {}, but it was not between the fingers then", held.subtask.name));
-            self.phase = Phase::RetryPick;
-            return Ok(ActionChunk { actions: place::drop(self, &held, state, seed), finished: false });
+            let point = held.subtask.point_words().unwrap_or_default();
+            self.tried.push(format!("{point}took {}, but it was not between the fingers then", held.subtask.name));
+            self.slipped.push(held.subtask.object.pose * held.grasp.object_from_tcp.pose);
+            let actions = place::drop(self, &held, state, seed);
+            self.phase = Phase::RetryPick(Box::new(Retry::new(held.subtask, true)));
+            return Ok(ActionChunk { actions, finished: false });
         }
         match place::plan(self, &held, state, seed) {
             Ok((actions, words)) => {
@@ -388,9 +414,9 @@ impl Agent {
                 }
                 self.tried.push(failure.to_string());
                 self.placement = None;
-                self.phase = Phase::RetryPick;
                 let actions =
                     place::put_back(self, &held, state, seed).unwrap_or_else(|_| place::drop(self, &held, state, seed));
+                self.phase = Phase::RetryPick(Box::new(Retry::new(held.subtask, false)));
                 Ok(ActionChunk { actions, finished: false })
             }
         }
@@ -432,13 +458,25 @@ impl Policy for Agent {
     }
 }
 
-/// True if a sub-task mentions an object, judged by the last word of the object's name, which is the noun.
+/// Words that may stand before the noun of any object, so that they tell none from another.
+const DETERMINERS: [&str; 13] =
+    ["a", "an", "the", "this", "that", "its", "same", "other", "in", "into", "on", "onto", "of"];
+
+/// True if a sub-task may mention an object: it has the last word of the object's name, which is the noun, but not only
+/// as another object's (`puzzle cube` is no `green cube`).
 fn names(subtask: &str, object: &str) -> bool {
     let words = |text: &str| -> Vec<String> {
         let words = text.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !word.is_empty());
         words.map(str::to_lowercase).collect()
     };
-    words(object).last().is_none_or(|noun| words(subtask).contains(noun))
+    let (subtask, object) = (words(subtask), words(object));
+    let Some((noun, adjectives)) = object.split_last() else { return true };
+    let may_be_meant = |at: usize| match at.checked_sub(1).map(|before| &subtask[before]) {
+        // A name of the noun alone says too little to tell objects apart.
+        Some(before) if !adjectives.is_empty() => DETERMINERS.contains(&before.as_str()) || adjectives.contains(before),
+        _ => true,
+    };
+    subtask.iter().enumerate().any(|(at, word)| word == noun && may_be_meant(at))
 }
 
 /// Reason for stopping the episode.
@@ -499,6 +537,11 @@ mod tests {
         check("Put the spoon on the mug's saucer.", "mug", true);
         check("Put the spoon on the plate.", "mug", false);
         check("Put the smug cat on the plate.", "mug", false);
+        // The word before the noun tells objects apart.
+        check("Pick up the puzzle cube and place it on the plate.", "green cube", false);
+        check("Place the puzzle cube on the green cube.", "green cube", true);
+        check("Place the puzzle cube on the cube.", "green cube", true);
+        check("Pick up the red block.", "block", true);
         // An object without a name may be the one meant.
         check("Put the spoon on the plate.", "", true);
     }

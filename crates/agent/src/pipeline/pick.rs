@@ -25,6 +25,10 @@ pub(super) struct Pick {
     pub words: String,
 }
 
+/// Distance (m) and angle (rad) below which two grasps count as the same: about a finger's width. Chosen by hand.
+const SAME_GRASP_M: f64 = 0.015;
+const SAME_GRASP_RAD: f64 = 0.35;
+
 pub(super) fn plan(
     agent: &Agent,
     views: &SegmentedViews,
@@ -40,20 +44,26 @@ pub(super) fn plan(
     let unsuited =
         |error: &dyn std::fmt::Display| FailedStage::new(AgentStage::Grasp, StageCause::Unsuited, error.to_string());
     world.add(OBJECT, &subtask.object.pieces, &subtask.object.pose).map_err(|error| unsuited(&error))?;
-    let goals: Vec<PlaceGoal> = place::release_goals(agent, subtask);
+    let sets = place::release_goals(agent, subtask);
+    let all: Vec<PlaceGoal> = sets.concat();
+    // Grasps with which the first set of goals can be reached come first.
+    let preferred = sets.first().filter(|first| first.len() < all.len());
     let query = PickQuery {
         planner,
         world: &world,
         object: PickedObject { name: OBJECT, world_from_object: subtask.object.pose, pieces: &subtask.object.pieces },
-        goals: &goals,
+        goals: &all,
         arm: &state.arm,
         settings: &motion.feasibility,
     };
     let tight = FeasibilitySettings { clearance_m: motion.tight_clearance_m, ..motion.feasibility.clone() };
     let short = motion.short();
     let (mut failure, mut failed_searches) = (None, 0);
-    for settings in [&motion.feasibility, &tight, &short] {
-        let query = PickQuery { settings, ..query };
+    let tries = [&motion.feasibility, &tight, &short]
+        .into_iter()
+        .flat_map(|settings| preferred.map(|goals| (settings, goals)).into_iter().chain([(settings, &all)]));
+    for (settings, goals) in tries {
+        let query = PickQuery { settings, goals, ..query };
         let mut search = query.grasps(candidates.iter().cloned());
         let mut tried = 0;
         while failed_searches < motion.searches
@@ -82,7 +92,7 @@ pub(super) fn plan(
                 }
             }
         }
-        if tried == 0 {
+        if tried == 0 && goals.len() == all.len() {
             failure = failure.or_else(|| Some(no_grasp(&subtask.name, candidates.len(), &search.rejections())));
         }
     }
@@ -91,7 +101,8 @@ pub(super) fn plan(
     }))
 }
 
-/// Grasp candidates within the grasp radius of the grab point, best first, in the object frame.
+/// Grasp candidates within the grasp radius of the grab point, best first, those that the object slipped from last; in
+/// the object frame.
 fn near_grab_point(agent: &Agent, views: &SegmentedViews, subtask: &Subtask) -> Result<Vec<Grasp>, FailedStage> {
     let settings = &agent.settings;
     let camera_positions = views.camera_positions();
@@ -121,9 +132,9 @@ fn near_grab_point(agent: &Agent, views: &SegmentedViews, subtask: &Subtask) -> 
             .filter(|grasp| {
                 subtask.grab.is_none_or(|grab| grasp.pose.position.distance(grab) <= settings.grasp_radius_m)
             })
-            .map(|grasp| Grasp { pose: object_from_world * grasp.pose, ..grasp })
-            .take(settings.grasps)
             .collect::<Vec<Grasp>>();
+        near.sort_by_key(|grasp| agent.slipped.iter().any(|failed| is_same_grasp(failed, &grasp.pose)));
+        near.truncate(settings.grasps);
         if !near.is_empty() {
             break;
         }
@@ -133,7 +144,16 @@ fn near_grab_point(agent: &Agent, views: &SegmentedViews, subtask: &Subtask) -> 
         let evidence = format!("none of {count} grasps of {} {missing}", subtask.name);
         return Err(FailedStage::new(AgentStage::Grasp, StageCause::NoGrasp, evidence));
     }
-    Ok(near)
+    Ok(near.into_iter().map(|grasp| Grasp { pose: object_from_world * grasp.pose, ..grasp }).collect())
+}
+
+/// True if two grasps are nearly the same, in the world frame; the fingers are interchangeable.
+fn is_same_grasp(one: &Pose, other: &Pose) -> bool {
+    let angle = |axis: DVec3| one.transform_vector(axis).angle_between(other.transform_vector(axis));
+    let across = angle(DVec3::Y);
+    one.position.distance(other.position) < SAME_GRASP_M
+        && angle(DVec3::Z) < SAME_GRASP_RAD
+        && across.min(std::f64::consts::PI - across) < SAME_GRASP_RAD
 }
 
 /// Plans a straight lift with the attached object. If the object's hull collides with its support or container at the
@@ -184,4 +204,25 @@ fn commands(
     all.extend(commands::follow(planner, lift, hold, motion.careful_speed));
     all.extend(commands::wait(lift.goal(), hold, motion.rest_steps));
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+
+    #[test]
+    fn grasps_are_the_same_within_a_finger_also_turned_by_half() {
+        let grasp = |x: f64, yaw: f64| Pose {
+            position: DVec3::new(x, 0.0, 0.1),
+            rotation: DQuat::from_rotation_z(yaw) * DQuat::from_rotation_x(std::f64::consts::PI),
+        };
+        let check = |other: Pose, expected: bool| assert_eq!(is_same_grasp(&grasp(0.5, 0.0), &other), expected);
+        check(grasp(0.51, 0.2), true);
+        check(grasp(0.5, std::f64::consts::PI), true);
+        check(grasp(0.52, 0.0), false);
+        check(grasp(0.5, 1.0), false);
+        check(Pose { rotation: DQuat::from_rotation_x(2.0), ..grasp(0.5, 0.0) }, false);
+    }
 }

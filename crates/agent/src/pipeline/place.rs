@@ -43,22 +43,32 @@ pub(super) fn hold_width(grasp: &FeasibleGrasp, motion: &MotionSettings) -> f64 
     (grasp.object_from_tcp.width - motion.squeeze_m).max(0.0)
 }
 
-/// Goal poses of the held object at rest: for each yaw change (that of the path's last cell, else the answered one and
-/// `turns_deg` in order), on the target point and on its alternatives. All are tried from low heights before any is
-/// tried from a greater height, so that a long object is aligned with the long side of a box.
-pub(super) fn release_goals(agent: &Agent, subtask: &Subtask) -> Vec<PlaceGoal> {
-    let turns: Vec<f64> = match subtask.path.last() {
-        Some((_, last)) => vec![last.yaw_deg],
-        None => {
-            let asked = subtask.placement.turn_deg();
-            let others = agent.settings.turns_deg.iter().copied().filter(|turn| Some(*turn) != asked);
-            asked.into_iter().chain(others).collect()
-        }
+/// Goal poses of the held object at rest, in sets, of which the first that has a placement is used: for each yaw change
+/// (that of the path's last cell, else the answered one and `turns_deg` in order), on the target point and on its
+/// alternatives. On an open surface the answered yaw is a set of its own. All goals of a set are tried from low heights
+/// before any is tried from a greater height, so that a long object is aligned with the long side of a box.
+pub(super) fn release_goals(agent: &Agent, subtask: &Subtask) -> Vec<Vec<PlaceGoal>> {
+    let target = &subtask.target;
+    let points: Vec<DVec3> = std::iter::once(target.point).chain(target.others.iter().copied()).collect();
+    let with_turns = |turns: Vec<f64>| -> Vec<PlaceGoal> {
+        let all = turns.iter().flat_map(|turn| points.iter().map(move |point| (*turn, *point)));
+        all.map(|(turn, point)| release_goal(agent, target, point, turn)).collect()
     };
-    let points: Vec<DVec3> =
-        std::iter::once(subtask.target.point).chain(subtask.target.others.iter().copied()).collect();
-    let all = turns.iter().flat_map(|turn| points.iter().map(move |point| (*turn, *point)));
-    all.map(|(turn, point)| release_goal(agent, &subtask.target, point, turn)).collect()
+    let sets = match subtask.path.last() {
+        Some((_, last)) => vec![vec![last.yaw_deg]],
+        None => turn_sets(subtask.placement.turn_deg(), &agent.settings.turns_deg, target.hollow),
+    };
+    sets.into_iter().map(with_turns).collect()
+}
+
+/// Sets of yaw changes (degrees) with the answered one first. In a hollow receiver all are one set, since the object
+/// would fall from high if only a certain yaw were tried.
+fn turn_sets(asked: Option<f64>, usual: &[f64], is_hollow: bool) -> Vec<Vec<f64>> {
+    let others: Vec<f64> = usual.iter().copied().filter(|turn| Some(*turn) != asked).collect();
+    match asked {
+        Some(turn) if !is_hollow => vec![vec![turn], others],
+        _ => vec![asked.into_iter().chain(others).collect()],
+    }
 }
 
 fn release_goal(agent: &Agent, target: &PlacementTarget, point: DVec3, turn_deg: f64) -> PlaceGoal {
@@ -104,7 +114,7 @@ pub(super) fn put_back(
     let point = held.subtask.object.pose.position;
     let target =
         PlacementTarget { point, others: Vec::new(), hollow: false, rim_m: point.z, neighbours: 0, mixed: false };
-    let release_goals = [release_goal(agent, &target, point, 0.0)];
+    let release_goals = [vec![release_goal(agent, &target, point, 0.0)]];
     let (carry_paths, release, pose) = plan_motions(agent, held, state, &release_goals, &[], seed.fork("back"))?;
     Ok(commands(agent, held, state, &carry_paths, &release, &pose))
 }
@@ -127,7 +137,7 @@ fn plan_motions(
     agent: &Agent,
     held: &HeldObject,
     state: &ArmState,
-    release_goals: &[PlaceGoal],
+    release_goals: &[Vec<PlaceGoal>],
     path_cells: &[(DVec3, crate::ask::PathCell)],
     seed: Seed,
 ) -> Result<Planned, PlanError> {
@@ -173,14 +183,14 @@ fn plan_motions(
     // `Asks::Every` keeps the original order, so that recorded answers meet the same scenes: each goal from all
     // heights, one by one.
     let at_once = match agent.settings.asks {
-        Asks::Needed => release_goals.len().max(1),
+        Asks::Needed => usize::MAX,
         Asks::Every => 1,
     };
     let (mut failure, mut exhausted) = (None, 0);
     let short = motion.short();
     for settings in [&motion.feasibility, &short] {
         let query = PlaceQuery { settings, ..query };
-        for (index, goals) in release_goals.chunks(at_once).enumerate() {
+        for (index, goals) in release_goals.iter().flat_map(|set| set.chunks(at_once)).enumerate() {
             if exhausted >= motion.searches {
                 break;
             }
@@ -255,4 +265,20 @@ fn home(
     all.extend(commands::fingers(&end, width_m, open, motion.finger_steps));
     all.extend(commands::wait(&end, open, motion.rest_steps));
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::turn_sets;
+
+    #[test]
+    fn an_answered_turn_comes_before_others() {
+        let check = |asked: Option<f64>, is_hollow: bool, expected: &[&[f64]]| {
+            assert_eq!(turn_sets(asked, &[0.0, 90.0, 45.0], is_hollow), expected, "{asked:?}, hollow {is_hollow}");
+        };
+        check(None, false, &[&[0.0, 90.0, 45.0]]);
+        check(Some(0.0), false, &[&[0.0], &[90.0, 45.0]]);
+        check(Some(-30.0), false, &[&[-30.0], &[0.0, 90.0, 45.0]]);
+        check(Some(90.0), true, &[&[90.0, 0.0, 45.0]]);
+    }
 }

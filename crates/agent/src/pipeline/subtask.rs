@@ -19,6 +19,8 @@ use crate::settings::Asks;
 const POINTS: usize = 5;
 /// Pixels sampled per candidate; the one farthest from the candidates so far is kept (farthest-point sampling).
 const SAMPLES_PER_POINT: usize = 12;
+/// Minimum overlap (IoU) of an object's masks before and after for it to count as standing where it stood. Chosen by hand.
+const UNMOVED_IOU: f64 = 0.8;
 
 /// One pick and one place.
 #[derive(Clone, Debug)]
@@ -29,7 +31,11 @@ pub(super) struct Subtask {
     pub object: ObservedObject,
     /// Points above the table that belong to neither the object nor the robot, world frame.
     pub around: Vec<DVec3>,
-    /// Mask of the object or of the part to grasp, in the view shown to the model.
+    /// Camera of the view shown to the model.
+    camera: String,
+    /// Mask of the object in that view.
+    mask: Mask,
+    /// Mask of the object or of the part to grasp, in that view.
     pub grasp_mask: Mask,
     /// Grab point, world frame; `None` if any grasp of the object is acceptable.
     pub grab: Option<DVec3>,
@@ -44,19 +50,62 @@ pub(super) struct Subtask {
     pub path: Vec<(DVec3, PathCell)>,
 }
 
+/// The object of a pick or placement that failed, as it was seen before.
+#[derive(Clone, Debug)]
+pub(super) struct Retry {
+    name: String,
+    camera: String,
+    mask: Mask,
+    grab: Option<DVec3>,
+    /// Pixel indices of the numbered grab points; `None` if the model was not asked.
+    points: Option<Vec<usize>>,
+    /// True if the object was not between the fingers after the pick.
+    is_slipped: bool,
+}
+
+/// Choice of the object to pick.
+#[derive(Clone, Copy)]
+pub(super) enum ObjectChoice<'a> {
+    /// The model is asked; `is_last_view` if there is no other view to show.
+    Asked { is_last_view: bool },
+    /// The object of a failed attempt, which stands where it stood, by its mask in the view shown to the model.
+    Kept { mask: usize, retry: &'a Retry },
+}
+
+impl Retry {
+    pub(super) fn new(subtask: Subtask, is_slipped: bool) -> Self {
+        let Subtask { name, camera, mask, grab, points, .. } = subtask;
+        Self { name, camera, mask, grab, points: points.map(|(points, _)| points), is_slipped }
+    }
+
+    /// Views with the object's camera first, and the object's mask there; `None` if it does not stand where it stood.
+    pub(super) fn found(&self, views: &SegmentedViews) -> Option<(SegmentedViews, usize)> {
+        let index = views.views.iter().position(|view| view.camera == self.camera)?;
+        let overlaps = views.views[index].masks.iter().map(|mask| mask.iou(&self.mask)).enumerate();
+        let (mask, _) = overlaps.filter(|(_, iou)| *iou >= UNMOVED_IOU).max_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some((if index == 0 { views.clone() } else { views.with_shown_view(index) }, mask))
+    }
+}
+
 impl Subtask {
     pub(super) fn asked(
         agent: &Agent,
         views: &SegmentedViews,
         view: &View,
-        is_last_view: bool,
+        choice: ObjectChoice,
         state: &ArmState,
         seed: Seed,
     ) -> Result<Self, FailedStage> {
         let settings = &agent.settings;
         let subtask = agent.subtasks.get(agent.current).map_or("", String::as_str);
         let image = agent.annotated_view(view);
-        let (mask, name) = choose_object(agent, view, &image, subtask, is_last_view)?;
+        let (mask, name, retry) = match choice {
+            ObjectChoice::Kept { mask, retry } => (mask, retry.name.clone(), Some(retry)),
+            ObjectChoice::Asked { is_last_view } => {
+                let (mask, name) = choose_object(agent, view, &image, subtask, is_last_view)?;
+                (mask, name, None)
+            }
+        };
         let world = arm_state::table_world(settings);
         let around = agent
             .planner
@@ -82,11 +131,18 @@ impl Subtask {
             if settings.ctof { choose_part(agent, view, mask, subtask)? } else { view.masks[mask].clone() };
         let places = Places { agent, views, view, mask, object: &object, around: &around };
         let targets = places.of(&places.grid());
-        let is_asked = match settings.asks {
-            Asks::Every => true,
-            Asks::Needed => !settings.ctof && parts_compete(agent, view, mask, &object)?,
+        let is_asked = match (settings.asks, retry) {
+            (Asks::Every, _) => true,
+            (Asks::Needed, _) if settings.ctof => false,
+            // After a failed grasp, another one is asked for; after a failed placement, the grasp was right.
+            (Asks::Needed, Some(retry)) => retry.is_slipped && is_large(agent, &object),
+            (Asks::Needed, None) => parts_compete(agent, view, mask, &object)?,
         };
-        let grab_question = GrabPointQuestion::new(view, &image, &grasp_mask, &name, seed)?;
+        let grab_question = match retry.and_then(|retry| retry.points.clone()) {
+            // The points keep their numbers, since the question names the one that failed.
+            Some(points) => GrabPointQuestion { view, image: &image, name: &name, points },
+            None => GrabPointQuestion::new(view, &image, &grasp_mask, &name, seed)?,
+        };
         let placement_question = PlacementQuestion { places, targets: &targets, image: &image, name: &name, subtask };
         let middle = view.masks[mask].middle().unwrap_or(grab_question.points[0]);
         // The placement is still valid, unless the placement itself failed.
@@ -121,10 +177,11 @@ impl Subtask {
             Some(chosen) => Some(point(grab_question.points[chosen])),
             // Centre of the part to grasp, which the model chose.
             None if settings.ctof => grasp_mask.middle().map(point),
-            None => None,
+            None => retry.and_then(|retry| retry.grab),
         };
         let points = chosen.map(|chosen| (grab_question.points, chosen));
-        Ok(Self { name, object, around, grasp_mask, grab, points, placement, target, path })
+        let (camera, mask) = (view.camera.clone(), view.masks[mask].clone());
+        Ok(Self { name, object, around, camera, mask, grasp_mask, grab, points, placement, target, path })
     }
 
     /// Number of the chosen grab point, as the beginning of a sentence about it; `None` if the model was not asked.
@@ -196,11 +253,15 @@ fn choose_part(agent: &Agent, view: &View, mask: usize, subtask: &str) -> Result
     }
 }
 
-/// True if the object has several parts that a grab point can distinguish: it is larger than the distance within which
-/// a grasp counts as being at the grab point.
+/// True if the object has several parts that a grab point can distinguish.
 fn parts_compete(agent: &Agent, view: &View, mask: usize, object: &ObservedObject) -> Result<bool, FailedStage> {
-    let longest_m = 2.0 * object.half.extend(object.height_m / 2.0).length();
-    Ok(longest_m > agent.settings.grasp_radius_m && parts(agent, view, &view.masks[mask])?.len() >= 2)
+    Ok(is_large(agent, object) && parts(agent, view, &view.masks[mask])?.len() >= 2)
+}
+
+/// True if an object is larger than the distance within which a grasp counts as being at the grab point, so that the
+/// point matters.
+fn is_large(agent: &Agent, object: &ObservedObject) -> bool {
+    2.0 * object.half.extend(object.height_m / 2.0).length() > agent.settings.grasp_radius_m
 }
 
 /// Masks of an object's parts, from the segmentation source.

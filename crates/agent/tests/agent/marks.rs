@@ -113,3 +113,19 @@ fn decode(path: &std::path::Path) -> RgbImage {
     let info = reader.next_frame(&mut rgb).unwrap();
     RgbImage::new(info.width, info.height, rgb).unwrap()
 }
+
+#[test]
+fn the_viewpoint_is_that_of_the_camera() {
+    let check = |eye: [f64; 3], expected: &str| {
+        let intrinsics = Intrinsics::from_vertical_fov(64, 36, 0.32);
+        let camera = Camera::looking_at("any", DVec3::from_array(eye), DVec3::new(0.5, 0.0, 0.0), intrinsics);
+        let image = RgbdImage::of_depth(intrinsics, camera.mount_from_camera, Vec::new());
+        let words = marks::directions(&image);
+        assert!(words.starts_with(expected) && words.contains("Arrows in the picture"), "{eye:?}: {words}");
+    };
+    check([2.16, 0.0, 1.76], "The camera faces the robot.");
+    check([-0.5, 0.1, 1.0], "The camera looks away from the robot.");
+    check([0.65, 1.1, 0.75], "The camera looks across the table from the robot's left.");
+    check([0.65, -1.1, 0.75], "The camera looks across the table from the robot's right.");
+    check([0.55, 0.05, 1.5], "The camera looks straight down.");
+}

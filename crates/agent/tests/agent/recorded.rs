@@ -44,6 +44,9 @@ fn a_question_that_differs_is_reported_and_never_answered() {
     near.pictures[0].picture = Arc::new(pixels);
     assert_eq!(recorded.answer(&near, &tolerance).unwrap(), answered);
 
+    // An earlier question is no longer asked.
+    assert_eq!(recorded.answer(&Question { ask: 2, ..asked.clone() }, &tolerance).unwrap(), answered);
+
     let refused = RejectedAnswer { answer: "x".into(), rejection: Rejection::Format("no".into()) };
     let prompt = genmanip_agent::ask::PromptStamp { version: 2, ..asked.prompt.clone() };
     let cases: [(Question, &str); 9] = [
