@@ -13,7 +13,7 @@ from ._genmanip import Error, Saved, Scenes, __version__, engine, policies
 from ._registration import register as _register
 from .check import PolicyCheck, check_policy
 from .environment import ACTIONS, Env, Step
-from .functions import Dataset, Policy, collect, design, evaluate, export, layout, plan, render, tasks
+from .functions import Dataset, Policy, collect, design, evaluate, export, layout, plan, render, tasks, train
 from .projection import Projection
 
 _register()
@@ -41,4 +41,5 @@ __all__ = [
     "policies",
     "render",
     "tasks",
+    "train",
 ]

@@ -56,6 +56,11 @@ def count(name: str, given: Any, least: int = 0, most: int | None = None) -> int
     return int(given)
 
 
+def count_or_none(name: str, given: Any) -> int | None:
+    """A number above 0, or None for the default."""
+    return None if given is None else count(name, given, 1)
+
+
 def seconds(name: str, given: Any) -> float | None:
     if given is None:
         return None

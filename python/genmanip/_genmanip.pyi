@@ -141,6 +141,17 @@ def export(
     workers: int | None,
     progress: _Progress,
 ) -> str: ...
+def train(
+    run: _Path,
+    out: _Path,
+    preset: str,
+    steps: int | None,
+    budget_s: int | None,
+    seed: int,
+    labels: bool,
+    workers: int | None,
+    progress: _Progress,
+) -> str: ...
 def render(
     source: _Path,
     out: _Path,

@@ -8,8 +8,8 @@ from typing import Any, Callable, Iterable, Protocol, Union
 
 import numpy as np
 
+from . import _arguments as arguments
 from . import _genmanip, _policy
-from ._arguments import names, paths
 from .results import (
     Collected,
     DesignedTask,
@@ -21,6 +21,7 @@ from .results import (
     Rendered,
     Row,
     Rows,
+    Trained,
 )
 
 #: Called with what is done, how many of it are finished, and how many there are; from any thread.
@@ -87,8 +88,9 @@ def evaluate(
     """
     several = policy if isinstance(policy, (list, tuple)) else [policy]
     named = [one if isinstance(one, str) else (_name(one), _maker(one)) for one in several]
-    ending = (horizon_s, stop_on_success, stop_on_unreachable)
-    given = (out, episodes_per_scenario, keep_episodes, workers, *ending, keep_going, progress)
+    ending = (arguments.seconds("horizon_s", horizon_s), stop_on_success, stop_on_unreachable)
+    repeats = arguments.count("episodes_per_scenario", episodes_per_scenario, 1)
+    given = (out, repeats, keep_episodes, arguments.count_or_none("workers", workers), *ending, keep_going, progress)
     return Evaluations(map(Evaluation.of, json.loads(_genmanip.evaluate(suite, named, *given))))
 
 
@@ -109,7 +111,8 @@ def design(
     out: Path, *, count: int, kinds: Iterable[str] = (), seed: int = 0, progress: Progress | None = None
 ) -> Rows[DesignedTask]:
     """Designs tasks by rules into a folder, by default the six kinds in turn."""
-    return _rows(DesignedTask, _genmanip.design(out, names("kinds", kinds), count, seed, progress))
+    given = (arguments.names("kinds", kinds), arguments.count("count", count, 1), arguments.count("seed", seed))
+    return _rows(DesignedTask, _genmanip.design(out, *given, progress))
 
 
 def layout(
@@ -124,8 +127,9 @@ def layout(
     progress: Progress | None = None,
 ) -> Rows[LaidOut]:
     """Lays tasks out into scenario files; a row each, with the file or why there is none."""
-    given = (count, seed, world, robot, workers, progress)
-    return _rows(LaidOut, _genmanip.layout(paths("tasks", tasks), out, *given))
+    numbers = (arguments.count("count", count, 1), arguments.count("seed", seed))
+    given = (*numbers, world, robot, arguments.count_or_none("workers", workers), progress)
+    return _rows(LaidOut, _genmanip.layout(arguments.paths("tasks", tasks), out, *given))
 
 
 def collect(
@@ -146,8 +150,9 @@ def collect(
 
     With corrections, that policy acts first in each attempt, and the expert takes over where it fails.
     """
-    given = (episodes, seed, dataset, keep_failed, corrections, world, robot, workers, progress)
-    return _rows(Collected, _genmanip.collect(paths("tasks", tasks), out, *given))
+    numbers = (arguments.count("episodes", episodes, 1), arguments.count("seed", seed))
+    given = (*numbers, dataset, keep_failed, corrections, world, robot, arguments.count_or_none("workers", workers), progress)
+    return _rows(Collected, _genmanip.collect(arguments.paths("tasks", tasks), out, *given))
 
 
 def export(
@@ -165,9 +170,34 @@ def export(
     progress: Progress | None = None,
 ) -> Exported | None:
     """Writes a dataset of a run of collect(), by default into its exports/; None if it was stopped."""
-    given = (format, action, rotation, rate, names("cameras", cameras), depth, keep_failed, out, workers, progress)
+    rows = (action, rotation, arguments.count("rate", rate, 1), arguments.names("cameras", cameras), depth)
+    given = (format, *rows, keep_failed, out, arguments.count_or_none("workers", workers), progress)
     exported = json.loads(_genmanip.export(run, *given))
     return None if exported is None else Exported.of(exported)
+
+
+def train(
+    run: Path,
+    out: Path,
+    *,
+    preset: str,
+    steps: int | None = None,
+    budget_s: int | None = None,
+    seed: int = 0,
+    labels: bool = True,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Trained | None:
+    """Trains a policy on the verified demonstrations of a run of collect(); None if it was stopped.
+
+    preset: "state" sees true object poses, "tiny" sees two cameras and reads the instruction; with labels it also
+    learns to predict where the goal's objects are. Its length is that many optimiser steps, or that much wall-clock
+    time. What was stopped continues from its checkpoint. evaluate() takes the policy as f"learned:{out}".
+    """
+    length = (arguments.count_or_none("steps", steps), arguments.count_or_none("budget_s", budget_s))
+    given = (*length, arguments.count("seed", seed), labels, arguments.count_or_none("workers", workers), progress)
+    trained = json.loads(_genmanip.train(run, out, preset, *given))
+    return None if trained is None else Trained.of(trained)
 
 
 def render(
@@ -182,7 +212,9 @@ def render(
     progress: Progress | None = None,
 ) -> Rows[Rendered]:
     """Renders episodes of a run, or scenarios, into a folder; by default with all their cameras."""
-    given = (names("cameras", cameras), size, depth, fps, workers, progress)
+    pixels = None if size is None else arguments.size("size", size)
+    images = (arguments.names("cameras", cameras), pixels, depth, arguments.count("fps", fps, 1))
+    given = (*images, arguments.count_or_none("workers", workers), progress)
     return _rows(Rendered, _genmanip.render(source, out, *given))
 
 

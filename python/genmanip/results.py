@@ -86,6 +86,32 @@ class Exported(Record):
 
 
 @dataclasses.dataclass
+class Trained(Record):
+    """A policy that was trained."""
+
+    #: Folder of the policy.
+    policy: str
+    preset: str
+    #: Whether the policy reads simulator truth, and whether it was trained with labels of the simulator.
+    privileged: bool
+    labels: bool
+    demonstrations: int
+    #: Control steps of all demonstrations.
+    rows: int
+    #: Optimiser steps, and the samples that they took.
+    steps: int
+    samples: int
+    #: Numbers that were trained.
+    parameters: int
+    #: Mean L1 error of normalised actions after the last step, on training samples.
+    final_l1: float
+    #: Steps that an earlier call had finished, if there was one.
+    resumed_from: int | None
+    #: Wall-clock time, s.
+    seconds: float
+
+
+@dataclasses.dataclass
 class Rendered(Record):
     """Images of an episode or scenario."""
 

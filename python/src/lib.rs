@@ -36,6 +36,7 @@ fn _genmanip(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(stages::layout, module)?)?;
     module.add_function(wrap_pyfunction!(stages::collect, module)?)?;
     module.add_function(wrap_pyfunction!(stages::export, module)?)?;
+    module.add_function(wrap_pyfunction!(stages::train, module)?)?;
     module.add_function(wrap_pyfunction!(stages::render, module)?)?;
     module.add_function(wrap_pyfunction!(stages::plan, module)?)?;
     module.add_function(wrap_pyfunction!(stages::dataset, module)?)?;

@@ -15,6 +15,7 @@ use genmanip_motion::PlannerSettings;
 use genmanip_pipeline::Run;
 use genmanip_pipeline::collect::CollectOptions;
 use genmanip_pipeline::export::{ExportOptions, Format};
+use genmanip_pipeline::learn::{self, Length, Preset, TrainOptions};
 use genmanip_pipeline::layouts::{LayoutOutput, lay_out};
 use genmanip_pipeline::plan::{MotionRequest, Target};
 use genmanip_rollout::collect::PipelineSettings;
@@ -152,6 +153,44 @@ pub fn export(
     let progress = Reporter::new(progress);
     let exported = interruptible(py, |stop| genmanip_pipeline::export::export(&run, &options, &progress, stop))?;
     json(&exported)
+}
+
+/// A policy trained on the demonstrations of a run, as JSON; `null` if it was stopped.
+#[pyfunction]
+#[allow(clippy::too_many_arguments, reason = "the package names them all")]
+pub fn train(
+    py: Python,
+    run: PathBuf,
+    out: PathBuf,
+    preset: &str,
+    steps: Option<u64>,
+    budget_s: Option<u64>,
+    seed: u64,
+    labels: bool,
+    workers: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    if cfg!(not(feature = "learn")) {
+        let what = WorkspaceError::input("this module was built without training");
+        let hint = "install the wheel that `cargo xtask wheel` builds, or from source: \
+                    pip install ./python --config-settings=build-args='--features learn'";
+        return Err(error(what.with_hint(hint)));
+    }
+    let named = Preset::ALL.into_iter().find(|one| one.name() == preset);
+    let unknown = || error(WorkspaceError::unknown("preset", "presets", preset, &Preset::ALL.map(Preset::name)));
+    let length = match (steps, budget_s) {
+        (Some(steps), None) => Length::Steps(steps),
+        (None, Some(budget_s)) => Length::BudgetS(budget_s),
+        _ => {
+            let what = WorkspaceError::input("a training has one length");
+            return Err(error(what.with_hint("give steps=…, or budget_s=… (wall-clock time)")));
+        }
+    };
+    let preset = named.ok_or_else(unknown)?;
+    let options =
+        TrainOptions { run, preset, length, seed: Seed::new(seed), labels, out, threads: workers::workers(workers) };
+    let progress = Reporter::new(progress);
+    json(&interruptible(py, |stop| learn::train(&options, &progress, stop))?)
 }
 
 /// Images of an episode store, a run or scenarios; rows as JSON.

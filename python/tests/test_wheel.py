@@ -113,6 +113,10 @@ class Environments(unittest.TestCase):
             (lambda: reset_env.step(0.0), "got a single number"),
             (lambda: genmanip.design(FOLDER.name, count=1, kinds="spatial"), "expected a list of texts"),
             (lambda: genmanip.layout(3, FOLDER.name), "expected a path, or a list of paths"),
+            (lambda: genmanip.layout(TASKS, FOLDER.name, count=0), "count=0 is not possible"),
+            (lambda: genmanip.collect(TASKS, FOLDER.name, episodes=1.5), "episodes=1.5 is not possible"),
+            (lambda: genmanip.evaluate(SCENARIOS, "expert", workers=-1), "workers=-1 is not possible"),
+            (lambda: genmanip.evaluate(SCENARIOS, "expert", horizon_s=-1), "horizon_s=-1 is not possible"),
             (lambda: genmanip.Env(pathlib.Path(FOLDER.name) / "none"), "no run at"),
             (lambda: genmanip.evaluate(SCENARIOS, "expret"), "did you mean `expert`"),
             (lambda: gymnasium.make("GenManip-v0"), "expected suite=… or tasks=…"),
@@ -308,6 +312,26 @@ class Stages(unittest.TestCase):
             (lambda: genmanip.export(folder, format="lerobto"), "did you mean `lerobot`"),
             (lambda: genmanip.export(folder, rate=7), "rates are 10, 15"),
             (lambda: genmanip.plan(position=[0, 0, 0], joints=[0] * 7), "a motion has one target"),
+        ]:
+            with self.subTest(words), self.assertRaisesRegex(genmanip.Error, words):
+                call()
+
+
+    def test_a_policy_is_trained_and_evaluated(self):
+        folder = pathlib.Path(FOLDER.name)
+        run, out, seen = folder / "demonstrations", folder / "trained", []
+        collected = genmanip.collect(TASKS[0], run, episodes=1, seed=3, dataset=False)
+        self.assertEqual([row.verified for row in collected], [1])
+        trained = genmanip.train(run, out, preset="state", steps=2, progress=lambda *told: seen.append(told))
+        self.assertEqual((trained.steps, trained.demonstrations, trained.privileged), (2, 1, True))
+        self.assertEqual(seen[-1][1:], (2, 2))
+        [result] = genmanip.evaluate(SCENARIOS, f"learned:{out}", horizon_s=1.0)
+        self.assertEqual((result.episodes, result.oracle), (2, True))
+        for call, words in [
+            (lambda: genmanip.train(run, out, preset="stat", steps=2), "did you mean `state`"),
+            (lambda: genmanip.train(run, out, preset="state"), "a training has one length"),
+            (lambda: genmanip.train(run, out, preset="state", steps=-2), "steps=-2 is not possible"),
+            (lambda: genmanip.train(folder / "none", out, preset="state", steps=2), "none"),
         ]:
             with self.subTest(words), self.assertRaisesRegex(genmanip.Error, words):
                 call()

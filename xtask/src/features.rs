@@ -8,12 +8,16 @@ use std::collections::BTreeSet;
 pub const LEARN: [&str; 2] = ["--features", "genmanip-cli/learn"];
 
 /// Packages and features of the tests' build, of which everything is built: the whole workspace with learned policies, so
-/// that nothing is built twice with another choice of features. The wheel does without learned policies.
+/// that nothing is built twice with another choice of features.
 pub const ALL: [&str; 3] = ["--workspace", LEARN[0], LEARN[1]];
 
 /// Builds that share the libraries of the tests' build.
-const BUILDS: [(&str, &[&str]); 3] =
-    [("the programs", &[]), ("the wheel", &["--package", "genmanip-python"]), ("programs that learn", &LEARN)];
+const BUILDS: [(&str, &[&str]); 4] = [
+    ("the programs", &[]),
+    ("programs that learn", &LEARN),
+    ("the wheel", &["--package", "genmanip-python", "--features", "genmanip-python/learn"]),
+    ("the Python module from source", &["--package", "genmanip-python"]),
+];
 
 /// Fails if one of [`BUILDS`] would compile a library again. Libraries that the tests' build does not have are new, and
 /// our own packages with another feature are what a build is for.

@@ -8,7 +8,7 @@ mod usd;
 use crate::problem::{OnPath, Problem, Result};
 use crate::process::{self, Workspace};
 use crate::{docs, wheel};
-use environment::environment;
+pub use environment::environment;
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Stdio};

@@ -34,6 +34,7 @@ mod setup;
 mod sha256;
 mod test;
 mod tidy;
+mod train;
 mod web;
 mod wheel;
 
@@ -62,6 +63,7 @@ fn run(args: &[String]) -> Result {
         Some("test") if rest == ["--packs"] => packs::run(&workspace),
         Some("test") if rest == ["--cluster"] => cluster::run(&workspace),
         Some("test") if rest == ["--s3"] => s3::run(&workspace),
+        Some("test") if rest == ["--train"] => train::run(&workspace),
         Some("test") if rest == ["--interop"] => interop::run(&workspace),
         Some("test") => test::run(&workspace, rest),
         Some("tidy") => tidy::run(&workspace.root, rest),

@@ -94,6 +94,7 @@ pub fn build(workspace: &Workspace) -> Result<PathBuf> {
     }
     let mut build = workspace.command(&python);
     build.args(["-m", "maturin", "build", "--release", "--locked", "--manifest-path", "python/Cargo.toml"]);
+    build.args(["--features", "learn"]);
     if let Some(platform) = platform(workspace, &python)? {
         build.args(["--compatibility", &platform]);
     }
