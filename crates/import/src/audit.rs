@@ -160,7 +160,8 @@ mod tests {
 
     #[test]
     fn differences_between_sources_are_found_with_examples() {
-        let objects = |density: f64| vec![("odd", [9.0 * density, 0.1, 0.5, 0.5]), ("usual", [density, 0.1, 0.5, 0.5])];
+        let [odd, usual] = ["odd", "usual"].map(AssetUid::from);
+        let objects = |density: f64| vec![(&odd, [9.0 * density, 0.1, 0.5, 0.5]), (&usual, [density, 0.1, 0.5, 0.5])];
         let sources =
             |other: f64| BTreeMap::from([("families".into(), objects(100.0)), ("imported".into(), objects(other))]);
         assert_eq!(between_sources("mug", &sources(250.0)), Vec::new());
