@@ -21,7 +21,7 @@ fn mean(rgb: &[u8]) -> Vec3A {
 /// Objects on the table in a narrow view: the mean colour is the path-traced one within a fifth of its brightest
 /// channel.
 fn check(what: &str, objects: &[(&str, [f64; 2])], target: [f64; 3]) {
-    let models: Vec<_> = objects.iter().map(|(uid, _)| Catalogue::full().build(uid).unwrap()).collect();
+    let models: Vec<_> = objects.iter().map(|&(uid, _)| Catalogue::full().build(uid).unwrap()).collect();
     let assets = RenderAssets::without_robot(&models, Some(&default_world())).unwrap();
     let placed = objects.iter().map(|(_, [x, y])| (Pose::from_position(DVec3::new(*x, *y, 0.0)), [].as_slice()));
     let state = assets.frame_state(&[], 0.0, placed).unwrap();
