@@ -1,7 +1,7 @@
 """Trains a built-in task with SAC of Stable-Baselines3 and evaluates it on starts that it has not seen.
 
     pip install -r examples/python/train-requirements.txt
-    python examples/python/train_with_sb3.py reach --cpu-minutes 20 --out out/reach
+    python examples/python/train_with_sb3.py reach --cpu-minutes 5 --out out/reach
     python examples/python/train_with_sb3.py reach --evaluate --out out/reach
 
 Writes the learning curve to OUT/curve.csv, the model beside it, and prints the share of 200 fresh
@@ -40,15 +40,19 @@ def make(task):
     tool, target, cube = ([names.index(f"{name}.{axis}") for axis in "xyz"] for name in ("tool", "tool_target", "046"))
     hand = [names.index(name) for name in ("agent_pos.opening", "agent_target.opening", "grasped.046")]
 
+    fingers = [1.0]
+
     def seen(flat):
+        fingers[0] = 1.0 if flat[hand[1]] > 0.04 else -1.0
         # The way to the cube, and how far the hand lags behind, which a network would have to learn to subtract.
         ways = [(flat[cube] - flat[tool]) / 0.1, (flat[target] - flat[tool]) / 0.02]
         places = [(flat[tool] - [0.5, 0.0, 0.2]) / 0.2, flat[cube[2:]] / 0.1]
         return np.concatenate([*ways, *places, flat[hand] / [0.04, 0.04, 1.0]]).astype(np.float32)
 
     def commanded(action):
-        # Reaching needs no fingers: closed, they would stand on the cube.
-        opening = 1.0 if task == "reach" or action[3] > 0 else -1.0
+        # The fingers keep their last command unless the fourth number is decided, since a grasp takes several steps;
+        # for reaching they stay open: closed, they would stand on the cube.
+        opening = np.sign(action[3]) if task != "reach" and abs(action[3]) > 0.5 else fingers[0]
         return np.array([*action[:3], 0.0, 0.0, 0.0, opening], np.float32)
 
     env = TransformObservation(env, seen, Box(-np.inf, np.inf, (13,), np.float32))

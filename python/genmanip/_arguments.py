@@ -8,6 +8,8 @@ import numbers
 import os
 from typing import Any, Iterable, Sequence
 
+import numpy as np
+
 from ._genmanip import Error
 
 
@@ -67,6 +69,35 @@ def seconds(name: str, given: Any) -> float | None:
     if not isinstance(given, numbers.Real) or not math.isfinite(given) or given <= 0:
         raise refuse(f"{name}={given!r} is not possible", "expected seconds above 0, or None for those of the suite")
     return float(given)
+
+
+def rate(name: str, given: Any) -> float:
+    if not isinstance(given, numbers.Real) or isinstance(given, bool) or not math.isfinite(given):
+        raise refuse(f"{name}={given!r} is not possible", "expected actions per second, such as 10, 15, 20, 30 or 60")
+    return float(given)
+
+
+def flag(name: str, given: Any) -> bool:
+    if not isinstance(given, (bool, np.bool_)):
+        raise refuse(f"{name}={given!r} is not possible", "expected True or False")
+    return bool(given)
+
+
+def action(given: Any) -> list[float]:
+    """The numbers of one action."""
+    try:
+        numbers_given = np.asarray(given, np.float64)
+    except (TypeError, ValueError) as error:
+        raise refuse(f"an action is {given!r}, which is no array of numbers", "expected a list of numbers") from error
+    if numbers_given.ndim != 1:
+        raise refuse(f"an action has {numbers_given.ndim} dimensions", "expected one row of numbers")
+    return numbers_given.tolist()
+
+
+def callback(name: str, given: Any) -> Any:
+    if given is not None and not callable(given):
+        raise refuse(f"{name}={given!r} is not possible", "expected a function of what is done, how many, and of how many")
+    return given
 
 
 def size(name: str, given: Any) -> list[int]:

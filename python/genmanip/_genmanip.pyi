@@ -21,7 +21,7 @@ class Scenes:
     def suite(path: _Path, keep: int = 16) -> Scenes:
         """Of a frozen suite, a run, or scenario files."""
     @staticmethod
-    def tasks(paths: Sequence[_Path], world: _Path | None = None, keep: int = 16) -> Scenes:
+    def tasks(paths: _Path | Sequence[_Path], world: _Path | None = None, keep: int = 16) -> Scenes:
         """Of task files, which are laid out anew for each seed; "reach", "lift" and "place" are built-in tasks."""
     def __len__(self) -> int: ...
     def ids(self) -> list[str]:

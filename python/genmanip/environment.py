@@ -9,7 +9,8 @@ from typing import Any, Mapping, NamedTuple, Sequence
 import numpy as np
 
 from . import _genmanip
-from ._arguments import choice, count, seconds
+from ._arguments import action as numbers_of
+from ._arguments import choice, count, flag, rate, seconds
 from ._genmanip import Saved, Scenes
 
 _WIDTH = {"encoding": "width_m"}
@@ -82,7 +83,7 @@ class Env:
 
     def step(self, action: Any) -> Step:
         """Carries out an action; raises Error for numbers that are none, and nothing has changed then."""
-        return Step(*self._native.step(action))
+        return Step(*self._native.step(numbers_of(action)))
 
     def observe(self) -> dict[str, Any]:
         """What is seen now: time_s, state (arm joints, then opening), images, and the truth where it was asked for."""
@@ -128,10 +129,11 @@ class Env:
 
 def settings(action, rate_hz, cameras, privileged, horizon_s, stop_on_success, shaping_discount=None) -> str:
     """Settings of a session as the native module reads them."""
-    if isinstance(action, str):
+    if not isinstance(action, Mapping):
         action = ACTIONS[choice("action", action, ACTIONS)]
-    spec = {"action": action, "rate_hz": rate_hz, "cameras": cameras, "privileged": privileged}
-    given = {"horizon_s": seconds("horizon_s", horizon_s), "stop_on_success": stop_on_success}
+    spec = {"action": action, "rate_hz": rate("rate_hz", rate_hz), "cameras": cameras, "privileged": privileged}
+    stops = None if stop_on_success is None else flag("stop_on_success", stop_on_success)
+    given = {"horizon_s": seconds("horizon_s", horizon_s), "stop_on_success": stops}
     given["shaping_discount"] = shaping_discount
     return json.dumps({"spec": spec, **given}, default=_plain)
 

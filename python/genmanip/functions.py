@@ -86,11 +86,14 @@ def evaluate(
     An episode in which the policy makes a mistake is not run, see check_policy(); Error if that holds for all, or for
     three in a row unless `keep_going`. With `stop_on_unreachable`, an action that the arm cannot reach ends its episode.
     """
-    several = policy if isinstance(policy, (list, tuple)) else [policy]
+    several = list(policy) if isinstance(policy, Iterable) and not isinstance(policy, (str, type)) else [policy]
+    if not several:
+        raise arguments.refuse("policy is empty", 'expected a policy, or a list of them, such as ["expert"]')
     named = [one if isinstance(one, str) else (_name(one), _maker(one)) for one in several]
     ending = (arguments.seconds("horizon_s", horizon_s), stop_on_success, stop_on_unreachable)
     repeats = arguments.count("episodes_per_scenario", episodes_per_scenario, 1)
-    given = (out, repeats, keep_episodes, arguments.count_or_none("workers", workers), *ending, keep_going, progress)
+    threads, told = _running(workers, progress)
+    given = (out, repeats, keep_episodes, threads, *ending, keep_going, told)
     return Evaluations(map(Evaluation.of, json.loads(_genmanip.evaluate(suite, named, *given))))
 
 
@@ -112,7 +115,7 @@ def design(
 ) -> Rows[DesignedTask]:
     """Designs tasks by rules into a folder, by default the six kinds in turn."""
     given = (arguments.names("kinds", kinds), arguments.count("count", count, 1), arguments.count("seed", seed))
-    return _rows(DesignedTask, _genmanip.design(out, *given, progress))
+    return _rows(DesignedTask, _genmanip.design(out, *given, arguments.callback("progress", progress)))
 
 
 def layout(
@@ -128,7 +131,7 @@ def layout(
 ) -> Rows[LaidOut]:
     """Lays tasks out into scenario files; a row each, with the file or why there is none."""
     numbers = (arguments.count("count", count, 1), arguments.count("seed", seed))
-    given = (*numbers, world, robot, arguments.count_or_none("workers", workers), progress)
+    given = (*numbers, world, robot, *_running(workers, progress))
     return _rows(LaidOut, _genmanip.layout(arguments.paths("tasks", tasks), out, *given))
 
 
@@ -151,7 +154,7 @@ def collect(
     With corrections, that policy acts first in each attempt, and the expert takes over where it fails.
     """
     numbers = (arguments.count("episodes", episodes, 1), arguments.count("seed", seed))
-    given = (*numbers, dataset, keep_failed, corrections, world, robot, arguments.count_or_none("workers", workers), progress)
+    given = (*numbers, dataset, keep_failed, corrections, world, robot, *_running(workers, progress))
     return _rows(Collected, _genmanip.collect(arguments.paths("tasks", tasks), out, *given))
 
 
@@ -171,7 +174,7 @@ def export(
 ) -> Exported | None:
     """Writes a dataset of a run of collect(), by default into its exports/; None if it was stopped."""
     rows = (action, rotation, arguments.count("rate", rate, 1), arguments.names("cameras", cameras), depth)
-    given = (format, *rows, keep_failed, out, arguments.count_or_none("workers", workers), progress)
+    given = (format, *rows, keep_failed, out, *_running(workers, progress))
     exported = json.loads(_genmanip.export(run, *given))
     return None if exported is None else Exported.of(exported)
 
@@ -195,7 +198,7 @@ def train(
     time. What was stopped continues from its checkpoint. evaluate() takes the policy as f"learned:{out}".
     """
     length = (arguments.count_or_none("steps", steps), arguments.count_or_none("budget_s", budget_s))
-    given = (*length, arguments.count("seed", seed), labels, arguments.count_or_none("workers", workers), progress)
+    given = (*length, arguments.count("seed", seed), labels, *_running(workers, progress))
     trained = json.loads(_genmanip.train(run, out, preset, *given))
     return None if trained is None else Trained.of(trained)
 
@@ -214,7 +217,7 @@ def render(
     """Renders episodes of a run, or scenarios, into a folder; by default with all their cameras."""
     pixels = None if size is None else arguments.size("size", size)
     images = (arguments.names("cameras", cameras), pixels, depth, arguments.count("fps", fps, 1))
-    given = (*images, arguments.count_or_none("workers", workers), progress)
+    given = (*images, *_running(workers, progress))
     return _rows(Rendered, _genmanip.render(source, out, *given))
 
 
@@ -236,8 +239,15 @@ def plan(
     def numbers(given: Iterable[float] | None) -> list[float] | None:
         return None if given is None else [float(number) for number in given]
 
-    given = (object, numbers(position), yaw_rad, numbers(joints), numbers(start), width_m, robot, seed)
+    point = numbers(position)
+    if point is not None and len(point) != 3:
+        raise arguments.refuse(f"position={point} is not possible", "expected x, y, z in metres")
+    given = (object, point, yaw_rad, numbers(joints), numbers(start), width_m, robot, seed)
     return Plan.of(json.loads(_genmanip.plan(scenario, *given)))
+
+
+def _running(workers: int | None, progress: Progress | None) -> tuple[int | None, Progress | None]:
+    return arguments.count_or_none("workers", workers), arguments.callback("progress", progress)
 
 
 def _rows(kind: type[Row], text: str) -> Rows[Row]:

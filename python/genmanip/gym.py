@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
+import inspect
 import json
+import numbers
 import os
 from typing import Any, Callable, Iterable, Sequence
 
@@ -12,7 +15,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 
 from . import _genmanip
-from ._arguments import choice, count, paths, refuse
+from ._arguments import choice, count, count_or_none, flag, paths, refuse
 from ._arguments import options as known_options
 from ._genmanip import Error, Scenes
 from ._spaces import Spaces
@@ -21,6 +24,7 @@ from .results import EnvironmentEvaluation
 
 #: Built-in tasks that end before the cube is on the plate.
 PARTS = ("reach", "lift")
+BUILT_IN = (*PARTS, "place")
 
 
 class _Setup:
@@ -47,13 +51,13 @@ class _Setup:
         if (suite is None) == (tasks is None):
             raise Error("expected suite=… or tasks=…, one of them\nhint: a suite is a frozen suite, a run or scenarios")
         choice("reward", reward, ("score", "sparse", "dense"))
-        if not 0 < discount <= 1:
+        if not isinstance(discount, numbers.Real) or not 0 < discount <= 1:
             raise refuse(f"discount={discount!r} is not possible", "expected that of the learner, above 0 and at most 1")
         keep = count("scenes_kept", scenes_kept, 1)
         if suite is not None:
             self.scenes = Scenes.suite(suite, keep=keep)
         else:
-            self.scenes = Scenes.tasks(paths("tasks", tasks), keep=keep)
+            self.scenes = Scenes.tasks(_known(paths("tasks", tasks)), keep=keep)
         self.has_layouts, self.layouts = suite is None, count("layouts", layouts, 1)
         #: Whether episodes end in success before the goal of their task is reached.
         self.is_part = tasks in (*PARTS, *([part] for part in PARTS))
@@ -64,7 +68,8 @@ class _Setup:
         shaping = discount if reward == "dense" else None
         times = (horizon_s, stop_on_success, shaping)
         self.settings = settings(action, rate_hz, [], False, *times)  # refuses an unknown action
-        self.spaces = Spaces(self.scenes, observation, cameras, size, action, rate_hz, normalized)
+        scale = flag("normalized", normalized)
+        self.spaces = Spaces(self.scenes, observation, cameras, size, action, rate_hz, scale)
         seen = (self.spaces.requests(), self.spaces.privileged)
         self.settings = settings(action, rate_hz, *seen, *times)
         self.longest = None if horizon_s is None else int(round(horizon_s * rate_hz))
@@ -98,6 +103,21 @@ class _Setup:
         return reward, terminated, truncated, info
 
 
+def _setup(given: dict[str, Any]) -> _Setup:
+    """Of arguments, none of them unknown."""
+    for name in given:
+        choice("argument", name, list(inspect.signature(_Setup).parameters))
+    return _Setup(**given)
+
+
+def _known(tasks: list[str]) -> list[str]:
+    """Paths, after a look for misspelt names of built-in tasks."""
+    for name in tasks:
+        if not os.path.exists(name) and difflib.get_close_matches(name, BUILT_IN, 1):
+            choice("task", name, BUILT_IN)
+    return tasks
+
+
 def _words(atom: dict[str, str]) -> str:
     """A condition of a goal, such as `046 on 008` or `057 open`."""
     return " ".join(part for key, part in atom.items() if key != "test")
@@ -121,7 +141,7 @@ class GenManipEnv(gymnasium.Env[dict[str, Any], np.ndarray]):
     metadata = {"render_modes": ["rgb_array"], "render_fps": 15}
 
     def __init__(self, render_mode: str | None = None, **given: Any) -> None:
-        self.setup = _Setup(**given)
+        self.setup = _setup(given)
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": int(round(self.setup.rate_hz))}
         self.observation_space, self.action_space = self.setup.spaces.observation, self.setup.spaces.action
@@ -210,14 +230,16 @@ class GenManipVectorEnv(VectorEnv[dict[str, Any], np.ndarray, np.ndarray]):
     def __init__(self, num_envs: int = 1, threads: int | None = None, render_mode: str | None = None, **given: Any) -> None:
         if render_mode is not None:
             raise Error("many environments draw no picture\nhint: leave render_mode away, or ask for pixels")
-        self.setup = _Setup(**given)
+        count("num_envs", num_envs, 1)
+        self.setup = _setup(given)
         self.num_envs, self.render_mode = num_envs, None
         self.metadata = {**self.metadata, "render_fps": int(round(self.setup.rate_hz))}
         self.single_observation_space = self.setup.spaces.observation
         self.single_action_space = self.setup.spaces.action
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self.native = _genmanip.Pool(self.setup.scenes, self.setup.settings, num_envs, threads or os.cpu_count() or 1)
+        threads = count_or_none("threads", threads) or os.cpu_count() or 1
+        self.native = _genmanip.Pool(self.setup.scenes, self.setup.settings, num_envs, threads)
         self._max_episode_steps = self.setup.longest
         self._over = np.zeros(num_envs, bool)
         self._goals: list[np.ndarray] = [np.zeros(0, np.float32)] * num_envs

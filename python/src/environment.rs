@@ -14,6 +14,13 @@ use serde::Deserialize;
 use crate::errors::{Error, error, json, read_json};
 use crate::observation::{dictionary, picture};
 
+/// One path, or several.
+#[derive(FromPyObject)]
+enum Paths {
+    One(PathBuf),
+    Several(Vec<PathBuf>),
+}
+
 /// Scenes in which episodes start; environments share one.
 #[pyclass(frozen, name = "Scenes", module = "genmanip")]
 pub struct SceneSource(pub Arc<sessions::SceneSource>);
@@ -31,7 +38,11 @@ impl SceneSource {
     /// Of task files, which are laid out anew for each seed; "reach", "lift" and "place" are built-in tasks.
     #[staticmethod]
     #[pyo3(signature = (paths, world=None, keep=DEFAULT_KEPT))]
-    fn tasks(py: Python, paths: Vec<PathBuf>, world: Option<PathBuf>, keep: usize) -> PyResult<Self> {
+    fn tasks(py: Python, paths: Paths, world: Option<PathBuf>, keep: usize) -> PyResult<Self> {
+        let paths = match paths {
+            Paths::One(path) => vec![path],
+            Paths::Several(paths) => paths,
+        };
         let scenes = py.detach(|| sessions::SceneSource::of_tasks(&paths, world.as_deref()));
         Ok(Self(Arc::new(scenes.map_err(error)?.keeping(keep))))
     }

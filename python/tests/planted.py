@@ -111,7 +111,7 @@ PLANTED = [
     ("ReadsInput", "act() raised EOFError", "a policy has no standard input"),
     ("Exits", "act() raised SystemExit: 3, .*planted.py:", "return (actions, True) to finish"),
     ("Dies", "its Python process ended during act() (exit status: 3)", "a policy returns or raises"),
-    ("Late", "act() gave no answer within 1 s", "timeout_s=… waits longer"),
+    ("Late", "act() gave no answer within 5 s", "timeout_s=… waits longer"),
     ("Nothing", "act() returned None", "return the next actions, one per row"),
     ("Text", "act() returned str", "return the next actions, one per row"),
     ("Short", "action for control step 0", "expected 8 numbers (joint_position, gripper width_m), got 7"),

@@ -65,7 +65,7 @@ class Mistakes(unittest.TestCase):
             self.skipTest("GENMANIP_PROGRAM is not set")
 
         def run(name):
-            patience = ",timeout_s=1" if name == "Late" else ""
+            patience = ",timeout_s=5" if name == "Late" else ""
             policy = f"python:planted:{name},python={sys.executable}{patience}"
             told = [program, "--quiet", "evaluate", SCENARIO, "--policy", policy]
             return subprocess.run(told, capture_output=True, text=True, cwd=pathlib.Path(__file__).parent)

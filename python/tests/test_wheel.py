@@ -59,6 +59,7 @@ class Environments(unittest.TestCase):
     def test_same_actions_lead_to_same_bytes_also_from_a_saved_moment(self):
         env = genmanip.Env(SCENARIOS, cameras=[{"name": "static", "size": [64, 48]}], privileged=True)
         self.assertEqual(len(env.scenes), 2)
+        self.assertEqual(genmanip.Scenes.tasks("reach").ids(), genmanip.Scenes.tasks(["reach"]).ids())
 
         def drive():
             for turn in range(8):
@@ -119,6 +120,18 @@ class Environments(unittest.TestCase):
             (lambda: genmanip.evaluate(SCENARIOS, "expert", horizon_s=-1), "horizon_s=-1 is not possible"),
             (lambda: genmanip.Env(pathlib.Path(FOLDER.name) / "none"), "no run at"),
             (lambda: genmanip.evaluate(SCENARIOS, "expret"), "did you mean `expert`"),
+            (lambda: env.step("left"), "no array of numbers"),
+            (lambda: genmanip.Env(SCENARIOS, stop_on_success="no"), "expected True or False"),
+            (lambda: make(rate_hz="15"), "rate_hz='15' is not possible"),
+            (lambda: make(action=3), "unknown action 3"),
+            (lambda: make(horizn_s=3.0), "did you mean 'horizon_s'"),
+            (lambda: make(discount="high"), "discount='high' is not possible"),
+            (lambda: reset_env.step(["left"] * 8), "no array of numbers"),
+            (lambda: gymnasium.make("GenManip-v0", tasks="rech"), "did you mean 'reach'"),
+            (lambda: gymnasium.make_vec("GenManip-v0", num_envs=0, tasks="reach"), "num_envs=0 is not possible"),
+            (lambda: genmanip.evaluate(SCENARIOS, []), "policy is empty"),
+            (lambda: genmanip.evaluate(SCENARIOS, "expert", progress=3), "progress=3 is not possible"),
+            (lambda: genmanip.plan(position=[0.5, 0.0]), "expected x, y, z"),
             (lambda: gymnasium.make("GenManip-v0"), "expected suite=… or tasks=…"),
         ]
         for call, words in cases:

@@ -47,7 +47,7 @@ Usage: cargo xtask SUBCOMMAND
   test --interop   let published packages of other projects ask, answer and read us (downloads 3 GB; not part of CI)
   test --cluster   collect on a Slurm of two nodes on this machine and lose one (needs its packages; not part of CI)
   test --s3        push and pull a folder through a real S3 server that fails (builds one; not part of CI)
-  test --train     train `reach` with Stable-Baselines3 (downloads 3 GB, takes 25 minutes; not part of CI)
+  test --train     train `reach` with Stable-Baselines3 (downloads 3 GB, then takes ten minutes; not part of CI)
   fuzz             list the readers that mutated inputs can be fed to
   fuzz TARGET [--minutes N] [--seed S]   feed one of them for N minutes of CPU time, save what breaks it
   tidy             check the rules that the compiler does not know

@@ -8,8 +8,8 @@ use std::fs;
 
 const SCRIPT: &str = "examples/python/train_with_sb3.py";
 const REQUIREMENTS: &str = "examples/python/train-requirements.txt";
-/// Two cores for ten minutes.
-const CPU_MINUTES: &str = "20";
+/// A quarter of what two cores have in ten minutes.
+const CPU_MINUTES: &str = "5";
 /// Smallest share of fresh starts that must succeed.
 const MIN_SUCCESS: f64 = 0.95;
 
