@@ -88,7 +88,7 @@ struct Resolver<'a> {
     around: HeightMap,
 }
 
-/// What is seen in a cell.
+/// Pixels sampled over a cell, and the masks that cover them.
 struct SeenCell {
     /// Pixel indices sampled over the cell, its centre in the middle of the list.
     pixels: Vec<usize>,
