@@ -214,7 +214,7 @@ def render(
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Rows[Rendered]:
-    """Renders episodes of a run, or scenarios, into a folder; by default with all their cameras."""
+    """Renders the episodes of a run, or a scenario file, into a folder; by default with all cameras."""
     pixels = None if size is None else arguments.size("size", size)
     images = (arguments.names("cameras", cameras), pixels, depth, arguments.count("fps", fps, 1))
     given = (*images, *_running(workers, progress))

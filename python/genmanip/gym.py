@@ -132,7 +132,8 @@ class GenManipEnv(gymnasium.Env[dict[str, Any], np.ndarray]):
     action: "joint", "joint_delta", "joint_velocity", "ee" or "ee_delta", see genmanip.ACTIONS; at rate_hz.
     normalized: whether actions run from -1 to 1, between limits that the arm can reach; else they are in m, rad and s.
     reward: "score", the change of the goal's score, "sparse", 1 when the episode ends with the goal reached, or "dense",
-    the score's change and that of a potential, with the discount of the learner.
+    the score's change and that of a potential, with a discount: that of the learner ranks policies as the score does, 1
+    also rewards early progress.
     scenes_kept: how many scenes are kept ready in memory, the ones used last.
     index: which scene; None draws one at each reset. layouts: of tasks, how many layouts are drawn from.
     An action that the arm cannot reach is not carried out: info["refused"] says why, and the last command is held.
