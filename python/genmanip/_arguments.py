@@ -83,12 +83,17 @@ def flag(name: str, given: Any) -> bool:
     return bool(given)
 
 
+def numbers_of_action(given: Any, dtype: Any, hint: str) -> np.ndarray:
+    """The numbers of one action, or of several."""
+    try:
+        return np.asarray(given, dtype)
+    except (TypeError, ValueError) as error:
+        raise refuse(f"an action is {given!r}, which is no array of numbers", hint) from error
+
+
 def action(given: Any) -> list[float]:
     """The numbers of one action."""
-    try:
-        numbers_given = np.asarray(given, np.float64)
-    except (TypeError, ValueError) as error:
-        raise refuse(f"an action is {given!r}, which is no array of numbers", "expected a list of numbers") from error
+    numbers_given = numbers_of_action(given, np.float64, "expected a list of numbers")
     if numbers_given.ndim != 1:
         raise refuse(f"an action has {numbers_given.ndim} dimensions", "expected one row of numbers")
     return numbers_given.tolist()

@@ -100,10 +100,7 @@ class Spaces:
 
     def commanded(self, actions: np.ndarray, count: tuple[int, ...] = ()) -> list[Any]:
         """Actions of the space in metres, radians and seconds; of several environments, a row each."""
-        try:
-            actions, shape = np.asarray(actions, np.float32), (*count, *self.action.shape)
-        except (TypeError, ValueError) as error:
-            raise arguments.refuse(f"an action is {actions!r}, which is no array of numbers", "see action_space") from error
+        actions, shape = arguments.numbers_of_action(actions, np.float32, "see action_space"), (*count, *self.action.shape)
         if actions.shape != shape:
             given = " x ".join(map(str, actions.shape)) or "a single number"
             hint = "an action is the motion, then the opening of the gripper; see action_space"

@@ -77,7 +77,7 @@ fn refuse_old(version: &str) -> Result {
 }
 
 /// `name==version` of each requirement, as it stands in the list.
-fn names(requirements: &str) -> Vec<&str> {
+pub fn names(requirements: &str) -> Vec<&str> {
     let lines = requirements.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
     lines.map(|line| line.split(';').next().unwrap_or(line).trim()).collect()
 }

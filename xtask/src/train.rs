@@ -3,7 +3,7 @@
 use crate::interop;
 use crate::problem::{OnPath, Problem, Result};
 use crate::process::{self, Workspace};
-use crate::wheel;
+use crate::{python, wheel};
 use std::fs;
 
 const SCRIPT: &str = "examples/python/train_with_sb3.py";
@@ -19,8 +19,7 @@ pub fn run(workspace: &Workspace) -> Result {
     fs::create_dir_all(&place).on("make the folder", &place)?;
     let list = workspace.root.join(REQUIREMENTS);
     let listed = fs::read_to_string(&list).on("read", &list)?;
-    let packages: Vec<&str> = listed.lines().filter(|line| !line.is_empty() && !line.starts_with('#')).collect();
-    let python = interop::environment(workspace, "python3", &place.join("python"), &packages)?;
+    let python = interop::environment(workspace, "python3", &place.join("python"), &python::names(&listed))?;
     wheel::environment(workspace)?;
     wheel::install(workspace, &python, &wheel::build(workspace)?)?;
     let out = place.join("reach");

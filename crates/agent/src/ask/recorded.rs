@@ -1,8 +1,8 @@
 //! Recorded answers, replayed in the order of their asks if the question matches.
 //!
 //! A question matches if its kind, prompt, instruction and previously rejected answers are equal, and its marks and
-//! images differ by at most [`Tolerance`]. Recorded questions that are no longer asked are passed over. Any other question is
-//! reported as a mismatch and never answered.
+//! images differ by at most [`Tolerance`]. Recorded questions that are no longer asked are passed over. Any other question
+//! is reported as a mismatch and never answered.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -148,8 +148,7 @@ impl RecordedAnswer {
     }
 
     /// First difference from a question as name, recorded value and current value; `None` if all are within tolerance.
-    fn difference(&self, question: &Question, tolerance: &Tolerance) -> Option<(&'static str, String, String)> {
-        let current = Self::new(question, &ModelReply { text: String::new(), usage: None, cut_off: false });
+    fn difference(&self, current: &Self, tolerance: &Tolerance) -> Option<(&'static str, String, String)> {
         let differs = |what, recorded: String, asked: String| (recorded != asked).then_some((what, recorded, asked));
         let prompt = |stamp: &PromptStamp| format!("{} version {} ({})", stamp.id, stamp.version, stamp.sha256);
         let excerpt = |text: &str| text.chars().take(120).collect::<String>();
@@ -191,13 +190,14 @@ impl RecordedAnswers {
     /// Reports a missing recording, or the first difference from the one of the same ask index.
     pub fn answer(&self, question: &Question, tolerance: &Tolerance) -> Result<ModelReply, Mismatch> {
         let (scenario, ask) = (self.scenario.clone(), question.ask);
-        let later = self.answers.iter().filter(|answer| answer.ask >= ask);
-        let matching = later.filter(|answer| answer.difference(question, tolerance).is_none());
-        if let Some(found) = matching.min_by_key(|answer| answer.ask) {
+        let current = RecordedAnswer::new(question, &ModelReply { text: String::new(), usage: None, cut_off: false });
+        let mut later: Vec<&RecordedAnswer> = self.answers.iter().filter(|answer| answer.ask >= ask).collect();
+        later.sort_by_key(|answer| answer.ask);
+        if let Some(found) = later.iter().find(|answer| answer.difference(&current, tolerance).is_none()) {
             return Ok(ModelReply { text: found.answer.clone(), usage: found.usage, cut_off: found.cut_off });
         }
-        let recorded = self.answers.iter().find(|answer| answer.ask == ask);
-        match recorded.and_then(|recorded| recorded.difference(question, tolerance)) {
+        let recorded = later.first().filter(|answer| answer.ask == ask);
+        match recorded.and_then(|recorded| recorded.difference(&current, tolerance)) {
             None => Err(Mismatch::Missing { scenario, ask, stage: question.stage }),
             Some((what, recorded, asked)) => Err(Mismatch::Other { scenario, ask, what, recorded, asked }),
         }

@@ -19,7 +19,7 @@ use crate::verdict::{Equipment, ProblemCode, edge_between};
 
 named_enum! {
     /// Kind of a planted fault.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum Fault {
         /// An object floats above its support.
         Floating = "floating",

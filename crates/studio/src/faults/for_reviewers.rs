@@ -12,7 +12,7 @@ use rand::seq::SliceRandom;
 
 use super::fault::Fault;
 use super::site::Planted;
-use crate::verdict::Equipment;
+use crate::verdict::EquipmentCache;
 
 /// A scenario with a planted fault; its id is that of the sound scenario.
 #[derive(Clone, Debug)]
@@ -46,7 +46,7 @@ pub fn plant(
     }
     let mut free: Vec<&Arc<Scenario>> = pool.iter().collect();
     free.shuffle(&mut seed.fork("pool").rng());
-    let mut equipment = BTreeMap::<String, Equipment>::new();
+    let equipment = EquipmentCache::default();
     let mut faulty = Vec::with_capacity(count);
     progress.begin("planting faults", count);
     for number in 0..count {
@@ -60,12 +60,8 @@ pub fn plant(
                 let message = format!("no scenario of those left has room for the fault `{}`", fault.name());
                 return Err(WorkspaceError::input(message).with_hint(more));
             };
-            let key = serde_json::to_string(&(&scenario.world.robot, &scenario.world.surfaces)).unwrap_or_default();
-            if !equipment.contains_key(&key) {
-                equipment.insert(key.clone(), Equipment::of_world(&scenario.world)?);
-            }
             let seed = seed.fork(fault.name()).fork(&scenario.id);
-            if let Some(found) = fault.plant(scenario, &equipment[&key], seed) {
+            if let Some(found) = fault.plant(scenario, &*equipment.get(&scenario.world)?, seed) {
                 break found;
             }
             place += 1;

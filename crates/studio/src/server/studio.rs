@@ -26,7 +26,7 @@ use crate::scene::exported::models;
 use crate::scene::images::{CameraImage, Drawn, Painters};
 use crate::scene::scene_message::{SceneAssets, SceneMessage};
 use crate::teleop::Sessions;
-use crate::verdict::{Equipment, Inspection, Stage};
+use crate::verdict::{Equipment, EquipmentCache, Inspection, Stage};
 
 /// State shared by all requests.
 pub struct Studio {
@@ -55,8 +55,7 @@ pub struct Studio {
     /// Lock held while a scenario is created, so that only one is at a time.
     creating: Mutex<()>,
     painters: Painters,
-    /// Planner and settings for verdicts, by the JSON of the world's robot and support surfaces.
-    equipment: Mutex<BTreeMap<String, Arc<Equipment>>>,
+    equipment: EquipmentCache,
 }
 
 /// A change that was applied.
@@ -90,7 +89,7 @@ impl Studio {
             rooms: Mutex::default(),
             creating: Mutex::default(),
             painters: Painters::default(),
-            equipment: Mutex::default(),
+            equipment: EquipmentCache::default(),
         }
     }
 
@@ -313,14 +312,7 @@ impl Studio {
     /// # Errors
     /// When the world's robot cannot be loaded.
     pub fn equipment(&self, world: &World) -> Result<Arc<Equipment>, Refusal> {
-        let key = serde_json::to_string(&(&world.robot, &world.surfaces)).unwrap_or_default();
-        let mut known = self.equipment.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(equipment) = known.get(&key) {
-            return Ok(Arc::clone(equipment));
-        }
-        let equipment = Arc::new(Equipment::of_world(world).map_err(|error| Refusal::of_work(&error))?);
-        known.insert(key, Arc::clone(&equipment));
-        Ok(equipment)
+        self.equipment.get(world).map_err(|error| Refusal::of_work(&error))
     }
 
     // A panic of another thread leaves the values consistent, so poisoned locks are used. To avoid deadlock, `rooms` is

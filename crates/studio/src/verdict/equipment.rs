@@ -1,5 +1,6 @@
 //! Equipment for verdicts: assets, planner, grasps and settings.
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use genmanip_assets::{AssetError, AssetSource, Catalogue, GraspLibrary};
@@ -46,6 +47,30 @@ impl Equipment {
     /// When an asset is missing, or differs from the one that the scenario was made with.
     pub fn scene(&self, scenario: &Scenario) -> Result<PosedScene, AssetError> {
         posed(scenario, self.assets, &mut self.shapes.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+/// Equipment of the worlds that scenarios need, made once for each robot among the same support surfaces.
+#[derive(Default)]
+pub struct EquipmentCache {
+    /// By the JSON of the world's robot and support surfaces.
+    known: Mutex<BTreeMap<String, Arc<Equipment>>>,
+}
+
+impl EquipmentCache {
+    /// Equipment for scenarios in this world.
+    ///
+    /// # Errors
+    /// As [`Equipment::of_world`].
+    pub fn get(&self, world: &World) -> Result<Arc<Equipment>, WorkspaceError> {
+        let key = serde_json::to_string(&(&world.robot, &world.surfaces)).unwrap_or_default();
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(equipment) = known.get(&key) {
+            return Ok(Arc::clone(equipment));
+        }
+        let equipment = Arc::new(Equipment::of_world(world)?);
+        known.insert(key, Arc::clone(&equipment));
+        Ok(equipment)
     }
 }
 

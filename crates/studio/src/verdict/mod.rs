@@ -9,7 +9,7 @@ mod reword;
 mod support;
 mod wording;
 
-pub use equipment::{Equipment, VerdictError};
+pub use equipment::{Equipment, EquipmentCache, VerdictError};
 pub use inspection::Inspection;
 pub use problem::{Problem, ProblemCode, Repair, Stage, Verdict};
 pub use repair::{RepairedScenario, edge_between, repair_all};
