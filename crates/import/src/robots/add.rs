@@ -60,7 +60,7 @@ pub struct Proposal {
 /// Proposes the files of a robot from its description, which was read with its visible surfaces.
 ///
 /// # Errors
-/// If no joint moves the tool frame, or the files would be invalid.
+/// If no joint moves the tool frame, one of them follows another joint, or the files would be invalid.
 pub fn propose(read: PlannedRobot, name: &str, gripper: &str) -> Result<Proposal, WorkspaceError> {
     let PlannedRobot { model: described, mut notes } = read;
     let kept = kept_links(&described);
@@ -70,6 +70,17 @@ pub fn propose(read: PlannedRobot, name: &str, gripper: &str) -> Result<Proposal
         .collect();
     if !dropped.is_empty() {
         notes.push(format!("left out, since no joint of theirs moves the tool frame: {}", dropped.join(", ")));
+    }
+    let coupled = kept.iter().filter_map(|&link| {
+        let joint = described.links[link].joint.as_ref()?;
+        Some((joint, described.links[joint.mimic?.link].joint.as_ref()?))
+    });
+    if let Some((joint, leader)) = coupled.into_iter().next() {
+        let reason = format!("joint {} follows {} on the way to the tool frame", joint.name, leader.name);
+        return Err(WorkspaceError::input(format!("{} cannot become a robot file", described.name)).because(reason).with_hint(
+            "the joints of a robot file move independently; plan --robot FILE.urdf takes such an arm, and --tip names \
+             a tool frame before that joint",
+        ));
     }
     let mount = mount(&described);
     let arm = Arm { described: &described, kept: &kept, name };
@@ -320,6 +331,9 @@ impl Arm<'_> {
                         "max_velocity": joint.max_velocity, "max_acceleration": drive.acceleration,
                         "max_jerk": drive.acceleration * JERK_PER_ACCELERATION, "max_effort": drive.effort,
                     });
+                    if joint.continuous {
+                        file["joint"]["continuous"] = true.into();
+                    }
                 }
                 file
             })

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Pose, RobotModel, Seed, Shape};
-use genmanip_import::robots::{self, Choices, MAX_LINKS, MAX_PIECES, PlannedRobot, Settings};
+use genmanip_import::robots::{self, Choices, MAX_LINKS, MAX_PIECES, PlannedRobot, Settings, add};
 use genmanip_motion::{AllowedCollisions, Chain, CollisionWorld, Planner, PlannerSettings, PlanningScene};
 
 /// Six joints like those of many industrial arms, one with a different axis, plus a rail and a tool.
@@ -398,4 +398,21 @@ fn an_arm_with_five_joints_meets_what_it_can() {
             assert!(at.position.distance(pose.position) < 3e-4 && turn < 0.061, "{at:?} for {pose:?}");
         }
     }
+}
+
+/// `robot add` keeps joints without end stops, and refuses an arm with a joint that follows another one.
+#[test]
+fn proposed_files_keep_continuous_joints_and_refuse_coupled_ones() {
+    let found = add::propose(read(ARM).unwrap(), "six", add::GRIPPER).unwrap();
+    let is_continuous: Vec<bool> = found.model.arm_joints().map(|joint| joint.continuous).collect();
+    assert_eq!(is_continuous, [false, false, false, true, false, false]);
+    let joint = |file: &serde_json::Value, name: &str| {
+        let links = file["links"].as_array().unwrap();
+        links.iter().find(|link| link["joint"]["name"] == name).unwrap()["joint"]["continuous"].clone()
+    };
+    assert_eq!((joint(&found.arm, "j4"), joint(&found.arm, "j3")), (true.into(), serde_json::Value::Null));
+    let coupled = ARM.replace("<limit lower=\"-2.5\"", "<mimic joint=\"j2\" multiplier=\"-1\"/><limit lower=\"-2.5\"");
+    let error = add::propose(read(&coupled).unwrap(), "six", add::GRIPPER).unwrap_err();
+    let cause = std::error::Error::source(&error).map(ToString::to_string).unwrap_or_default();
+    assert!(cause.contains("j3 follows j2"), "{error}: {cause}");
 }
