@@ -283,9 +283,9 @@ impl AssetSource for Catalogue {
                 generated.insert(asset.clone(), Arc::clone(&model));
                 Ok(model)
             }
-            AssetRef::Imported { hash } => match imported::source() {
+            AssetRef::Imported { .. } => match imported::source() {
                 Some(source) => source.model(asset),
-                None => Err(AssetError::NotImported { hash: hash.clone() }),
+                None => Err(AssetError::NotImported { asset: asset.clone() }),
             },
         }
     }
