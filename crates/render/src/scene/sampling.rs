@@ -150,22 +150,10 @@ mod tests {
 
     #[test]
     fn strength_goes_from_the_usual_to_the_drawn() {
-        let (usual, drawn) = (
-            RenderVariation::default(),
-            sampled(Seed::new(7), &[AppearanceFactor::Light, AppearanceFactor::Background]),
-        );
-        let at = |strength| {
-            varied(
-                &usual,
-                &AppearanceRandomisation {
-                    strength,
-                    ..AppearanceRandomisation::new(
-                        Seed::new(7),
-                        vec![AppearanceFactor::Light, AppearanceFactor::Background],
-                    )
-                },
-            )
-        };
+        let vary = [AppearanceFactor::Light, AppearanceFactor::Background, AppearanceFactor::Material];
+        let (usual, drawn) = (RenderVariation::default(), sampled(Seed::new(7), &vary));
+        let full = AppearanceRandomisation::new(Seed::new(7), vary.to_vec());
+        let at = |strength| varied(&usual, &AppearanceRandomisation { strength, ..full.clone() });
         assert_eq!(at(0.0), usual);
         assert_eq!(at(1.0), drawn);
         let half = at(0.5);
