@@ -217,6 +217,23 @@ impl WorkspaceError {
     }
 }
 
+/// Messages of an error and of its causes; a cause that the message before already contains is omitted.
+pub fn messages(error: &dyn std::error::Error) -> Vec<String> {
+    let mut messages = vec![error.to_string()];
+    let causes = std::iter::successors(error.source(), |cause| cause.source());
+    for cause in causes.map(ToString::to_string) {
+        if messages.last().is_none_or(|last| !last.contains(&cause)) {
+            messages.push(cause);
+        }
+    }
+    messages
+}
+
+/// [`messages`] of an error in one line.
+pub fn with_causes(error: &dyn std::error::Error) -> String {
+    messages(error).join(": ")
+}
+
 /// Advice on how to fix an error: for a full disk if one is anywhere in the chain of sources, else the first hint of
 /// the chain. `None` if there is none.
 pub fn hint(error: &(dyn std::error::Error + 'static)) -> Option<String> {
