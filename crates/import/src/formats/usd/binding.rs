@@ -3,7 +3,7 @@
 
 use std::rc::Rc;
 
-use openusd::sdf::{Path, Value};
+use openusd::sdf::Path;
 use openusd::usd::{Collection, MembershipQuery, is_collection_api_path};
 
 use super::value::At;
@@ -70,10 +70,7 @@ impl Binding {
             _ => return None,
         };
         let relationship = at.prim.relationship(name);
-        let is_stronger = {
-            let strength = at.prim.stage().field::<Value>(relationship.path().clone(), "bindMaterialAs").ok().flatten();
-            strength.as_ref().and_then(Value::as_str) == Some("strongerThanDescendants")
-        };
+        let is_stronger = at.metadata(name, "bindMaterialAs").as_deref() == Some("strongerThanDescendants");
         let (members, material) = if is_direct {
             (None, at.targets(name).into_iter().next()?)
         } else {
