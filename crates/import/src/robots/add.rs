@@ -97,11 +97,11 @@ pub fn propose(read: PlannedRobot, name: &str, gripper: Option<&str>) -> Result<
     if !dropped.is_empty() {
         notes.push(format!("left out, since no joint of theirs moves the tool frame: {}", dropped.join(", ")));
     }
-    let coupled = kept.iter().filter_map(|&link| {
+    let mut coupled = kept.iter().filter_map(|&link| {
         let joint = described.links[link].joint.as_ref()?;
         Some((joint, described.links[joint.mimic?.link].joint.as_ref()?))
     });
-    if let Some((joint, leader)) = coupled.into_iter().next() {
+    if let Some((joint, leader)) = coupled.next() {
         let reason = format!("joint {} follows {} on the way to the tool frame", joint.name, leader.name);
         return Err(WorkspaceError::input(format!("{} cannot become a robot file", described.name)).because(reason).with_hint(
             "the joints of a robot file move independently; plan --robot FILE.urdf takes such an arm, and --tip names \

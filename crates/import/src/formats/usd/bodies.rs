@@ -295,7 +295,7 @@ impl Reader<'_, '_> {
                     subsets.push((child.indices("indices"), read(&material)));
                 }
             }
-            let whole = own.as_ref().map_or_else(Bound::painted, |material| read(material));
+            let whole = own.as_ref().map_or_else(Bound::painted, read);
             let surfaces = geometry.surfaces(at, &here.world, &subsets, &whole);
             self.triangles += surfaces.iter().map(|surface| surface.mesh.triangles.len()).sum::<usize>();
             self.contents.bodies[here.body].held.surfaces.extend(surfaces);
