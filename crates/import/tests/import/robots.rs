@@ -510,3 +510,17 @@ fn a_gripper_takes_the_place_of_the_jaws() {
     let small = small.replace("xyz=\"0 0 0.2\"/>\n    <axis", "xyz=\"0 0 0.05\"/>\n    <axis");
     assert_eq!(proposed(&small, None).0.robot["gripper"], "small_jaws");
 }
+
+/// A camera behind the flange is no tool frame.
+#[test]
+fn sensors_are_no_tool_frames() {
+    let camera = r#"<link name="end_effector_link"/>
+  <joint name="end" type="fixed"><parent link="flange"/><child link="end_effector_link"/></joint>
+  <link name="camera_link"/>
+  <joint name="eye" type="fixed"><parent link="end_effector_link"/><child link="camera_link"/></joint>
+  <link name="camera_color_frame"/>
+  <joint name="colour" type="fixed"><parent link="camera_link"/><child link="camera_color_frame"/></joint>
+</robot>"#;
+    let model = read(&ARM.replace("</robot>", camera)).unwrap().model;
+    assert_eq!(model.links[model.hand].name, "end_effector_link");
+}
