@@ -34,7 +34,7 @@ const SILENT: [&str; 12] = [
     "SkelAnimation",
 ];
 /// Applied API schemas that are read or contribute nothing to an object, so that no note lists them.
-const KNOWN_SCHEMAS: [&str; 16] = [
+const KNOWN_SCHEMAS: [&str; 17] = [
     "PhysicsRigidBodyAPI",
     "PhysicsMassAPI",
     "PhysicsCollisionAPI",
@@ -51,6 +51,7 @@ const KNOWN_SCHEMAS: [&str; 16] = [
     "NodeDefAPI",
     "AssetPreviewsAPI",
     "VisibilityAPI",
+    "CollectionAPI",
 ];
 
 /// Units of length and mass of a stage.
