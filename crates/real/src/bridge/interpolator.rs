@@ -160,7 +160,10 @@ impl JointState {
 /// Interpolator of all joints of an arm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interpolator {
+    /// Limits in force, with the share of the velocity.
     limits: Vec<JointLimits>,
+    /// Limits at full speed.
+    full: Vec<JointLimits>,
     joints: Vec<JointState>,
     targets: Vec<f64>,
     tick_s: f64,
@@ -176,6 +179,7 @@ impl Interpolator {
             && (1e-5..=0.1).contains(&tick_s);
         is_sound.then(|| Self {
             limits: limits.to_vec(),
+            full: limits.to_vec(),
             joints: measured.iter().map(|&position| JointState::at_rest(position)).collect(),
             targets: measured.to_vec(),
             tick_s,
@@ -202,6 +206,21 @@ impl Interpolator {
         true
     }
 
+    /// Limits the velocity to a share of the maximum, for a slow mode. Changes nothing and returns false while a joint
+    /// moves, or unless the share is above 0 and at most 1.
+    pub fn limit_speed(&mut self, share: f64) -> bool {
+        let is_sound = share > 0.0 && share <= 1.0 && self.is_at_rest();
+        if is_sound {
+            self.limits = self.full.iter().map(|limits| limits.slowed(share)).collect();
+        }
+        is_sound
+    }
+
+    /// Positions at which the joints come to rest if they brake now, rad or m.
+    pub fn stop_positions(&self) -> Vec<f64> {
+        self.joints.iter().zip(&self.limits).map(|(joint, limits)| joint.stop_position(limits)).collect()
+    }
+
     /// Sets the current positions as targets of all joints; at rest, nothing moves.
     pub fn hold(&mut self) {
         self.targets = self.joints.iter().map(|joint| joint.position).collect();
@@ -218,8 +237,7 @@ impl Interpolator {
 
     /// Brakes to rest with maximum jerk and acceleration, from the next tick on.
     pub fn brake(&mut self) {
-        self.targets =
-            self.joints.iter().zip(&self.limits).map(|(joint, limits)| joint.stop_position(limits)).collect();
+        self.targets = self.stop_positions();
     }
 
     /// True if no joint moves; tolerance 1 µrad/s, for rounding.
@@ -229,7 +247,7 @@ impl Interpolator {
 
     /// Advances by one tick; returns the new setpoints.
     pub fn tick(&mut self) -> &[JointState] {
-        let Self { limits, joints, targets, tick_s } = self;
+        let Self { limits, joints, targets, tick_s, .. } = self;
         for ((joint, limits), target) in joints.iter_mut().zip(limits.iter()).zip(targets.iter()) {
             *joint = joint.towards(*target, limits, *tick_s);
         }

@@ -5,6 +5,10 @@ use rand::{Rng, RngExt};
 
 use super::*;
 
+mod connection;
+mod fake;
+mod machine;
+
 const TICK_S: f64 = 1e-3;
 /// Share by which a limit may be exceeded.
 const SLACK: f64 = 1.001;
@@ -33,7 +37,7 @@ fn guard(limits: &[JointLimits], measured: &[f64]) -> (Guard, u64) {
 }
 
 fn command(lease: u64, sequence: u64, positions: Vec<f64>) -> Command {
-    Command { lease, sequence, valid_for_s: 0.1, dead_man: true, positions }
+    Command { lease, sequence, valid_for_s: 0.1, dead_man: true, positions, width_m: None }
 }
 
 #[test]
