@@ -99,6 +99,9 @@ pub trait Connection: Send {
 pub struct ClientSettings {
     /// Validity of each command, s: the arm brakes when no other has come by then.
     pub valid_for_s: f64,
+    /// Time in which the reference moves to the positions of a command, s: longer than a control period, so that late
+    /// commands make no jerks; the arm lags behind by it.
+    pub over_s: f64,
     /// Share of the maximum speed.
     pub speed: f64,
     /// Box that the tool must not leave: two opposite corners, m, in the robot's base frame; `None` for none.
@@ -116,6 +119,7 @@ impl Default for ClientSettings {
         Self {
             // Chosen by hand: 15 control periods at 60 Hz, and the usual jitter of a network.
             valid_for_s: 0.25,
+            over_s: 0.05,
             speed: 1.0,
             workspace_m: None,
             state_rate_hz: 250.0,
@@ -245,6 +249,7 @@ impl<C: Connection> ArmClient<C> {
             valid_for_s: self.settings.valid_for_s.min(self.welcome.longest_validity_s),
             dead_man: true,
             positions: positions.to_vec(),
+            over_s: self.settings.over_s,
             width_m: Some(width_m),
         }))
     }

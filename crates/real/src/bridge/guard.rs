@@ -44,6 +44,10 @@ pub struct Command {
     pub dead_man: bool,
     /// Target joint positions, rad or m.
     pub positions: Vec<f64>,
+    /// Time in which the reference moves to these positions at constant velocity, s; 0 for at once. A stream of commands
+    /// gives smooth motion if this is somewhat longer than the time between them.
+    #[serde(default)]
+    pub over_s: f64,
     /// Target opening width of the gripper, m; absent to leave it as it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub width_m: Option<f64>,
@@ -86,6 +90,14 @@ pub enum Refused {
         /// Maximum validity, s.
         most: f64,
     },
+    /// The time to reach the positions is negative or exceeds the maximum.
+    #[error("positions over {got} s; expected 0 to {most}")]
+    Over {
+        /// Time of the command, s.
+        got: f64,
+        /// Maximum time, s.
+        most: f64,
+    },
     /// The arm brakes or has stopped; call [`Guard::start`] first.
     #[error("the arm has stopped ({0:?}); start it again once the reason is gone")]
     Stopped(StopReason),
@@ -126,6 +138,7 @@ impl Refused {
             Self::Sequence { .. } => "sequence",
             Self::Positions { .. } => "positions",
             Self::Validity { .. } => "validity",
+            Self::Over { .. } => "over",
             Self::Stopped(_) => "stopped",
             Self::DeadMan => "dead_man",
             Self::Moving => "moving",
@@ -287,11 +300,14 @@ impl Guard {
         if !(command.valid_for_s > 0.0 && command.valid_for_s <= most) {
             return Err(Refused::Validity { got: command.valid_for_s, most });
         }
+        if !(0.0..=most).contains(&command.over_s) {
+            return Err(Refused::Over { got: command.over_s, most });
+        }
         if command.positions.len() != expected || !command.positions.iter().all(|position| position.is_finite()) {
             return Err(Refused::Positions { expected });
         }
         held.deadline_s = now_s + command.valid_for_s;
-        self.interpolator.aim(&command.positions);
+        self.interpolator.aim(&command.positions, command.over_s);
         Ok(())
     }
 
