@@ -21,6 +21,8 @@ pub const SCHEME: &str = "tcp://";
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 /// Largest line of a reply, bytes.
 const MAX_LINE: u64 = 1 << 20;
+/// Number of past states that are kept, for the pose of a moving camera.
+const PAST_STATES: usize = 1000;
 /// Largest image, pixels per side.
 const MAX_SIDE_PX: u32 = 8192;
 
@@ -86,11 +88,11 @@ pub trait Connection: Send {
     /// If the connection is lost.
     fn receive(&mut self, until_s: f64) -> Result<Option<Reply>, BridgeError>;
 
-    /// Latest image of a camera of the bridge.
+    /// Latest image of a camera of the bridge; its size may be another than wanted.
     ///
     /// # Errors
     /// For an unknown camera, or if the connection is lost.
-    fn image(&mut self, camera: &str) -> Result<CameraImage, BridgeError>;
+    fn image(&mut self, camera: &str, size: Option<[u32; 2]>) -> Result<CameraImage, BridgeError>;
 }
 
 /// Settings of a client.
@@ -153,6 +155,8 @@ pub struct ArmClient<C> {
     state: State,
     lease: Option<u64>,
     sequence: u64,
+    /// Measured joint positions of the last moments, with their times on the bridge's clock.
+    past: VecDeque<(f64, Vec<f64>)>,
     /// Time of the last start on the bridge's clock, s; `None` while the arm stands.
     started_s: Option<f64>,
     /// True while a person holds the dead-man's switch.
@@ -186,7 +190,8 @@ impl<C: Connection> ArmClient<C> {
         }
         let (Some(welcome), Some(state)) = (welcome, state) else { unreachable!("both are there") };
         let (lease, started_s, tally) = (None, None, Tally::default());
-        Ok(Self { connection, settings, welcome, state, lease, sequence: 0, started_s, dead_man, tally })
+        let past = VecDeque::new();
+        Ok(Self { connection, settings, welcome, state, lease, sequence: 0, past, started_s, dead_man, tally })
     }
 
     /// Facts about the robot.
@@ -194,9 +199,21 @@ impl<C: Connection> ArmClient<C> {
         &self.welcome
     }
 
+    /// Settings of the client.
+    pub fn settings(&self) -> &ClientSettings {
+        &self.settings
+    }
+
     /// Latest state that has arrived.
     pub fn state(&self) -> &State {
         &self.state
+    }
+
+    /// Measured joint positions nearest to a time on the bridge's clock, rad or m.
+    pub fn positions_at(&self, time_s: f64) -> &[f64] {
+        let off = |entry: &&(f64, Vec<f64>)| (entry.0 - time_s).abs();
+        let nearest = self.past.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
+        nearest.map_or(&self.state.positions, |(_, positions)| positions)
     }
 
     /// Counts so far.
@@ -223,8 +240,8 @@ impl<C: Connection> ArmClient<C> {
     ///
     /// # Errors
     /// As [`Connection::image`].
-    pub fn image(&mut self, camera: &str) -> Result<CameraImage, BridgeError> {
-        self.connection.image(camera)
+    pub fn image(&mut self, camera: &str, size: Option<[u32; 2]>) -> Result<CameraImage, BridgeError> {
+        self.connection.image(camera, size)
     }
 
     /// Sends target joint positions and the target width of the gripper; starts the arm first if it stands.
@@ -367,6 +384,10 @@ impl<C: Connection> ArmClient<C> {
                 if state.motion != Motion::Following && self.started_s.is_some_and(|at_s| state.time_s > at_s) {
                     self.started_s = None;
                 }
+                self.past.push_back((state.measured_s, state.positions.clone()));
+                if self.past.len() > PAST_STATES {
+                    self.past.pop_front();
+                }
                 self.state = state;
             }
             Reply::Refused { word, .. } => {
@@ -468,9 +489,9 @@ impl Connection for TcpConnection {
         }
     }
 
-    fn image(&mut self, camera: &str) -> Result<CameraImage, BridgeError> {
+    fn image(&mut self, camera: &str, size: Option<[u32; 2]>) -> Result<CameraImage, BridgeError> {
         let patience_s = CONNECT_TIMEOUT.as_secs_f64();
-        self.send(&Request::Image { camera: camera.into() })?;
+        self.send(&Request::Image { camera: camera.into(), size })?;
         let until_s = self.clock.now_s() + patience_s;
         loop {
             match self.next(until_s)? {

@@ -47,6 +47,9 @@ pub enum Request {
     Image {
         /// Name of the camera.
         camera: String,
+        /// Width and height that the client would like, pixels; the image may have another size.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        size: Option<[u32; 2]>,
     },
 }
 

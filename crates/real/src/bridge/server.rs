@@ -51,11 +51,11 @@ pub trait ImageSource: Send + Sync {
     /// Names of the cameras.
     fn cameras(&self) -> Vec<String>;
 
-    /// Latest image of a camera.
+    /// Latest image of a camera, of the wanted size if the camera can do that.
     ///
     /// # Errors
     /// Message about an unknown camera or a failure.
-    fn image(&self, camera: &str) -> Result<CameraImage, String>;
+    fn image(&self, camera: &str, size: Option<[u32; 2]>) -> Result<CameraImage, String>;
 }
 
 /// A bridge without cameras.
@@ -67,7 +67,7 @@ impl ImageSource for NoImages {
         Vec::new()
     }
 
-    fn image(&self, camera: &str) -> Result<CameraImage, String> {
+    fn image(&self, camera: &str, _size: Option<[u32; 2]>) -> Result<CameraImage, String> {
         Err(format!("this bridge has no camera `{camera}`: it sends no images"))
     }
 }
@@ -122,6 +122,9 @@ enum Event {
     Request(u64, Result<Request, String>),
     Closed(u64),
 }
+
+/// Camera and size of a wanted image.
+type Wanted = (String, Option<[u32; 2]>);
 
 enum Outgoing {
     Reply(Reply),
@@ -303,7 +306,7 @@ fn converse(
         write_all(&writing, &replies);
         let _ = writing.shutdown(Shutdown::Both);
     });
-    let (asked, requests) = sync_channel::<String>(4);
+    let (asked, requests) = sync_channel(4);
     let (source, sender) = (Arc::clone(images), outgoing.clone());
     thread::spawn(move || photograph(&requests, source.as_ref(), &sender));
     let mut reader = BufReader::new(reading);
@@ -335,8 +338,8 @@ fn converse(
                 let _ = outgoing.try_send(Outgoing::Reply(Reply::malformed(why)));
                 break;
             }
-            Ok(Request::Image { camera }) => {
-                if asked.try_send(camera.clone()).is_err() {
+            Ok(Request::Image { camera, size }) => {
+                if asked.try_send((camera.clone(), *size)).is_err() {
                     let why = "four images are already under way; wait for them".to_owned();
                     let _ = outgoing.try_send(Outgoing::Reply(Reply::malformed(why)));
                 }
@@ -352,9 +355,9 @@ fn converse(
 }
 
 /// Answers the requests for images of a connection.
-fn photograph(requests: &Receiver<String>, source: &dyn ImageSource, outgoing: &SyncSender<Outgoing>) {
-    for camera in requests {
-        let answer = match source.image(&camera) {
+fn photograph(requests: &Receiver<Wanted>, source: &dyn ImageSource, outgoing: &SyncSender<Outgoing>) {
+    for (camera, size) in requests {
+        let answer = match source.image(&camera, size) {
             Ok(image) => Outgoing::Image(image),
             Err(why) => Outgoing::Reply(Reply::malformed(why)),
         };

@@ -18,7 +18,7 @@ impl ImageSource for OneImage {
         vec!["static".into()]
     }
 
-    fn image(&self, camera: &str) -> Result<CameraImage, String> {
+    fn image(&self, camera: &str, _size: Option<[u32; 2]>) -> Result<CameraImage, String> {
         let head = ImageHead { camera: camera.into(), width: 2, height: 1, has_depth: true, exposed_s: 0.5 };
         let image = CameraImage { head, rgb: vec![1, 2, 3, 4, 5, 6], depth_m: vec![0.5, 1.5] };
         if camera == "static" { Ok(image) } else { Err(format!("no camera `{camera}`")) }
@@ -57,9 +57,9 @@ fn an_arm_follows_over_a_bad_connection_and_stops_with_its_client() {
     let dead_man = Arc::new(AtomicBool::new(true));
     let mut arm = client(&running, &dead_man);
     assert_eq!((arm.welcome().robot.as_str(), arm.state().motion), ("planar", Motion::Standing));
-    let image = arm.image("static").unwrap();
+    let image = arm.image("static", None).unwrap();
     assert_eq!((image.rgb.as_slice(), image.depth_m.as_slice()), (&[1, 2, 3, 4, 5, 6][..], &[0.5, 1.5][..]));
-    assert!(matches!(arm.image("wrist"), Err(BridgeError::Refused { .. })));
+    assert!(matches!(arm.image("wrist", None), Err(BridgeError::Refused { .. })));
     for _ in 0..60 {
         arm.command(&[0.8, -0.2], 0.08).unwrap();
         arm.wait(arm.now_s() + 1.0 / 60.0).unwrap();
