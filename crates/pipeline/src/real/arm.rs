@@ -12,6 +12,9 @@ use super::cameras::Rig;
 /// Function that knows the simulator's truth behind a connection, for tests.
 pub type SideChannel<C> = fn(&C) -> PrivilegedState;
 
+/// Function that is called with the number of each frame.
+type OnFrame = Box<dyn FnMut(usize) + Send>;
+
 /// Settings of a run on an arm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ArmSettings {
@@ -52,7 +55,7 @@ pub struct RealArm<C> {
     period_s: f64,
     unreachable: usize,
     dry: DryReport,
-    on_frame: Option<Box<dyn FnMut(usize, &[f64]) + Send>>,
+    on_frame: Option<OnFrame>,
 }
 
 impl<C: Connection> RealArm<C> {
@@ -93,9 +96,9 @@ impl<C: Connection> RealArm<C> {
         Self { side_channel: Some(side_channel), ..self }
     }
 
-    /// Calls a function with the number of each frame and the measured joint positions, at its start.
+    /// Calls a function with the number of each frame, at its start.
     #[must_use]
-    pub fn watched(self, on_frame: impl FnMut(usize, &[f64]) + Send + 'static) -> Self {
+    pub fn watched(self, on_frame: impl FnMut(usize) + Send + 'static) -> Self {
         Self { on_frame: Some(Box::new(on_frame)), ..self }
     }
 
@@ -248,7 +251,7 @@ impl<C: Connection> RobotInterface for RealArm<C> {
             self.client.command(&arm, f64::from(command[dof])).map_err(failed)?;
         }
         if let Some(on_frame) = &mut self.on_frame {
-            on_frame(self.frames.len(), &self.client.state().positions);
+            on_frame(self.frames.len());
         }
         self.frames.push(self.frame(command));
         self.stamps_s.push(self.client.state().measured_s);

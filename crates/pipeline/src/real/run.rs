@@ -120,7 +120,7 @@ pub fn run(
     let recorder = has_images.then(|| Recorder::start(request, stage)).transpose()?;
     let (arm, recorded) = match recorder {
         Some(Recorder { shutter, thread }) => {
-            let watched = arm.watched(move |frame, _| {
+            let watched = arm.watched(move |frame| {
                 if frame.is_multiple_of(every.max(1)) {
                     // The recorder may have failed; the arm goes on, and the error is reported at the end.
                     let _ = shutter.send(());

@@ -134,18 +134,16 @@ impl SimulatedArm {
     /// Measurements now.
     pub fn reading(&self) -> Reading {
         let noisy = |(joint, position): (usize, f64)| {
+            if self.settings.noise_rad == 0.0 {
+                return position;
+            }
             let rng = &mut self.seed.fork_index(self.ticks).fork_index(joint as u64).rng();
             // The sum of twelve uniform numbers is nearly normal, with standard deviation 1.
             let normal = (0..12).map(|_| rng.random_range(-0.5..0.5)).sum::<f64>();
             position + self.settings.noise_rad * normal
         };
-        let positions = self.sim.joint_positions().into_iter().enumerate();
         Reading {
-            positions: if self.settings.noise_rad > 0.0 {
-                positions.map(noisy).collect()
-            } else {
-                positions.map(|(_, position)| position).collect()
-            },
+            positions: self.sim.joint_positions().into_iter().enumerate().map(noisy).collect(),
             velocities: self.sim.joint_velocities(),
             torques: self.torques.clone(),
             width_m: Some(self.sim.gripper_width()),
