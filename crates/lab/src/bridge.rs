@@ -4,14 +4,16 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use genmanip_core::{Policy, Seed};
+use genmanip_motion::PlannerSettings;
+use genmanip_pipeline::PolicyFactory;
 use genmanip_pipeline::evaluate::Suite;
+use genmanip_pipeline::plan::{MotionRequest, Target, plan};
 use genmanip_pipeline::policies::PolicyContext;
 use genmanip_pipeline::real::arm::{ArmSettings, RealArm};
 use genmanip_pipeline::real::cameras::Rig;
 use genmanip_pipeline::real::rehearsal::Rehearsal;
 use genmanip_pipeline::real::simulated::{SimulatedArmSettings, bridge_robot};
-use genmanip_pipeline::PolicyFactory;
-use genmanip_real::bridge::client::{ArmClient, ClientSettings, Tally};
+use genmanip_real::bridge::client::{ArmClient, BridgeError, ClientSettings, Tally, TcpConnection};
 use genmanip_real::bridge::{
     Bridge, BridgeSettings, Command, JointState, LinkSettings, Motion, Orders, Reading, Reply, Request, StopReason,
 };
@@ -19,10 +21,11 @@ use genmanip_relations::judge_goal;
 use genmanip_rollout::collect::Resources;
 use genmanip_rollout::evaluate::Case;
 use genmanip_rollout::{RolloutError, RolloutSettings, Stage, run_episode, run_policy};
-use genmanip_workspace::{Progress, WorkspaceError, worlds};
+use genmanip_workspace::{Progress, WorkspaceError, scenarios, worlds};
 use rand::{Rng, RngExt};
 use serde::Serialize;
 
+use crate::Spread;
 use crate::clock::cpu_clock;
 
 /// Share of the speed in the slow streams.
@@ -90,12 +93,7 @@ pub fn streams(count: usize, seed: Seed) -> Result<Streams, WorkspaceError> {
     Ok(found)
 }
 
-fn one_stream(
-    robot: &genmanip_real::bridge::BridgeRobot,
-    slow: bool,
-    rng: &mut impl Rng,
-    found: &mut Streams,
-) {
+fn one_stream(robot: &genmanip_real::bridge::BridgeRobot, slow: bool, rng: &mut impl Rng, found: &mut Streams) {
     let tick_s = BridgeSettings::default().guard.tick_s;
     let limits = &robot.joints;
     let home: Vec<f64> = limits.iter().map(|it| rng.random_range(it.lower..it.upper)).collect();
@@ -284,9 +282,89 @@ fn broken(error: RolloutError) -> WorkspaceError {
     WorkspaceError::broken("an episode behind the bridge", error)
 }
 
+/// Planned motions on the arm behind a bridge: where they end.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Motions {
+    /// Name of the robot.
+    pub robot: String,
+    /// Number of motions.
+    pub count: usize,
+    /// Distance of the tool at the end from the planned end, mm.
+    pub end_mm: Spread,
+    /// Largest such distance, mm.
+    pub worst_mm: f64,
+    /// Largest angle of the tool at the end to the planned end, degrees.
+    pub worst_deg: f64,
+    /// Counts of commands, refusals and stops.
+    pub tally: Tally,
+}
+
+/// Ranges of the joints around the home position in which goals of motions are drawn, rad.
+const GOAL_RANGE_RAD: f64 = 0.5;
+/// Time for the arm to come to rest after a motion, s.
+const REST_S: f64 = 0.7;
+
+/// Streams planned motions between random joint positions to the bridge at an address.
+///
+/// # Errors
+/// If the bridge cannot be reached, or its robot is not known.
+pub fn motions(url: &str, count: usize, seed: Seed) -> Result<Motions, WorkspaceError> {
+    let failed = |error: BridgeError| WorkspaceError::input(error.to_string());
+    let held = Arc::new(AtomicBool::new(true));
+    let connection = TcpConnection::open(url).map_err(failed)?;
+    let mut client = ArmClient::connect(connection, ClientSettings::default(), held).map_err(failed)?;
+    let robot = client.welcome().robot.clone();
+    let stage = scenarios::empty_stage(worlds::read_world_with(None, Some(&robot))?)?;
+    let planner = worlds::planner(&stage.scenario.world, &PlannerSettings::default())?;
+    let width_m = stage.robot.gripper.max_width;
+    let rng = &mut seed.fork("motions").rng();
+    let (mut found, mut ends_mm) = (Motions { robot, ..Motions::default() }, Vec::new());
+    // Goals that the planner refuses, such as in the table, are drawn again.
+    for attempt in 0..4 * count as u64 {
+        if ends_mm.len() == count {
+            break;
+        }
+        let near = |q: &f64| q + rng.random_range(-GOAL_RANGE_RAD..GOAL_RANGE_RAD);
+        let goal: Vec<f64> = stage.robot.home.iter().map(near).collect();
+        let from = Some(client.state().positions.clone());
+        let request = MotionRequest { target: Target::Joints(goal), from, gripper_width_m: width_m };
+        let motion = plan(&stage, &planner, &request, seed.fork_index(attempt), &mut cpu_clock())?;
+        let Some(end) = motion.trajectory.last().filter(|_| motion.solved) else { continue };
+        let mut next_s = client.now_s();
+        let hold = std::iter::repeat_n(end, (REST_S / motion.dt_s) as usize);
+        for positions in motion.trajectory.iter().chain(hold) {
+            client.command(positions, width_m).map_err(failed)?;
+            next_s += motion.dt_s;
+            client.wait(next_s).map_err(failed)?;
+        }
+        let (wanted, got) = (stage.robot.tcp_pose(end), stage.robot.tcp_pose(&client.state().positions));
+        ends_mm.push(1e3 * wanted.position.distance(got.position));
+        found.worst_deg = found.worst_deg.max(wanted.rotation.angle_between(got.rotation).to_degrees());
+    }
+    client.release().map_err(failed)?;
+    found.count = ends_mm.len();
+    found.worst_mm = ends_mm.iter().copied().fold(0.0, f64::max);
+    found.end_mm = Spread::of(ends_mm);
+    found.tally = client.tally().clone();
+    Ok(found)
+}
+
 /// Text of the measurements.
-pub fn describe(streams: Option<&Streams>, paired: &[Paired]) -> String {
+pub fn describe(streams: Option<&Streams>, paired: &[Paired], motions: Option<&Motions>) -> String {
     let mut text = String::new();
+    if let Some(found) = motions {
+        text += &format!(
+            "{} motions of {}: they end {} mm from the plan (median / 95th percentile), {:.2} mm and {:.2} degrees at \
+             most; {} stops of the arm, {} refused commands\n",
+            found.count,
+            found.robot,
+            found.end_mm.text(1.0),
+            found.worst_mm,
+            found.worst_deg,
+            found.tally.arm_stops,
+            found.tally.refused.values().sum::<usize>()
+        );
+    }
     if let Some(found) = streams {
         let [velocity, acceleration, jerk] = found.worst_share;
         text += &format!(

@@ -25,9 +25,9 @@ use genmanip_lab::strangers::StrangersArguments;
 use genmanip_lab::studio::StudioArguments;
 use genmanip_lab::teleop::TeleopArguments;
 use genmanip_lab::{
-    agent, answers, assets, batch, blame, bridge, data, design, environment, expert, fit, grasp, hand_eye, hostile, layout,
-    learn, learned_controls, motion, readers, relations, render, rendered, scale, segment, statistics, strangers,
-    studio, suite, teleop, wording,
+    agent, answers, assets, batch, blame, bridge, data, design, environment, expert, fit, grasp, hand_eye, hostile,
+    layout, learn, learned_controls, motion, readers, relations, render, rendered, scale, segment, statistics,
+    strangers, studio, suite, teleop, wording,
 };
 use genmanip_workspace::WorkspaceError;
 
@@ -96,7 +96,10 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
                 policies.iter().map(|policy| bridge::paired(suite, policy, arguments.scenes, printer))
             });
             let paired = paired.collect::<Result<Vec<_>, _>>()?;
-            printer.data(&(&streams, &paired), &bridge::describe(streams.as_ref(), &paired));
+            let motions =
+                arguments.robot.as_deref().map(|url| bridge::motions(url, arguments.motions, seed)).transpose()?;
+            let text = bridge::describe(streams.as_ref(), &paired, motions.as_ref());
+            printer.data(&(&streams, &paired, &motions), &text);
         }
         LabCommand::Wording(arguments) => {
             let cards = catalogue(&arguments.catalog).cards();

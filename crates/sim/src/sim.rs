@@ -177,12 +177,7 @@ impl Sim {
     ///
     /// # Errors
     /// As [`Sim::drive_step`].
-    pub fn robot_step(
-        &mut self,
-        positions: &[f64],
-        velocities: &[f64],
-        width_m: f64,
-    ) -> Result<RobotStep, SimError> {
+    pub fn robot_step(&mut self, positions: &[f64], velocities: &[f64], width_m: f64) -> Result<RobotStep, SimError> {
         let scene = Arc::clone(&self.scene);
         let robot = scene.robot.as_ref().ok_or(SimError::NoRobot)?;
         let drives = scene.settings.drives.as_ref().ok_or(SimError::NoRobot)?;
@@ -192,8 +187,7 @@ impl Sim {
         }
         let current = self.data.ctrl()[robot.grip_ctrl];
         let ctrl = self.data.ctrl_mut();
-        ctrl[robot.grip_ctrl] =
-            next_setpoint(current, width_m, &robot.model, drives, scene.physics().timestep_s());
+        ctrl[robot.grip_ctrl] = next_setpoint(current, width_m, &robot.model, drives, scene.physics().timestep_s());
         for joint in 0..expected {
             ctrl[robot.position_ctrl[joint]] = positions[joint];
             ctrl[robot.velocity_ctrl[joint]] = velocities[joint];

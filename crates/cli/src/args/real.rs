@@ -15,11 +15,13 @@ pub enum RealCommand {
                       docs/formats/bridge.md has the protocol, for other programs on either side.")]
     Simulate(RealSimulateArguments),
     /// Run a policy on the arm behind a bridge, and record the episode
-    #[command(after_help = "Examples:\n  genmanip real run --policy do_nothing --robot tcp://127.0.0.1:4757 --horizon 5\n  \
+    #[command(
+        after_help = "Examples:\n  genmanip real run --policy do_nothing --robot tcp://127.0.0.1:4757 --horizon 5\n  \
                       genmanip real run --policy learned:folder=policy --robot tcp://127.0.0.1:4757 --dry-run\n  \
                       genmanip real run --policy openpi:url=ws://127.0.0.1:8000 --robot tcp://127.0.0.1:4757 --slow \\\n    \
                       --world world.toml --cameras cameras.json --instruction \"put the apple on the plate\" --out real\n\n\
-                      Enter and Ctrl-C stop the arm. docs/guides/from-here-to-your-arm.md has the way to the first motion.")]
+                      Enter and Ctrl-C stop the arm. docs/guides/from-here-to-your-arm.md has the way to the first motion."
+    )]
     Run(RealRunArguments),
 }
 
@@ -101,7 +103,7 @@ pub struct RealRunArguments {
     /// Box that the tool must not leave, metres, in the frame of the robot's base
     #[arg(long, value_name = "X1,Y1,Z1,X2,Y2,Z2", allow_hyphen_values = true, value_parser = corners)]
     pub workspace: Option<[[f64; 3]; 2]>,
-    /// Episode store to add the episode to [default: nothing is recorded]
+    /// Run folder to add the episode to, one per task and world [default: nothing is recorded]
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
     /// Recorded images per second of each camera; 0 for none

@@ -63,9 +63,10 @@ fn simulate(arguments: &RealSimulateArguments, printer: &Printer) -> Result<Exit
     let cameras = arm.cameras(&stage).map_err(|error| Failed::because("the cameras cannot be rendered", &error))?;
     let bridge = Bridge::new(bridge_robot(&stage.robot), settings, arm.reading())
         .ok_or_else(|| Failed::new(format!("robot `{}` has joints without limits", stage.robot.name)))?;
-    let listener = TcpListener::bind(arguments.listen)
-        .map_err(|error| Failed::because(format!("cannot listen at {}", arguments.listen), &error)
-            .hint("another bridge may run there; choose another address with --listen"))?;
+    let listener = TcpListener::bind(arguments.listen).map_err(|error| {
+        Failed::because(format!("cannot listen at {}", arguments.listen), &error)
+            .hint("another bridge may run there; choose another address with --listen")
+    })?;
     let address = listener.local_addr().map_err(|error| Failed::because("cannot listen", &error))?;
     let stop = genmanip_terminal::on_interrupt();
     printer.say(format!(

@@ -77,6 +77,12 @@ pub struct BridgeArguments {
     /// A policy for them; may be given several times
     #[arg(long = "policy", value_name = "NAME[:KEY=VALUE,…]", requires = "suite")]
     pub policies: Vec<String>,
+    /// Address of a running bridge, to which planned motions are streamed
+    #[arg(long, value_name = "URL")]
+    pub robot: Option<String>,
+    /// Number of motions
+    #[arg(long, default_value_t = 20, value_parser = parse::count)]
+    pub motions: usize,
 }
 
 /// Arguments of `genmanip-lab calibrate`.

@@ -67,7 +67,8 @@ impl<C: Connection> RealArm<C> {
         let (expected, got) = (stage.robot.arm_dof(), client.welcome().joints.len());
         if expected != got {
             let robot = &stage.robot.name;
-            let what = format!("the bridge's arm `{}` has {got} joints, {robot} has {expected}", client.welcome().robot);
+            let what =
+                format!("the bridge's arm `{}` has {got} joints, {robot} has {expected}", client.welcome().robot);
             return Err(RolloutError::Robot(what.into()));
         }
         let state = client.state();

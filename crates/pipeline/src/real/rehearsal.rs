@@ -3,9 +3,7 @@
 
 use genmanip_core::{PrivilegedState, Seed};
 use genmanip_real::bridge::client::{BridgeError, Connection};
-use genmanip_real::bridge::{
-    Bridge, BridgeSettings, CameraImage, ImageSource, Link, LinkSettings, Reply, Request,
-};
+use genmanip_real::bridge::{Bridge, BridgeSettings, CameraImage, ImageSource, Link, LinkSettings, Reply, Request};
 use genmanip_rollout::Stage;
 use genmanip_workspace::WorkspaceError;
 

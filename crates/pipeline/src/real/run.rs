@@ -1,4 +1,4 @@
-//! One episode of a policy on an arm, recorded as an episode store.
+//! One episode of a policy on an arm, recorded in a run folder.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -9,17 +9,19 @@ use genmanip_core::{
     CameraRequest, Ending, Episode, EpisodeResult, ExpertStyle, Failure, FailureCause, GoalVerdict, ImageChannels, Seed,
 };
 use genmanip_data::images::{CameraTrack, TrackRecorder};
-use genmanip_data::store::{Attachment, EpisodeStore};
+use genmanip_data::store::Attachment;
 use genmanip_data::video::VideoSettings;
 use genmanip_motion::Planner;
 use genmanip_real::bridge::client::{ArmClient, ClientSettings, Tally, TcpConnection};
 use genmanip_rollout::collect::{PipelineSettings, Resources};
+use genmanip_rollout::images::ImageSettings;
 use genmanip_rollout::{RolloutError, RolloutSettings, Stage, run_policy};
-use genmanip_workspace::{WorkspaceError, worlds};
+use genmanip_workspace::{Tasks, WorkspaceError, worlds};
 use serde::{Deserialize, Serialize};
 
 use super::arm::{ArmSettings, DryReport, RealArm};
 use super::cameras::Rig;
+use crate::folder::{Run, RunFolder};
 use crate::policies::{PolicyContext, PolicyFactory};
 
 /// Name of the file beside an episode that only real episodes have.
@@ -110,7 +112,9 @@ pub fn run(
             "policy `{}` reads simulator truth, which a real arm lacks",
             policy.label()
         ))
-        .with_hint("choose a policy that acts on observations, such as a learned or remote one, or the agent with a model"));
+        .with_hint(
+            "choose a policy that acts on observations, such as a learned or remote one, or the agent with a model",
+        ));
     }
     let client = connect(request, dead_man)?;
     let robot = client.welcome().robot.clone();
@@ -139,7 +143,8 @@ pub fn run(
         }
         Err(error) => return Err(stopped(error)),
     };
-    if gave_up.is_none() && dead_man.load(Ordering::Relaxed)
+    if gave_up.is_none()
+        && dead_man.load(Ordering::Relaxed)
         && let Err(error) = arm.hold(settings.rollout.settle_s)
     {
         gave_up = Some(Failure { cause: FailureCause::Policy, evidence: error.to_string() });
@@ -209,13 +214,23 @@ impl RealRun {
         &self.episode.result
     }
 
-    /// Stores the episode in a store of a folder, with its judgement; returns its id, the next free number.
+    /// Stores the episode in a run folder, with its judgement; its id is the next free number. The folder holds the
+    /// episodes of one task in one world.
     ///
     /// # Errors
-    /// When the store cannot be written.
+    /// When the folder holds another run, or cannot be written.
     pub fn store(mut self, folder: &Path, judgement: Option<Judgement>) -> Result<EpisodeResult, WorkspaceError> {
         let broken = |error| WorkspaceError::broken("the episode cannot be stored", error);
-        let store = EpisodeStore::create(folder).map_err(broken)?;
+        let scenario = &self.episode.scenario;
+        let tasks = Tasks::spool([scenario.task.clone()], &std::env::temp_dir())?;
+        let settings = PipelineSettings {
+            images: Some(ImageSettings {
+                cameras: scenario.world.cameras.iter().map(|camera| camera.name.clone()).collect(),
+                ..ImageSettings::default()
+            }),
+            ..PipelineSettings::in_world(scenario.world.clone())
+        };
+        let store = RunFolder::begin(folder, &Run::new(tasks, 1, settings, Seed::new(0)))?.store()?;
         let free = (0..).map(|number| format!("real-{number:04}")).find(|id| !store.has_folder(id));
         let result = &mut self.episode.result;
         result.id = free.unwrap_or_default();

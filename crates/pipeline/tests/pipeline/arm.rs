@@ -4,7 +4,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use genmanip_core::{ActionChunk, Ending, EpisodeStart, ImageChannels, Observation, Policy, PolicyError, PolicySpec, Seed};
+use genmanip_core::{
+    ActionChunk, Ending, EpisodeStart, ImageChannels, Observation, Policy, PolicyError, PolicySpec, Seed,
+};
 use genmanip_motion::PlannerSettings;
 use genmanip_pipeline::PolicyFactory;
 use genmanip_pipeline::evaluate::Suite;
@@ -21,7 +23,12 @@ use genmanip_workspace::{scenarios, worlds};
 
 const LINK: LinkSettings = LinkSettings { latency_s: 0.02, jitter_s: 0.01, loss: 0.01 };
 
-fn arm(stage: &Stage, settings: ArmSettings, flaws: SimulatedArmSettings, held: &Arc<AtomicBool>) -> RealArm<Rehearsal> {
+fn arm(
+    stage: &Stage,
+    settings: ArmSettings,
+    flaws: SimulatedArmSettings,
+    held: &Arc<AtomicBool>,
+) -> RealArm<Rehearsal> {
     let rehearsal = Rehearsal::new(stage, BridgeSettings::default(), flaws, LINK, Seed::new(7)).unwrap();
     let client = ArmClient::connect(rehearsal, ClientSettings::default(), Arc::clone(held)).unwrap();
     RealArm::new(client, stage, settings, Rig::default()).unwrap().with_truth(Rehearsal::truth)
@@ -70,8 +77,7 @@ impl Policy for Thinker {
 
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
         self.acted += 1;
-        let mut action: Vec<f32> =
-            observation.state[Observation::COMMAND].iter().map(|&value| value as f32).collect();
+        let mut action: Vec<f32> = observation.state[Observation::COMMAND].iter().map(|&value| value as f32).collect();
         action[0] += 0.01;
         Ok(ActionChunk { actions: vec![action], finished: self.acted == 40 })
     }
@@ -143,7 +149,6 @@ fn policies_that_read_the_simulators_truth_are_refused() {
     );
     let client =
         ArmClient::connect(rehearsal.unwrap(), ClientSettings::default(), Arc::new(AtomicBool::new(true))).unwrap();
-    let mut arm =
-        RealArm::new(client, &stage, ArmSettings { horizon_s: 5.0, dry_run: false }, Rig::default()).unwrap();
+    let mut arm = RealArm::new(client, &stage, ArmSettings { horizon_s: 5.0, dry_run: false }, Rig::default()).unwrap();
     assert!(arm.truth().unwrap_err().to_string().contains("no simulator truth"));
 }
