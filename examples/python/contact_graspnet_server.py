@@ -27,7 +27,10 @@ NEIGHBOURS = 64
 MAX_WIDTH_M = 0.08
 FINGER_HEIGHT_M = 0.02
 # Half the edge of the cube around the target that the network sees [m]: the target's extent, within these limits.
-HALF_CUBE_M = (0.15, 0.3)
+HALF_CUBE_M = (0.2, 0.3)
+MIN_TABLE_POINTS = 5_000
+# Cell of the table that is covered if one point lies above it [m].
+CELL_M = 0.005
 MAX_GRASPS = 200
 MAX_BYTES = 64 << 20
 
@@ -126,7 +129,7 @@ class ContactGraspNet:
         return lambda rows: ((rows @ first + weights[f"{name}.0.bias"]) * scale + shift) @ last + weights[f"{name}.3.bias"]
 
     def __call__(self, points: np.ndarray):
-        """Contact indices into `points` (world frame, mean 0), closing and approach directions, widths, scores."""
+        """Contact indices into `points` (world frame, mean 0), closing and approach directions, signed widths, scores."""
         positions, features = points, np.zeros((len(points), 0), np.float32)
         seen, contacts = [], None
         for (count, radii), networks in zip(LEVELS, self.abstraction):
@@ -145,7 +148,7 @@ class ContactGraspNet:
         closing = closing / np.linalg.norm(closing, axis=1, keepdims=True)
         approach = approach - (approach * closing).sum(1, keepdims=True) * closing
         approach = approach / np.linalg.norm(approach, axis=1, keepdims=True)
-        return contacts, closing, approach, np.clip(width[:, 0], 0, MAX_WIDTH_M), np.tanh(score[:, 0] / 2) / 2 + 0.5
+        return contacts, closing, approach, np.clip(width[:, 0], -MAX_WIDTH_M, MAX_WIDTH_M), np.tanh(score[:, 0] / 2) / 2 + 0.5
 
 
 def pool(network, positions, features, centres, radius):
@@ -193,25 +196,40 @@ def grasps(network: ContactGraspNet, request: dict) -> list:
     scene = np.asarray(request.get("scene", []), float).reshape(-1, 3)
     if not len(target) or not (np.isfinite(target).all() and np.isfinite(scene).all()):
         raise ValueError("expected finite points of the target")
-    turn = rotation_matrix(request["world_from_camera"]["orientation_wxyz"])
+    camera = request["world_from_camera"]
+    turn, origin = rotation_matrix(camera["orientation_wxyz"]), np.asarray(camera["position_m"], float)
+    target, scene = target @ turn.T + origin, scene @ turn.T + origin
     centre = (target.min(0) + target.max(0)) / 2
-    target, scene = (target - centre) @ turn.T, (scene - centre) @ turn.T
     half = np.clip(np.ptp(target, 0).max(), *HALF_CUBE_M)
-    cloud = np.concatenate((target, scene[np.abs(scene).max(1, initial=0) <= half]))
     draw = np.random.default_rng(0)
-    order = draw.permutation(len(cloud))[:POINTS]
-    order = np.concatenate((order, draw.choice(len(cloud), POINTS - len(order))))
-    points = cloud[order]
+    points = np.concatenate((target, scene[np.abs(scene - centre).max(1, initial=0) <= half]))
+    order = draw.permutation(len(points))[: POINTS - MIN_TABLE_POINTS]
+    table = table_around(points, centre, half, request["table_height"], POINTS - len(order), draw)
+    is_target = order < len(target)
+    points = np.concatenate((points[order], table))
+    shuffled = draw.permutation(POINTS)
+    points, is_target = points[shuffled], np.append(is_target, np.zeros(len(table), bool))[shuffled]
     contacts, closing, approach, width, score = network((points - points.mean(0)).astype(np.float32))
+    # A negative width means that the other finger is behind the contact.
     middle = points[contacts] + closing * width[:, None] / 2
-    best = np.flatnonzero(order[contacts] < len(target))
+    best = np.flatnonzero(is_target[contacts])
     best = best[np.argsort(-score[best])][:MAX_GRASPS]
     rows = []
     for index in best:
         axes = np.stack((approach[index], closing[index], np.cross(approach[index], closing[index])), 1)
-        rotation, translation = turn.T @ axes, turn.T @ middle[index] + centre
-        rows.append([score[index], width[index], FINGER_HEIGHT_M, 0.0, *rotation.ravel(), *translation, -1])
+        rotation, translation = turn.T @ axes, turn.T @ (middle[index] - origin)
+        rows.append([score[index], abs(width[index]), FINGER_HEIGHT_M, 0.0, *rotation.ravel(), *translation, -1])
     return [[float(number) for number in row] for row in rows]
+
+
+def table_around(points, centre, half: float, height: float, count: int, draw) -> np.ndarray:
+    """Points of the support, which requests lack and the network expects; none under what stands on it."""
+    flat = centre[:2] + draw.uniform(-half, half, (4 * count, 2))
+    cells = {tuple(cell) for cell in np.floor(points[:, :2] / CELL_M).astype(int)}
+    free = [tuple(cell) not in cells for cell in np.floor(flat / CELL_M).astype(int)]
+    flat = flat[free] if any(free) else flat
+    flat = flat[np.arange(count) % len(flat)]
+    return np.concatenate((flat, np.full((count, 1), height)), 1)
 
 
 class Handler(BaseHTTPRequestHandler):

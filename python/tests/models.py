@@ -11,12 +11,15 @@ import http.client
 import http.server
 import importlib.util
 import json
+import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
 import threading
 import time
+import urllib.error
 import urllib.request
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -36,9 +39,9 @@ class Server:
 
     def __init__(self, script: pathlib.Path, *arguments: object) -> None:
         command = [sys.executable, script, *map(str, arguments)]
-        self.process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-        )
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+        one_thread = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+        self.process = subprocess.Popen(command, **pipes, text=True, env=one_thread)
         self.url = self.process.stdout.readline().strip()
         assert self.url.startswith("http://127.0.0.1:"), f"{script.name} did not start"
 
@@ -96,35 +99,36 @@ class Designing:
     """`genmanip task new --designer llm` with settings of its own; what FOLDER has of recorded answers is kept."""
 
     def __init__(
-        self, program: str, folder: pathlib.Path, url: str, server: str = "", max_tokens: int = 60, rounds: int = 1,
-        workers: int = 1,
+        self, program: str, folder: pathlib.Path, url: str, max_tokens: int = 60, rounds: int = 1, workers: int = 1,
+        **server: object,
     ) -> None:
-        self.program, self.folder = program, folder
+        self.program, self.folder, self.server = program, folder, server
         self.out, self.cassettes = folder / "tasks", folder / "cassettes"
         shutil.rmtree(self.out, ignore_errors=True)
         folder.mkdir(parents=True, exist_ok=True)
-        generation = f"workers = {workers}\nmax_rounds = {rounds}\nsampling.offered = {OFFERED}"
-        self.server, self.max_tokens, self.generation = server, max_tokens, generation
+        self.others = (
+            f"[server.parameters]\ntemperature = 0.7\nseed = 1\nmax_tokens = {max_tokens}\n"
+            f'[cassettes]\nmode = "record"\nfolder = "{self.cassettes}"\n'
+            f"[generation]\nworkers = {workers}\nmax_rounds = {rounds}\nsampling.offered = {OFFERED}\n"
+        )
         self.at(url)
 
-    def at(self, url: str, server: str = "") -> None:
-        """Names the server; these settings are no part of a question."""
-        (self.folder / "llm.toml").write_text(
-            f'[server]\nbase_url = "{url}/v1"\nmodel = "SmolLM2-135M-Instruct"\n'
-            f"total_timeout_s = 900\nmax_retries = 1\nfirst_backoff_s = 0.1\n{self.server}\n{server}\n"
-            f"[server.parameters]\ntemperature = 0.7\nseed = 1\nmax_tokens = {self.max_tokens}\n"
-            f'[cassettes]\nmode = "record"\nfolder = "{self.cassettes}"\n[generation]\n{self.generation}\n'
-        )
+    def at(self, url: str, **server: object) -> None:
+        """Names the server and what is special about it; nothing of this is part of a question."""
+        settings = {"base_url": f"{url}/v1", "model": "SmolLM2-135M-Instruct", "total_timeout_s": 900, "max_retries": 1}
+        settings |= {"first_backoff_s": 0.1} | self.server | server
+        lines = "".join(f"{name} = {json.dumps(value)}\n" for name, value in settings.items())
+        (self.folder / "llm.toml").write_text(f"[server]\n{lines}{self.others}")
 
     def start(self, kind: str, count: int) -> subprocess.Popen:
         command = [self.program, "task", "new", "--designer", "llm", "--settings", self.folder / "llm.toml"]
         command += ["--kind", kind, "--count", str(count), "--seed", "1", "--out", self.out]
         return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
-    def run(self, kind: str, count: int) -> str:
+    def run(self, kind: str, count: int, limit_s: int | None = 3600) -> str:
         """What the program printed."""
         process = self.start(kind, count)
-        said, _ = process.communicate(timeout=3600)
+        said, _ = process.communicate(timeout=limit_s)
         assert process.returncode in (0, 1), said
         return said
 
@@ -137,14 +141,13 @@ class Designing:
 
 def check_structures(program: str, folder: pathlib.Path, model: Server) -> None:
     """The server enforces both schemas at the first request, and counts tokens; the other dialect has the schema in words."""
-    for server, kind, structure in (
-        ("", "pick_and_place", "grammar"),
-        ("", "articulated", "grammar"),
-        ('structure = "json_schema"', "pick_and_place", "json_schema"),
-        ('dialect = "anthropic"', "pick_and_place", "plain"),
+    for server, kind, structure, limit in (
+        ({}, "long_horizon", "grammar", 200),
+        ({"structure": "json_schema"}, "long_horizon", "json_schema", 100),
+        ({"dialect": "anthropic"}, "long_horizon", "plain", 100),
     ):
         between = Between(model.url)
-        designing = Designing(program, folder / f"{structure}-{kind}", between.url, server, MAX_TOKENS)
+        designing = Designing(program, folder / f"{structure}-{kind}", between.url, limit, **server)
         said = designing.run(kind, 1)
         (outcome,) = designing.outcomes()
         (round_,) = outcome["rounds"]
@@ -153,15 +156,12 @@ def check_structures(program: str, folder: pathlib.Path, model: Server) -> None:
         used = reply["usage"]
         assert between.requests == 1, f"{between.requests} requests for one answer: {said}"
         assert reply["structure"] == structure, reply["structure"]
-        assert used["prompt_tokens"] > 500 and 0 < used["completion_tokens"] <= MAX_TOKENS, used
+        assert used["prompt_tokens"] > 500 and 0 < used["completion_tokens"] <= limit, used
         is_whole = reply["finish_reason"] in ("stop", "end_turn")
-        assert is_whole or used["completion_tokens"] == MAX_TOKENS, reply["finish_reason"]
-        if is_whole and structure != "plain":
-            answer = json.loads(text)
-            assert set(answer) == {"scene_graph", "instruction", "goal_conditions"}, text
-        if is_whole and structure == "grammar":
-            assert len(answer["scene_graph"]["nodes"]) >= 4 and 1 <= len(answer["goal_conditions"]) <= 4, text
-            assert {"unknown_uid", "missing_field", "wrong_type"}.isdisjoint(flaw["kind"] for flaw in round_["flaws"]), round_["flaws"]
+        assert is_whole or used["completion_tokens"] == limit, reply["finish_reason"]
+        if structure != "plain":
+            named = set(re.findall(r'_uid"\s*:\s*"([^"]*)"', text))
+            assert text.startswith("{") and named <= {"none", *outcome["offered"]} and (named or structure != "grammar"), text
         print(f"{kind}, {structure}: {used['completion_tokens']} tokens, {reply['finish_reason']}, {round_['verdict']}")
 
 
@@ -232,7 +232,7 @@ def check_garbage(program: str, folder: pathlib.Path, model: Server) -> None:
     first = designing.recorded()
     assert len(first) == 1
     for name, between.garbage in GARBAGE.items():
-        designing.at(between.url, "total_timeout_s = 1" if between.garbage is None else "")
+        designing.at(between.url, total_timeout_s=1 if between.garbage is None else 900)
         between.requests, begun = 0, time.monotonic()
         said = designing.run("spatial", 2)
         took = time.monotonic() - begun
@@ -278,9 +278,8 @@ def share(program: str, folder: pathlib.Path, count: int) -> None:
     print("schema       kind             tasks  at once  repaired  cut  refused  tokens per answer")
     with language_model(context=4 * 4096, slots=4) as model:
         for schema in ("grammar", "json_schema"):
-            server = f'structure = "{schema}"'
-            designing = Designing(program, folder / schema, model.url, server, MAX_TOKENS, rounds=2, workers=4)
-            designing.run("all", count * len(KINDS))
+            designing = Designing(program, folder / schema, model.url, MAX_TOKENS, 2, 4, structure=schema)
+            designing.run("all", count * len(KINDS), limit_s=None)
             outcomes = designing.outcomes()
             for kind in (*KINDS, "all"):
                 own = [outcome for outcome in outcomes if kind in (outcome["kind"], "all")]
