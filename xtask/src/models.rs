@@ -32,3 +32,16 @@ fn skipped(reason: &str) -> Result {
     println!("models: skipped, as there are no models: {reason}");
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn every_package_is_pinned_by_its_hash() {
+        let list = include_str!("../models-requirements.txt").replace("\\\n", " ");
+        let packages: Vec<&str> = list.lines().filter(|line| !line.starts_with('#')).collect();
+        assert_eq!(packages.len(), 5, "{packages:?}");
+        for package in packages {
+            assert!(package.contains("==") && package.contains(" --hash=sha256:"), "{package}");
+        }
+    }
+}
