@@ -12,7 +12,7 @@ use genmanip_core::Seed;
 use genmanip_pipeline::PolicyFactory;
 use genmanip_pipeline::real::arm::ArmSettings;
 use genmanip_pipeline::real::cameras::Rig;
-use genmanip_pipeline::real::run::{Judgement, Outcome, RealRequest, run as run_on_arm};
+use genmanip_pipeline::real::run::{Judgement, Outcome, RealRequest, open_store, run as run_on_arm};
 use genmanip_pipeline::real::simulated::{PacedArm, SimulatedArm, SimulatedArmSettings, bridge_robot};
 use genmanip_real::bridge::client::ClientSettings;
 use genmanip_real::bridge::server::{Clock, Flaws, serve};
@@ -108,6 +108,11 @@ fn run_policy(arguments: &RealRunArguments, printer: &Printer) -> Result<ExitSta
         seed: Seed::new(arguments.seed),
         fps: if arguments.out.is_some() { arguments.fps } else { 0 },
     };
+    // A folder of another run is refused before the arm moves.
+    let store = match &arguments.out {
+        Some(out) if !arguments.dry_run => Some((out, open_store(out, &stage)?)),
+        _ => None,
+    };
     let keys = keys(printer);
     let run = match run_on_arm(&request, &stage, &policy, &keys.held)? {
         Outcome::Episode(run) => run,
@@ -142,9 +147,9 @@ fn run_policy(arguments: &RealRunArguments, printer: &Printer) -> Result<ExitSta
         facts.tally.starts,
         facts.tally.arm_stops
     );
-    match &arguments.out {
-        Some(out) => {
-            let result = run.store(out, judgement)?;
+    match store {
+        Some((out, store)) => {
+            let result = run.store(&store, judgement)?;
             printer.data(&result, &text);
             printer.say(format!("episode {} in {}", result.id, out.display()));
         }

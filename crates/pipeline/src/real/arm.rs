@@ -24,7 +24,7 @@ pub struct ArmSettings {
     pub dry_run: bool,
 }
 
-/// What a dry run found out about the commands of a policy.
+/// Findings of a dry run about the commands of a policy.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct DryReport {
     /// Number of commands.

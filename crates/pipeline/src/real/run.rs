@@ -9,7 +9,7 @@ use genmanip_core::{
     CameraRequest, Ending, Episode, EpisodeResult, ExpertStyle, Failure, FailureCause, GoalVerdict, ImageChannels, Seed,
 };
 use genmanip_data::images::{CameraTrack, TrackRecorder};
-use genmanip_data::store::Attachment;
+use genmanip_data::store::{Attachment, EpisodeStore};
 use genmanip_data::video::VideoSettings;
 use genmanip_motion::Planner;
 use genmanip_real::bridge::client::{ArmClient, ClientSettings, Tally, TcpConnection};
@@ -144,6 +144,7 @@ pub fn run(
         Err(error) => return Err(stopped(error)),
     };
     if gave_up.is_none()
+        && !request.arm.dry_run
         && dead_man.load(Ordering::Relaxed)
         && let Err(error) = arm.hold(settings.rollout.settle_s)
     {
@@ -208,29 +209,39 @@ pub fn run(
     Ok(Outcome::Episode(Box::new(RealRun { episode, tracks, facts })))
 }
 
+/// Store of a run folder for the episodes of one task in one world, begun or continued.
+///
+/// # Errors
+/// When the folder holds another run, or cannot be written.
+pub fn open_store(folder: &Path, stage: &Stage) -> Result<EpisodeStore, WorkspaceError> {
+    let scenario = &stage.scenario;
+    let tasks = Tasks::spool([scenario.task.clone()], &std::env::temp_dir())?;
+    let settings = PipelineSettings {
+        images: Some(ImageSettings {
+            cameras: scenario.world.cameras.iter().map(|camera| camera.name.clone()).collect(),
+            ..ImageSettings::default()
+        }),
+        ..PipelineSettings::in_world(scenario.world.clone())
+    };
+    RunFolder::begin(folder, &Run::new(tasks, 1, settings, Seed::new(0)))?.store()
+}
+
 impl RealRun {
     /// Result before the judgement.
     pub fn result(&self) -> &EpisodeResult {
         &self.episode.result
     }
 
-    /// Stores the episode in a run folder, with its judgement; its id is the next free number. The folder holds the
-    /// episodes of one task in one world.
+    /// Stores the episode, with its judgement; its id is the next free number.
     ///
     /// # Errors
-    /// When the folder holds another run, or cannot be written.
-    pub fn store(mut self, folder: &Path, judgement: Option<Judgement>) -> Result<EpisodeResult, WorkspaceError> {
+    /// When the store cannot be written.
+    pub fn store(
+        mut self,
+        store: &EpisodeStore,
+        judgement: Option<Judgement>,
+    ) -> Result<EpisodeResult, WorkspaceError> {
         let broken = |error| WorkspaceError::broken("the episode cannot be stored", error);
-        let scenario = &self.episode.scenario;
-        let tasks = Tasks::spool([scenario.task.clone()], &std::env::temp_dir())?;
-        let settings = PipelineSettings {
-            images: Some(ImageSettings {
-                cameras: scenario.world.cameras.iter().map(|camera| camera.name.clone()).collect(),
-                ..ImageSettings::default()
-            }),
-            ..PipelineSettings::in_world(scenario.world.clone())
-        };
-        let store = RunFolder::begin(folder, &Run::new(tasks, 1, settings, Seed::new(0)))?.store()?;
         let free = (0..).map(|number| format!("real-{number:04}")).find(|id| !store.has_folder(id));
         let result = &mut self.episode.result;
         result.id = free.unwrap_or_default();

@@ -36,6 +36,8 @@ impl Default for SimulatedArmSettings {
 
 /// Error word of a reflex.
 const REFLEX: &str = "cartesian_reflex";
+/// Time without reflexes after a recovery, s.
+const GRACE_S: f64 = 0.1;
 /// Time behind schedule after which a driver gives up catching up, s.
 const MOST_BEHIND_S: f64 = 0.05;
 
@@ -83,6 +85,8 @@ pub struct SimulatedArm {
     torques: Vec<f64>,
     grasped: Option<usize>,
     has_reflex: bool,
+    /// Control periods without reflexes after a recovery.
+    grace_ticks: u64,
     seen: Arc<Mutex<Seen>>,
 }
 
@@ -109,6 +113,7 @@ impl SimulatedArm {
             width_m,
             grasped: None,
             has_reflex: false,
+            grace_ticks: 0,
         }
     }
 
@@ -158,8 +163,12 @@ impl SimulatedArm {
     pub fn advance(&mut self, orders: &Orders) -> Result<(), SimError> {
         self.ticks += 1;
         if self.has_reflex && orders.recover {
+            // As a real arm, which takes its position as its own setpoint then: the force of the contact fades.
             self.has_reflex = false;
+            self.grace_ticks = (GRACE_S / self.tick_s) as u64;
+            self.freeze();
         }
+        self.grace_ticks = self.grace_ticks.saturating_sub(1);
         if !self.has_reflex && !orders.recover {
             self.lagging.push_back(orders.setpoints.clone());
             self.setpoints = self.lagging.pop_front().unwrap_or_default();
@@ -173,17 +182,23 @@ impl SimulatedArm {
         Ok(())
     }
 
+    /// Makes the present position the setpoint.
+    fn freeze(&mut self) {
+        self.setpoints = self.sim.joint_positions().into_iter().map(JointState::at_rest).collect();
+        self.lagging.iter_mut().for_each(|later| later.clone_from(&self.setpoints));
+    }
+
     fn step(&mut self) -> Result<(), SimError> {
         let positions: Vec<f64> = self.setpoints.iter().map(|joint| joint.position).collect();
         let velocities: Vec<f64> = self.setpoints.iter().map(|joint| joint.velocity).collect();
         let step = self.sim.robot_step(&positions, &velocities, self.width_m)?;
         self.torques = step.torques;
         self.grasped = step.grasped;
-        if self.settings.reflex_n > 0.0 && step.stray_contact_n > self.settings.reflex_n && !self.has_reflex {
+        let is_hit = self.settings.reflex_n > 0.0 && step.stray_contact_n > self.settings.reflex_n;
+        if is_hit && !self.has_reflex && self.grace_ticks == 0 {
             // The arm holds where it is; the brakes of a real one are as abrupt.
             self.has_reflex = true;
-            self.setpoints = self.sim.joint_positions().into_iter().map(JointState::at_rest).collect();
-            self.lagging.iter_mut().for_each(|later| later.clone_from(&self.setpoints));
+            self.freeze();
         }
         let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         *seen = Seen {

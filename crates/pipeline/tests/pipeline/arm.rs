@@ -112,7 +112,7 @@ fn an_arm_stops_for_a_person_and_by_itself_and_stays_still_in_a_dry_run() {
     let report = still.dry_report();
     assert_eq!((report.commands, report.beyond_limits), (40, 0));
     assert!((still.joint_positions().unwrap()[0] - start).abs() < 1e-3 && still.client().tally().commands == 0);
-    assert!((report.largest_step_rad - 0.01).abs() < 1e-4, "{report:?}");
+    assert!((report.largest_step_rad - 0.01).abs() < 1e-3, "{report:?}");
 }
 
 /// A table in the way: the reflex stops the arm, the bridge recovers it, and the run goes on until it is given up.

@@ -448,7 +448,7 @@ impl TcpConnection {
         Ok(Self { address: url.into(), stream, arrived, set_aside: VecDeque::new(), clock: Clock::new() })
     }
 
-    /// What arrives next; `None` at `until_s`.
+    /// Next arrival; `None` at `until_s`.
     fn next(&mut self, until_s: f64) -> Result<Option<Arrived>, BridgeError> {
         let left_s = (until_s - self.clock.now_s()).max(0.0);
         match self.arrived.recv_timeout(Duration::try_from_secs_f64(left_s).unwrap_or(CONNECT_TIMEOUT)) {

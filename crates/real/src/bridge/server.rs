@@ -116,7 +116,7 @@ pub struct LoopReport {
     pub longest_s: f64,
 }
 
-/// What a connection's threads tell the control loop.
+/// Event that the threads of a connection report to the control loop.
 enum Event {
     Opened(u64, SyncSender<Outgoing>),
     Request(u64, Result<Request, String>),
