@@ -198,6 +198,8 @@ def grasps(network: ContactGraspNet, request: dict) -> list:
         raise ValueError("expected finite points of the target")
     camera = request["world_from_camera"]
     turn, origin = rotation_matrix(camera["orientation_wxyz"]), np.asarray(camera["position_m"], float)
+    if not (np.isfinite(turn).all() and np.isfinite(origin).all()):
+        raise ValueError("expected a finite pose of the camera")
     target, scene = target @ turn.T + origin, scene @ turn.T + origin
     centre = (target.min(0) + target.max(0)) / 2
     half = np.clip(np.ptp(target, 0).max(), *HALF_CUBE_M)
