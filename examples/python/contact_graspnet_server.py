@@ -206,7 +206,7 @@ def grasps(network: ContactGraspNet, request: dict) -> list:
     draw = np.random.default_rng(0)
     points = np.concatenate((target, scene[np.abs(scene - centre).max(1, initial=0) <= half]))
     order = draw.permutation(len(points))[: POINTS - MIN_TABLE_POINTS]
-    table = table_around(points, centre, half, request["table_height"], POINTS - len(order), draw)
+    table = table_around(points, centre, half, float(request["table_height"]), POINTS - len(order), draw)
     is_target = order < len(target)
     points = np.concatenate((points[order], table))
     shuffled = draw.permutation(POINTS)
