@@ -91,8 +91,8 @@ pub enum WorkspaceError {
         /// Folder that holds no run.
         path: PathBuf,
     },
-    /// A remote policy cannot be reached; the request may be retried.
-    #[error("policy {policy} cannot be reached: {reason}")]
+    /// A remote policy does not answer, or answers wrongly, as the reason says; the request may be retried.
+    #[error("policy {policy} is not available: {reason}")]
     Unreachable {
         /// Policy with its arguments, as the user named it.
         policy: String,

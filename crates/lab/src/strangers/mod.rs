@@ -268,7 +268,7 @@ fn dropped(path: &Path, model: &genmanip_core::RobotModel, notes: &[String]) -> 
     let mimics = text.split("<joint").skip(1).filter(follows).count();
     let coupled =
         model.links.iter().filter(|link| link.joint.as_ref().is_some_and(|joint| joint.mimic.is_some())).count();
-    if coupled < mimics && !said(&["fixed"]) {
+    if coupled < mimics && !said(&["fixed", "moves by itself"]) {
         return Some(format!("{} of {mimics} coupled joints do not follow", mimics - coupled));
     }
     (collisions == 0 && !tags("<visual").is_empty() && !said(&["collision geometry", "hulls of visual"]))
