@@ -198,13 +198,15 @@ def grasps(network: ContactGraspNet, request: dict) -> list:
         raise ValueError("expected finite points of the target")
     camera = request["world_from_camera"]
     turn, origin = rotation_matrix(camera["orientation_wxyz"]), np.asarray(camera["position_m"], float)
+    if not (np.isfinite(turn).all() and np.isfinite(origin).all()):
+        raise ValueError("expected a finite pose of the camera")
     target, scene = target @ turn.T + origin, scene @ turn.T + origin
     centre = (target.min(0) + target.max(0)) / 2
     half = np.clip(np.ptp(target, 0).max(), *HALF_CUBE_M)
     draw = np.random.default_rng(0)
     points = np.concatenate((target, scene[np.abs(scene - centre).max(1, initial=0) <= half]))
     order = draw.permutation(len(points))[: POINTS - MIN_TABLE_POINTS]
-    table = table_around(points, centre, half, request["table_height"], POINTS - len(order), draw)
+    table = table_around(points, centre, half, float(request["table_height"]), POINTS - len(order), draw)
     is_target = order < len(target)
     points = np.concatenate((points[order], table))
     shuffled = draw.permutation(POINTS)

@@ -4,6 +4,7 @@ Prints its address, and ends when its standard input does, so that it never outl
 CONTEXT tokens; requests beyond their number wait.
 """
 
+import os
 import sys
 
 import xllamacpp
@@ -22,6 +23,8 @@ def main(model: str, context: int, threads: int = 1, slots: int = 1) -> None:
     server = xllamacpp.Server(parameters)
     print(server.listening_address, flush=True)
     sys.stdin.read()
+    # The server's own end waits for answers that nobody reads any more.
+    os._exit(0)
 
 
 if __name__ == "__main__":

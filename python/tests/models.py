@@ -78,7 +78,7 @@ class Handing(http.server.BaseHTTPRequestHandler):
         elif isinstance(garbage, bytes):
             self.wfile.write(garbage)
         else:
-            upstream = http.client.HTTPConnection(self.server.upstream.removeprefix("http://"), timeout=900)
+            upstream = http.client.HTTPConnection(self.server.upstream.removeprefix("http://"), timeout=3600)
             upstream.request("POST", self.path, body, {"content-type": "application/json"})
             answer = upstream.getresponse()
             self.answer(answer.status, answer.read())
@@ -115,7 +115,7 @@ class Designing:
 
     def at(self, url: str, **server: object) -> None:
         """Names the server and what is special about it; nothing of this is part of a question."""
-        settings = {"base_url": f"{url}/v1", "model": "SmolLM2-135M-Instruct", "total_timeout_s": 900, "max_retries": 1}
+        settings = {"base_url": f"{url}/v1", "model": "SmolLM2-135M-Instruct", "total_timeout_s": 3600, "max_retries": 1}
         settings |= {"first_backoff_s": 0.1} | self.server | server
         lines = "".join(f"{name} = {json.dumps(value)}\n" for name, value in settings.items())
         (self.folder / "llm.toml").write_text(f"[server]\n{lines}{self.others}")
@@ -232,7 +232,7 @@ def check_garbage(program: str, folder: pathlib.Path, model: Server) -> None:
     first = designing.recorded()
     assert len(first) == 1
     for name, between.garbage in GARBAGE.items():
-        designing.at(between.url, total_timeout_s=1 if between.garbage is None else 900)
+        designing.at(between.url, total_timeout_s=1 if between.garbage is None else 3600)
         between.requests, begun = 0, time.monotonic()
         said = designing.run("spatial", 2)
         took = time.monotonic() - begun
