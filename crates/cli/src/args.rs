@@ -20,6 +20,7 @@ pub use evaluate::*;
 pub use export::*;
 pub use launch::*;
 pub use plan::*;
+pub use real::*;
 pub use render::*;
 pub use review::*;
 pub use robot::*;
@@ -40,6 +41,7 @@ mod export;
 mod launch;
 mod parse_values;
 mod plan;
+mod real;
 mod render;
 mod review;
 mod robot;
@@ -246,6 +248,12 @@ pub enum Command {
                       Views are paired by id. Sets that cannot determine the pose are refused with the motion that is\n\
                       missing. docs/guides/calibrate-a-camera.md has the file and the frames.")]
     Calibrate(CalibrateArguments),
+    /// Run policies on a real arm behind a bridge, or on a simulated one in its place
+    Real {
+        /// Subcommand
+        #[command(subcommand)]
+        command: RealCommand,
+    },
     /// Open scenarios in the browser: see each scene, change it, and see at once if the task still works
     #[command(after_help = "Examples:\n  genmanip studio out/run\n  genmanip studio genmanip-200-rc --no-open\n\n\
                             docs/guides/studio.md has the parts of the page and every operation over HTTP.")]

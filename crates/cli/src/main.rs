@@ -69,6 +69,7 @@ fn run(arguments: &Arguments, printer: &Printer) -> Result<ExitStatus, Failed> {
         Command::Calibrate(arguments) => commands::calibrate::run(arguments, printer),
         Command::Lab { .. } => Err(Failed::misused("`genmanip lab` is the program `genmanip-lab` now")
             .hint("cargo run --release -p genmanip-lab -- SUBCOMMAND, or genmanip-lab SUBCOMMAND once installed")),
+        Command::Real { command } => commands::real::run(command, printer),
         Command::Studio(arguments) => commands::studio::run(arguments, printer),
         Command::Serve { command } => commands::serve::run(command, printer),
         Command::Doctor => commands::doctor::run(printer),

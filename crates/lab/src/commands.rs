@@ -25,13 +25,15 @@ use genmanip_lab::strangers::StrangersArguments;
 use genmanip_lab::studio::StudioArguments;
 use genmanip_lab::teleop::TeleopArguments;
 use genmanip_lab::{
-    agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hand_eye, hostile, layout,
-    learn, learned_controls, motion, readers, relations, render, rendered, scale, segment, statistics, strangers,
-    studio, suite, teleop, wording,
+    agent, answers, assets, batch, blame, bridge, data, design, environment, expert, fit, grasp, hand_eye, hostile,
+    layout, learn, learned_controls, motion, readers, relations, render, rendered, scale, segment, statistics,
+    strangers, studio, suite, teleop, wording,
 };
 use genmanip_workspace::WorkspaceError;
 
 use crate::args::{self, LabCommand};
+use genmanip_pipeline::PolicyFactory;
+use genmanip_pipeline::evaluate::Suite;
 use genmanip_pipeline::learn::Length;
 use genmanip_terminal::{ExitStatus, Failed};
 use genmanip_terminal::{Printer, UrdfArguments};
@@ -83,6 +85,21 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let args::LabCalibrateArguments { count, rendered, seed, .. } = *arguments;
             let measured = hand_eye::measure(count, rendered, arguments.out.as_deref(), Seed::new(seed))?;
             printer.data(&measured, &hand_eye::describe(&measured));
+        }
+        LabCommand::Bridge(arguments) => {
+            let seed = Seed::new(arguments.seed);
+            let streams = (arguments.count > 0).then(|| bridge::streams(arguments.count, seed)).transpose()?;
+            let policies = arguments.policies.iter().map(|text| PolicyFactory::resolve(text));
+            let policies = policies.collect::<Result<Vec<_>, _>>()?;
+            let suite = arguments.suite.as_deref().map(Suite::at).transpose()?;
+            let paired = suite.iter().flat_map(|suite| {
+                policies.iter().map(|policy| bridge::paired(suite, policy, arguments.scenes, printer))
+            });
+            let paired = paired.collect::<Result<Vec<_>, _>>()?;
+            let motions =
+                arguments.robot.as_deref().map(|url| bridge::motions(url, arguments.motions, seed)).transpose()?;
+            let text = bridge::describe(streams.as_ref(), &paired, motions.as_ref());
+            printer.data(&(&streams, &paired, &motions), &text);
         }
         LabCommand::Wording(arguments) => {
             let cards = catalogue(&arguments.catalog).cards();

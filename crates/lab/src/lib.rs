@@ -11,6 +11,7 @@ pub mod batch;
 pub mod blame;
 mod board_images;
 mod board_sets;
+pub mod bridge;
 pub mod calibration;
 mod clock;
 pub mod data;

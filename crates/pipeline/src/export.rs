@@ -213,6 +213,14 @@ pub(crate) fn draw_missing(
     progress.begin("drawing", missing.len());
     in_parallel(&missing, workers, stop, &|id| {
         match store.read(id) {
+            // A real arm leaves no state of a simulation to draw.
+            Ok(episode) if episode.initial_state.is_empty() => {
+                return Err(WorkspaceError::input(format!(
+                    "episode {id} was recorded on a real arm, without {fps} images per second of {}",
+                    cameras.join(", ")
+                ))
+                .with_hint("choose --rate and --cameras as recorded, or --no-images"));
+            }
             Ok(episode) => {
                 if !store.has_tracks(id, fps, cameras) {
                     draw(store, &episode, pictures)?;

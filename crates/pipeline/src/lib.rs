@@ -9,6 +9,7 @@
 //! - [`ablate`]: the agent with one setting changed at a time.
 //! - [`suites`]: building and perturbing benchmark suites, the two steps that run policies.
 //! - [`sessions`]: environments that other programs drive one action at a time.
+//! - [`real`]: policies on a real arm behind a bridge, and on a simulated one in its place.
 //! - [`report`]: input of the HTML page and the page itself.
 //! - [`learn`]: policies trained on the demonstrations of a run.
 //! - [`layouts`], [`plan`]: layouts of tasks as scenario files, and single motions of the arm.
@@ -31,6 +32,7 @@ pub mod offered;
 pub mod plan;
 pub mod policies;
 mod policy_spec;
+pub mod real;
 mod remote;
 pub mod report;
 pub mod rerender;

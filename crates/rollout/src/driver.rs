@@ -4,10 +4,11 @@
 use genmanip_core::{GoalVerdict, Observation, PolicySpec};
 
 use crate::adapter::{Adapter, AdapterError, ArmReference, NativeAction, Pending};
-use crate::environment::{Environment, Event};
+use crate::environment::Event;
+use crate::robot_interface::RobotInterface;
 use crate::{RolloutError, RolloutSettings, Stage};
 
-/// Executes actions of one specification as control steps of an environment.
+/// Executes actions of one specification as control steps of a robot, simulated or real.
 #[derive(Clone, Debug)]
 pub struct Driver {
     adapter: Adapter,
@@ -56,9 +57,9 @@ impl Driver {
     /// Stores the current joint positions as reference of a new chunk of actions.
     ///
     /// # Errors
-    /// If the environment was not reset.
-    pub fn begin_chunk(&mut self, environment: &Environment) -> Result<(), RolloutError> {
-        self.chunk_start = environment.joint_positions()?;
+    /// If the robot has no episode.
+    pub fn begin_chunk(&mut self, robot: &impl RobotInterface) -> Result<(), RolloutError> {
+        self.chunk_start = robot.joint_positions()?;
         Ok(())
     }
 
@@ -67,12 +68,12 @@ impl Driver {
     ///
     /// # Errors
     /// [`RolloutError::Action`] for an invalid action, or an unreachable one if the settings say to stop, with the
-    /// environment unchanged; errors of [`Environment::step`].
-    pub fn act(&mut self, environment: &mut Environment, action: &[f32]) -> Result<ActionOutcome, RolloutError> {
-        if environment.steps_left() == 0 {
+    /// robot unchanged; errors of [`RobotInterface::step`].
+    pub fn act(&mut self, robot: &mut impl RobotInterface, action: &[f32]) -> Result<ActionOutcome, RolloutError> {
+        if robot.steps_left() == 0 {
             return Ok(ActionOutcome { truncated: true, cut_off: true, ..ActionOutcome::default() });
         }
-        let (command, measured) = (environment.command()?, environment.joint_positions()?);
+        let (command, measured) = (robot.command()?, robot.joint_positions()?);
         let width_m = command.last().copied().unwrap_or_default();
         let arm: Vec<f64> = command[..measured.len()].iter().copied().map(f64::from).collect();
         let (chunk_start, pending) = (&self.chunk_start, &self.pending);
@@ -80,12 +81,12 @@ impl Driver {
         match self.adapter.to_native(action, from) {
             Ok(NativeAction { commands, pending }) => {
                 self.pending = pending;
-                execute(environment, &commands)
+                execute(robot, &commands)
             }
             Err(error @ AdapterError::OutOfReach { .. }) if !self.stop_on_unreachable => {
                 let reason = error.to_string();
-                environment.count_unreachable(&reason)?;
-                let held = execute(environment, &vec![command; self.adapter.repeat()])?;
+                robot.count_unreachable(&reason)?;
+                let held = execute(robot, &vec![command; self.adapter.repeat()])?;
                 Ok(ActionOutcome { refused: Some(reason), ..held })
             }
             Err(error) => Err(error.into()),
@@ -95,9 +96,9 @@ impl Driver {
     /// Adds the tool pose that the last action requested to an observation.
     ///
     /// # Errors
-    /// If the environment was not reset.
-    pub fn add_target(&self, environment: &Environment, observation: &mut Observation) -> Result<(), RolloutError> {
-        let command: Vec<f64> = environment.command()?.iter().copied().map(f64::from).collect();
+    /// If the robot has no episode.
+    pub fn add_target(&self, robot: &impl RobotInterface, observation: &mut Observation) -> Result<(), RolloutError> {
+        let command: Vec<f64> = robot.command()?.iter().copied().map(f64::from).collect();
         let arm = &command[..self.chunk_start.len()];
         let pose = self.adapter.requested_pose(arm, &self.pending);
         observation.state.insert(Observation::TOOL_TARGET.into(), pose.to_row().to_vec());
@@ -106,11 +107,11 @@ impl Driver {
 }
 
 /// Executes one control step per command, until the time limit or the goal's settling time is reached.
-fn execute(environment: &mut Environment, commands: &[Vec<f32>]) -> Result<ActionOutcome, RolloutError> {
-    let left = environment.steps_left();
+fn execute(robot: &mut impl RobotInterface, commands: &[Vec<f32>]) -> Result<ActionOutcome, RolloutError> {
+    let left = robot.steps_left();
     let mut turn = ActionOutcome { truncated: left == 0, ..ActionOutcome::default() };
     for command in commands.iter().take(left) {
-        let step = environment.step(command)?;
+        let step = robot.step(command)?;
         turn.steps += 1;
         turn.verdict = step.verdict.or(turn.verdict);
         turn.events.extend(step.events);

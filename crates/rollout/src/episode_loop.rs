@@ -1,10 +1,11 @@
-//! The episode loop: a policy drives the environment.
+//! The episode loop: a policy drives the environment, or a real arm.
 
 use std::sync::Arc;
 
 use crate::adapter::AdapterError;
 use crate::driver::Driver;
 use crate::environment::{Conclusion, Environment, steps_in, timeout};
+use crate::robot_interface::RobotInterface;
 use crate::{RolloutError, RolloutSettings, Stage};
 use genmanip_core::{
     Correction, Ending, Episode, EpisodeStart, Failure, FailureCause, Policy, PolicyError, PolicySpec, Seed,
@@ -47,7 +48,8 @@ pub fn run_episode_with(
     let mut environment = Environment::new(settings.clone());
     environment.reset(stage, seed);
     let spec = policy.spec();
-    let (ending, gave_up) = act(&mut environment, stage, policy, &spec, seed.fork("policy"), usize::MAX, before_turn)?;
+    let (ending, gave_up) =
+        act(&mut environment, settings, stage, policy, &spec, seed.fork("policy"), usize::MAX, before_turn)?;
     conclude(&mut environment, policy, Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, gave_up })
 }
 
@@ -89,7 +91,8 @@ pub fn run_corrected(
     environment.reset(stage, seed);
     let spec = first.spec();
     let until = (FIRST_SHARE * environment.steps_left() as f64) as usize;
-    let (ending, gave_up) = act(&mut environment, stage, first, &spec, seed.fork("policy"), until, &mut |_| Ok(()))?;
+    let (ending, gave_up) =
+        act(&mut environment, settings, stage, first, &spec, seed.fork("policy"), until, &mut |_| Ok(()))?;
     let gave_up = gave_up.or_else(|| timeout(ending, FIRST_SHARE * settings.horizon_s));
     let mut is_over = ending == Ending::Success;
     for _ in 0..steps_in(settings.settle_s, stage) {
@@ -106,24 +109,42 @@ pub fn run_corrected(
     let correction = Correction { policy: spec.name, from_step: environment.frames().len(), failures };
     let spec = expert.spec();
     let seed = seed.fork("correction");
-    let (ending, gave_up) = act(&mut environment, stage, expert, &spec, seed, usize::MAX, &mut |_| Ok(()))?;
+    let (ending, gave_up) = act(&mut environment, settings, stage, expert, &spec, seed, usize::MAX, &mut |_| Ok(()))?;
     let mut episode =
         environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, gave_up })?;
     episode.result.correction = Some(correction);
     Ok(episode)
 }
 
+/// Lets a policy act on a robot until it finishes, gives up or reaches the time limit, without judging the outcome;
+/// returns the ending, and the policy's reason if it gave up. For robots that are no [`Environment`].
+///
+/// # Errors
+/// As [`run_episode`], and those of the robot.
+pub fn run_policy(
+    robot: &mut impl RobotInterface,
+    stage: &Stage,
+    policy: &mut dyn Policy,
+    seed: Seed,
+    settings: &RolloutSettings,
+) -> Result<(Ending, Option<Failure>), RolloutError> {
+    let spec = policy.spec();
+    act(robot, settings, stage, policy, &spec, seed.fork("policy"), usize::MAX, &mut |_| Ok(()))
+}
+
 /// Resets a policy and lets it act until `until` control steps have been executed in total.
-fn act(
-    environment: &mut Environment,
+#[expect(clippy::too_many_arguments, reason = "all are inputs of one loop")]
+fn act<R: RobotInterface>(
+    robot: &mut R,
+    settings: &RolloutSettings,
     stage: &Stage,
     policy: &mut dyn Policy,
     spec: &PolicySpec,
     seed: Seed,
     until: usize,
-    before_turn: &mut BeforeTurn,
+    before_turn: &mut dyn FnMut(&R) -> Result<(), RolloutError>,
 ) -> Result<(Ending, Option<Failure>), RolloutError> {
-    let mut driver = Driver::new(spec, stage, environment.settings())?;
+    let mut driver = Driver::new(spec, stage, settings)?;
     let start = EpisodeStart {
         instruction: stage.scenario.task.instruction.clone(),
         seed,
@@ -131,7 +152,7 @@ fn act(
         scenario: spec.privileged.then(|| Arc::clone(&stage.scenario)),
     };
     match policy.reset(&start) {
-        Ok(()) => drive(environment, policy, spec, &mut driver, until, before_turn),
+        Ok(()) => drive(robot, policy, spec, &mut driver, until, before_turn),
         Err(error) => gave_up(error, spec),
     }
 }
@@ -158,30 +179,30 @@ const UNCACHED_INTERVAL_S: f64 = 0.25;
 
 /// Observes, queries the policy and steps until the episode ends or `until` control steps have been executed; returns
 /// the ending, and the policy's reason if it gave up.
-fn drive(
-    environment: &mut Environment,
+fn drive<R: RobotInterface>(
+    robot: &mut R,
     policy: &mut dyn Policy,
     spec: &PolicySpec,
     driver: &mut Driver,
     until: usize,
-    before_turn: &mut BeforeTurn,
+    before_turn: &mut dyn FnMut(&R) -> Result<(), RolloutError>,
 ) -> Result<(Ending, Option<Failure>), RolloutError> {
     let mut last_observed_s = None;
     loop {
-        if environment.steps_left() == 0 || environment.frames().len() >= until {
+        if robot.steps_left() == 0 || robot.frames().len() >= until {
             return Ok((Ending::Horizon, None));
         }
-        before_turn(environment)?;
-        let mut observation = environment.observe(&spec.cameras)?;
+        before_turn(robot)?;
+        let mut observation = robot.observe(&spec.cameras)?;
         // Rare observations mean a policy that computes for long, usually with many episodes in parallel: save memory.
         let since = last_observed_s.replace(observation.time_s).map(|before| observation.time_s - before);
         if since.is_none_or(|since_s| since_s > UNCACHED_INTERVAL_S) {
-            environment.drop_render_caches();
+            robot.drop_render_caches();
         }
         if spec.privileged {
-            observation.privileged = Some(environment.truth()?);
+            observation.privileged = Some(robot.truth()?);
         }
-        driver.add_target(environment, &mut observation)?;
+        driver.add_target(robot, &mut observation)?;
         let chunk = match policy.act(&observation) {
             Ok(chunk) => chunk,
             Err(error) => return gave_up(error, spec),
@@ -190,20 +211,20 @@ fn drive(
             return Err(mistake(spec, format!("it returned no action\n{NO_ACTION}")));
         }
         let count = if spec.execute_steps == 0 { usize::MAX } else { spec.execute_steps };
-        driver.begin_chunk(environment)?;
+        driver.begin_chunk(robot)?;
         let mut cut_off = chunk.actions.len() > count;
         for action in chunk.actions.iter().take(count) {
-            if environment.frames().len() >= until {
+            if robot.frames().len() >= until {
                 return Ok((Ending::Horizon, None));
             }
-            match driver.act(environment, action) {
+            match driver.act(robot, action) {
                 Ok(turn) if turn.terminated => return Ok((Ending::Success, None)),
                 Ok(turn) => cut_off |= turn.cut_off,
                 Err(RolloutError::Action(error @ AdapterError::OutOfReach { .. })) => {
-                    return Ok(unreachable_action(&error, environment));
+                    return Ok(unreachable_action(&error, robot));
                 }
                 Err(RolloutError::Action(error)) => {
-                    let reason = format!("action for control step {}: {error}", environment.frames().len());
+                    let reason = format!("action for control step {}: {error}", robot.frames().len());
                     return Err(mistake(spec, reason));
                 }
                 Err(error) => return Err(error),
@@ -236,8 +257,8 @@ fn mistake(spec: &PolicySpec, reason: String) -> RolloutError {
 }
 
 /// End of an episode whose settings do not tolerate an unreachable action.
-fn unreachable_action(error: &AdapterError, environment: &Environment) -> (Ending, Option<Failure>) {
-    let evidence = format!("action for control step {}: {error}", environment.frames().len());
+fn unreachable_action(error: &AdapterError, robot: &impl RobotInterface) -> (Ending, Option<Failure>) {
+    let evidence = format!("action for control step {}: {error}", robot.frames().len());
     (Ending::GaveUp, Some(Failure { cause: FailureCause::NoIk, evidence }))
 }
 

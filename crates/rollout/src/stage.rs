@@ -97,6 +97,9 @@ pub enum RolloutError {
     /// An invalid or unreachable action; the environment is unchanged.
     #[error(transparent)]
     Action(#[from] AdapterError),
+    /// A real robot or its cameras do not work, or cannot do what was asked.
+    #[error("robot: {0}")]
+    Robot(#[source] Cause),
     /// The environment was not reset.
     #[error("the environment has no episode: reset it first")]
     NotReset,

@@ -39,7 +39,7 @@ pub use flattened::{
 pub use model::Model;
 pub use scene_object::SceneObject;
 pub use settle::{SettleReport, SettleSettings};
-pub use sim::Sim;
+pub use sim::{RobotStep, Sim};
 
 /// The engine version in use; other versions produce different bytes.
 const ENGINE: &str = "mujoco 3.17.0";

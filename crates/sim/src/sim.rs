@@ -27,6 +27,17 @@ pub struct Sim {
     stray: Option<[BodyId; 2]>,
 }
 
+/// Measurements of one physics step of a robot that is driven in real time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RobotStep {
+    /// Torques of the arm joints, N·m.
+    pub torques: Vec<f64>,
+    /// Index of the object pressed by both fingers; `None` without one.
+    pub grasped: Option<usize>,
+    /// Contact force between the robot and anything but the grasped object, N.
+    pub stray_contact_n: f64,
+}
+
 impl std::fmt::Debug for Sim {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Sim").field("time_s", &self.time_s()).finish_non_exhaustive()
@@ -159,6 +170,36 @@ impl Sim {
             self.data.qfrc_applied_mut()[robot.arm_dof[joint]] = external_torque[joint];
         }
         self.step_with(|_, _| ())
+    }
+
+    /// Simulates one physics step of a robot that is driven in real time: as [`Sim::drive_step`], with the fingers on
+    /// their way to an opening width, m.
+    ///
+    /// # Errors
+    /// As [`Sim::drive_step`].
+    pub fn robot_step(&mut self, positions: &[f64], velocities: &[f64], width_m: f64) -> Result<RobotStep, SimError> {
+        let scene = Arc::clone(&self.scene);
+        let robot = scene.robot.as_ref().ok_or(SimError::NoRobot)?;
+        let drives = scene.settings.drives.as_ref().ok_or(SimError::NoRobot)?;
+        let expected = robot.arm_dof.len();
+        if let Some(list) = [positions, velocities].into_iter().find(|list| list.len() != expected) {
+            return Err(SimError::CommandLength { expected, got: list.len() });
+        }
+        let current = self.data.ctrl()[robot.grip_ctrl];
+        let ctrl = self.data.ctrl_mut();
+        ctrl[robot.grip_ctrl] = next_setpoint(current, width_m, &robot.model, drives, scene.physics().timestep_s());
+        for joint in 0..expected {
+            ctrl[robot.position_ctrl[joint]] = positions[joint];
+            ctrl[robot.velocity_ctrl[joint]] = velocities[joint];
+        }
+        let mut touches = TouchTally::default();
+        let mut torques = Vec::new();
+        self.step_with(|scene, data| {
+            touches.add(fingers(robot, data), robot.model.hand, contacts(scene, data));
+            torques = robot.arm_dof.iter().map(|&dof| data.qfrc_actuator()[dof]).collect();
+        })?;
+        let grasped = touches.grasped();
+        Ok(RobotStep { torques, grasped, stray_contact_n: touches.stray().map_or(0.0, |(force_n, _)| force_n) })
     }
 
     /// Runs the engine's own step function without checks, for timing comparisons.

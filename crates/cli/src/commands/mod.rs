@@ -18,6 +18,7 @@ pub mod layout;
 pub mod leaderboard;
 mod learnability;
 pub mod plan;
+pub mod real;
 pub mod render;
 pub mod replay;
 pub mod report;

@@ -24,6 +24,8 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["calibrate"],
         &["calibrate", "board"],
         &["calibrate", "plan"],
+        &["real", "simulate"],
+        &["real", "run"],
         &["agent", "act"],
         &["studio"],
         &["serve", "segment"],

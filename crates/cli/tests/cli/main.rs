@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
 mod answers;
+mod arm;
 mod calibrating;
 mod cameras;
 mod comparing;

@@ -77,6 +77,11 @@ pub enum LabCommand {
                       genmanip-lab calibrate --seed 7 --count 1 --rendered 20 --out sets\n\n\
                       COUNT sets of 15 to 20 views for each mounting and noise, and as many degenerate ones of all kinds.")]
     Calibrate(LabCalibrateArguments),
+    /// Send random streams of commands to the bridge of an arm, and run policies behind it and directly
+    #[command(after_help = "Examples:\n  genmanip-lab bridge --seed 7 --count 10000 --json\n  \
+                      genmanip-lab bridge --count 0 --suite suites/genmanip-200-rc --scenes 50 --policy expert\n\n\
+                      The connection has 20 +- 10 ms of delay and loses 1 % of the commands and states.")]
+    Bridge(BridgeArguments),
     /// Compose tasks with the rule-based designer and check validity, variety, quotas and references
     #[command(after_help = "Example:\n  genmanip-lab design --seed 7 --count 2000 --json")]
     Design(DesignArguments),

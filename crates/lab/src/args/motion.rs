@@ -59,6 +59,32 @@ pub struct MotionArguments {
     pub paths: Option<PathBuf>,
 }
 
+/// Arguments of `genmanip-lab bridge`.
+#[derive(Debug, Args)]
+pub struct BridgeArguments {
+    /// Seed of the streams
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
+    pub seed: u64,
+    /// Number of streams
+    #[arg(long, default_value_t = 1000)]
+    pub count: usize,
+    /// Suite, run or scenario whose scenes are run behind the bridge and directly
+    #[arg(long, value_name = "PATH", requires = "policies")]
+    pub suite: Option<PathBuf>,
+    /// Number of scenes
+    #[arg(long, default_value_t = 20, value_parser = parse::count)]
+    pub scenes: usize,
+    /// A policy for them; may be given several times
+    #[arg(long = "policy", value_name = "NAME[:KEY=VALUE,…]", requires = "suite")]
+    pub policies: Vec<String>,
+    /// Address of a running bridge, to which planned motions are streamed
+    #[arg(long, value_name = "URL")]
+    pub robot: Option<String>,
+    /// Number of motions
+    #[arg(long, default_value_t = 20, value_parser = parse::count)]
+    pub motions: usize,
+}
+
 /// Arguments of `genmanip-lab calibrate`.
 #[derive(Debug, Args)]
 pub struct LabCalibrateArguments {

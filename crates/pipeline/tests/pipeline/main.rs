@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
 mod act;
+mod arm;
 mod documented;
 mod driving;
 mod ending;

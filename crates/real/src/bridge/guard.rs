@@ -44,6 +44,13 @@ pub struct Command {
     pub dead_man: bool,
     /// Target joint positions, rad or m.
     pub positions: Vec<f64>,
+    /// Time in which the reference moves to these positions at constant velocity, s; 0 for at once. A stream of commands
+    /// gives smooth motion if this is somewhat longer than the time between them.
+    #[serde(default)]
+    pub over_s: f64,
+    /// Target opening width of the gripper, m; absent to leave it as it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub width_m: Option<f64>,
 }
 
 /// Reason why a command or a request is refused.
@@ -83,6 +90,14 @@ pub enum Refused {
         /// Maximum validity, s.
         most: f64,
     },
+    /// The time to reach the positions is negative or exceeds the maximum.
+    #[error("positions over {got} s; expected 0 to {most}")]
+    Over {
+        /// Time of the command, s.
+        got: f64,
+        /// Maximum time, s.
+        most: f64,
+    },
     /// The arm brakes or has stopped; call [`Guard::start`] first.
     #[error("the arm has stopped ({0:?}); start it again once the reason is gone")]
     Stopped(StopReason),
@@ -92,6 +107,48 @@ pub enum Refused {
     /// The arm is still moving.
     #[error("the arm still moves; wait until it stands")]
     Moving,
+    /// The tool would leave the workspace box.
+    #[error("the tool would leave the workspace box, at {0:.3?} m in the robot's base frame")]
+    Workspace([f64; 3]),
+    /// The share of the speed is not valid.
+    #[error("speed {got}; expected a share above 0 and at most {most}")]
+    Speed {
+        /// Share of the request.
+        got: f64,
+        /// Largest share that the bridge allows.
+        most: f64,
+    },
+    /// The arm reports errors.
+    #[error("the arm reports {}; it is recovered first", .0.join(", "))]
+    ArmErrors(Vec<String>),
+    /// The width of the gripper is not a number.
+    #[error("expected a finite width of the gripper")]
+    Width,
+    /// The request cannot be read.
+    #[error("{0}")]
+    Malformed(String),
+}
+
+impl Refused {
+    /// Word of the refusal in the protocol.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Leased { .. } => "leased",
+            Self::NoLease(_) => "no_lease",
+            Self::Sequence { .. } => "sequence",
+            Self::Positions { .. } => "positions",
+            Self::Validity { .. } => "validity",
+            Self::Over { .. } => "over",
+            Self::Stopped(_) => "stopped",
+            Self::DeadMan => "dead_man",
+            Self::Moving => "moving",
+            Self::Workspace(_) => "workspace",
+            Self::Speed { .. } => "speed",
+            Self::ArmErrors(_) => "arm_errors",
+            Self::Width => "width",
+            Self::Malformed(_) => "malformed",
+        }
+    }
 }
 
 /// Reason why the arm brakes or stands still.
@@ -108,6 +165,8 @@ pub enum StopReason {
     Released,
     /// The arm itself reported an error, such as a reflex triggered by a collision.
     Arm,
+    /// The tool was about to leave the workspace box.
+    Workspace,
 }
 
 /// Operating mode of a guard.
@@ -241,11 +300,14 @@ impl Guard {
         if !(command.valid_for_s > 0.0 && command.valid_for_s <= most) {
             return Err(Refused::Validity { got: command.valid_for_s, most });
         }
+        if !(0.0..=most).contains(&command.over_s) {
+            return Err(Refused::Over { got: command.over_s, most });
+        }
         if command.positions.len() != expected || !command.positions.iter().all(|position| position.is_finite()) {
             return Err(Refused::Positions { expected });
         }
         held.deadline_s = now_s + command.valid_for_s;
-        self.interpolator.aim(&command.positions);
+        self.interpolator.aim(&command.positions, command.over_s);
         Ok(())
     }
 
@@ -270,6 +332,31 @@ impl Guard {
             self.interpolator.place(measured);
         }
         self.stop(StopReason::Arm);
+    }
+
+    /// Brakes because the tool is about to leave the workspace box.
+    pub fn leave_workspace(&mut self) {
+        self.stop(StopReason::Workspace);
+    }
+
+    /// Number of the lease in force and the holder's last sequence number; `None` without a lease.
+    pub fn lease(&self) -> Option<(u64, Option<u64>)> {
+        self.lease.map(|lease| (lease.id, lease.last_sequence))
+    }
+
+    /// Positions at which the joints come to rest if they brake now, rad or m.
+    pub fn stop_positions(&self) -> Vec<f64> {
+        self.interpolator.stop_positions()
+    }
+
+    /// Limits the velocity to a share of the maximum, see [`Interpolator::limit_speed`].
+    pub fn limit_speed(&mut self, share: f64) -> bool {
+        self.interpolator.limit_speed(share)
+    }
+
+    /// Settings of the guard.
+    pub fn settings(&self) -> &GuardSettings {
+        &self.settings
     }
 
     /// Advances the setpoints by one tick, braking if the deadline has passed at `now_s`; to be called and sent every

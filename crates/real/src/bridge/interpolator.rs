@@ -134,35 +134,93 @@ impl JointState {
         fits.then(|| self.acceleration + first / (tick_s * tick_s))
     }
 
-    /// State after one tick of the time-optimal motion to rest at `target`.
-    fn towards(&self, target: f64, limits: &JointLimits, tick_s: f64) -> Self {
-        let [mut low, mut high] = self.viable(limits, tick_s);
+    /// Acceleration after one tick of the time-optimal motion to rest at `target`, within `low` and `high`.
+    fn acceleration_towards(&self, target: f64, [low, high]: [f64; 2], limits: &JointLimits, tick_s: f64) -> f64 {
         if let Some(acceleration) = self.landing(target, limits, tick_s).filter(|it| (low..=high).contains(it)) {
-            return self.after(acceleration, tick_s);
+            return acceleration;
         }
         let is_beyond = |acceleration: f64| self.after(acceleration, tick_s).stop_position(limits) > target;
         // The stop position increases with the acceleration: bisect for the acceleration whose stop position is the
         // target.
         if is_beyond(low) {
-            return self.after(low, tick_s);
+            return low;
         }
         if !is_beyond(high) {
-            return self.after(high, tick_s);
+            return high;
         }
+        let (mut low, mut high) = (low, high);
         for _ in 0..HALVINGS {
             let middle = f64::midpoint(low, high);
             if is_beyond(middle) { high = middle } else { low = middle }
         }
-        self.after(low, tick_s)
+        low
+    }
+
+    /// State after one tick towards a target.
+    ///
+    /// The joint follows the moving reference as fast as it can, as seen from the reference, but never so fast that it
+    /// could not come to rest at the target: a stream that ends makes no overshoot.
+    fn towards(&self, target: &Target, limits: &JointLimits, tick_s: f64) -> Self {
+        let bounds = self.viable(limits, tick_s);
+        let resting = self.acceleration_towards(target.position, bounds, limits, tick_s);
+        let acceleration = match target.velocity {
+            0.0 => resting,
+            velocity => {
+                let seen = Self {
+                    position: self.position - target.reference,
+                    velocity: self.velocity - velocity,
+                    acceleration: self.acceleration,
+                };
+                let following = seen.acceleration_towards(0.0, bounds, limits, tick_s);
+                if velocity > 0.0 { following.min(resting) } else { following.max(resting) }
+            }
+        };
+        self.after(acceleration, tick_s)
+    }
+}
+
+/// Target of a joint, and the reference that moves there at constant velocity; rad or m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Target {
+    position: f64,
+    reference: f64,
+    velocity: f64,
+}
+
+impl Target {
+    fn at(position: f64) -> Self {
+        Self { position, reference: position, velocity: 0.0 }
+    }
+
+    /// The same reference on its way to another position, within a time.
+    fn moved(&self, position: f64, over_s: f64) -> Self {
+        let way = position - self.reference;
+        match over_s > 0.0 && way != 0.0 {
+            true => Self { position, reference: self.reference, velocity: way / over_s },
+            false => Self::at(position),
+        }
+    }
+
+    /// Moves the reference by one tick.
+    fn tick(&mut self, tick_s: f64) {
+        let step = self.velocity * tick_s;
+        if (self.position - self.reference).abs() <= step.abs() {
+            *self = Self::at(self.position);
+        } else {
+            self.reference += step;
+        }
     }
 }
 
 /// Interpolator of all joints of an arm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interpolator {
+    /// Limits in force, with the share of the velocity.
     limits: Vec<JointLimits>,
+    /// Limits at full speed.
+    full: Vec<JointLimits>,
     joints: Vec<JointState>,
-    targets: Vec<f64>,
+    targets: Vec<Target>,
     tick_s: f64,
 }
 
@@ -176,8 +234,9 @@ impl Interpolator {
             && (1e-5..=0.1).contains(&tick_s);
         is_sound.then(|| Self {
             limits: limits.to_vec(),
+            full: limits.to_vec(),
             joints: measured.iter().map(|&position| JointState::at_rest(position)).collect(),
-            targets: measured.to_vec(),
+            targets: measured.iter().copied().map(Target::at).collect(),
             tick_s,
         })
     }
@@ -192,19 +251,37 @@ impl Interpolator {
         self.tick_s
     }
 
-    /// Sets new target positions, which are clamped to the limits. Returns false and changes nothing if their number is
-    /// wrong or one is not finite.
-    pub fn aim(&mut self, targets: &[f64]) -> bool {
-        if targets.len() != self.joints.len() || !targets.iter().all(|target| target.is_finite()) {
+    /// Sets new target positions, which are clamped to the limits; the reference that the joints follow moves there
+    /// within `over_s`, at constant velocity. Returns false and changes nothing if a number is missing or not finite.
+    pub fn aim(&mut self, targets: &[f64], over_s: f64) -> bool {
+        if targets.len() != self.joints.len() || !targets.iter().all(|target| target.is_finite()) || !over_s.is_finite()
+        {
             return false;
         }
-        self.targets = targets.iter().zip(&self.limits).map(|(target, it)| target.clamp(it.lower, it.upper)).collect();
+        for ((target, position), limits) in self.targets.iter_mut().zip(targets).zip(&self.limits) {
+            *target = target.moved(position.clamp(limits.lower, limits.upper), over_s);
+        }
         true
+    }
+
+    /// Limits the velocity to a share of the maximum, for a slow mode. Changes nothing and returns false while a joint
+    /// moves, or unless the share is above 0 and at most 1.
+    pub fn limit_speed(&mut self, share: f64) -> bool {
+        let is_sound = share > 0.0 && share <= 1.0 && self.is_at_rest();
+        if is_sound {
+            self.limits = self.full.iter().map(|limits| limits.slowed(share)).collect();
+        }
+        is_sound
+    }
+
+    /// Positions at which the joints come to rest if they brake now, rad or m.
+    pub fn stop_positions(&self) -> Vec<f64> {
+        self.joints.iter().zip(&self.limits).map(|(joint, limits)| joint.stop_position(limits)).collect()
     }
 
     /// Sets the current positions as targets of all joints; at rest, nothing moves.
     pub fn hold(&mut self) {
-        self.targets = self.joints.iter().map(|joint| joint.position).collect();
+        self.targets = self.joints.iter().map(|joint| Target::at(joint.position)).collect();
     }
 
     /// Sets the setpoints to measured positions at rest, while the arm does not follow setpoints yet. Changes nothing
@@ -212,14 +289,13 @@ impl Interpolator {
     pub fn place(&mut self, measured: &[f64]) {
         if measured.len() == self.joints.len() {
             self.joints = measured.iter().map(|&position| JointState::at_rest(position)).collect();
-            self.targets = measured.to_vec();
+            self.targets = measured.iter().copied().map(Target::at).collect();
         }
     }
 
     /// Brakes to rest with maximum jerk and acceleration, from the next tick on.
     pub fn brake(&mut self) {
-        self.targets =
-            self.joints.iter().zip(&self.limits).map(|(joint, limits)| joint.stop_position(limits)).collect();
+        self.targets = self.stop_positions().into_iter().map(Target::at).collect();
     }
 
     /// True if no joint moves; tolerance 1 µrad/s, for rounding.
@@ -229,9 +305,10 @@ impl Interpolator {
 
     /// Advances by one tick; returns the new setpoints.
     pub fn tick(&mut self) -> &[JointState] {
-        let Self { limits, joints, targets, tick_s } = self;
-        for ((joint, limits), target) in joints.iter_mut().zip(limits.iter()).zip(targets.iter()) {
-            *joint = joint.towards(*target, limits, *tick_s);
+        let Self { limits, joints, targets, tick_s, .. } = self;
+        for ((joint, limits), target) in joints.iter_mut().zip(limits.iter()).zip(targets.iter_mut()) {
+            *joint = joint.towards(target, limits, *tick_s);
+            target.tick(*tick_s);
         }
         &self.joints
     }

@@ -5,6 +5,10 @@ use rand::{Rng, RngExt};
 
 use super::*;
 
+mod connection;
+mod fake;
+mod machine;
+
 const TICK_S: f64 = 1e-3;
 /// Share by which a limit may be exceeded.
 const SLACK: f64 = 1.001;
@@ -33,7 +37,7 @@ fn guard(limits: &[JointLimits], measured: &[f64]) -> (Guard, u64) {
 }
 
 fn command(lease: u64, sequence: u64, positions: Vec<f64>) -> Command {
-    Command { lease, sequence, valid_for_s: 0.1, dead_man: true, positions }
+    Command { lease, sequence, valid_for_s: 0.1, dead_man: true, positions, over_s: 0.0, width_m: None }
 }
 
 #[test]
@@ -62,6 +66,7 @@ fn no_stream_of_targets_violates_a_limit() {
                     }
                     let mut command = command(lease, sequence, positions.clone());
                     command.valid_for_s = [0.1, 0.02, 1.0, f64::NAN, -1.0, 1e9][rng.random_range(0..6)];
+                    command.over_s = [0.0, 0.0, 0.02, 0.1, f64::NAN][rng.random_range(0..5)];
                     command.dead_man = rng.random_bool(0.998);
                     let _ = guard.command(now_s, &command);
                 }
@@ -99,7 +104,9 @@ fn targets_are_reached_as_fast_as_the_limits_allow() {
     for limits in JointLimits::PANDA {
         let (from, to) = (limits.lower + 0.3, limits.upper - 0.3);
         let mut interpolator = Interpolator::new(&[limits], &[from], TICK_S).unwrap();
-        assert!(interpolator.aim(&[to]) && !interpolator.aim(&[f64::NAN]) && !interpolator.aim(&[0.0, 0.0]));
+        assert!(
+            interpolator.aim(&[to], 0.0) && !interpolator.aim(&[f64::NAN], 0.0) && !interpolator.aim(&[0.0, 0.0], 0.0)
+        );
         let mut ticks = 0;
         let mut farthest = f64::MIN;
         while !(interpolator.is_at_rest() && (interpolator.joints()[0].position - to).abs() < 1e-6) {
@@ -112,6 +119,38 @@ fn targets_are_reached_as_fast_as_the_limits_allow() {
         assert!(f64::from(ticks) * TICK_S < fastest_s + 0.02, "{limits:?}: {ticks} ticks, {fastest_s} s");
         // The fastest way switches within ticks: a fifth of a millimetre at the end of an arm of 1 m.
         assert!(farthest < to + 2e-4, "{limits:?}: overshoots to {farthest}");
+    }
+}
+
+#[test]
+fn a_stream_is_followed_smoothly_and_without_overshoot() {
+    for limits in JointLimits::PANDA {
+        let middle = f64::midpoint(limits.lower, limits.upper);
+        let mut interpolator = Interpolator::new(&[limits], &[middle], TICK_S).unwrap();
+        // A quarter of a sine at 60 Hz that ends abruptly, at 0.6 rad/s in the middle of its course.
+        let wanted = |time_s: f64| middle + 0.3 * (1.0 - (2.0 * time_s).cos());
+        let (mut worst, mut roughest) = (0.0_f64, 0.0_f64);
+        let mut before = 0.0;
+        for tick in 0..800 {
+            let now_s = f64::from(tick) * TICK_S;
+            if tick % 16 == 0 {
+                interpolator.aim(&[wanted(now_s)], 0.05);
+            }
+            let joint = interpolator.tick()[0];
+            if tick > 300 {
+                worst = worst.max((joint.position - wanted(now_s - 0.05)).abs());
+                roughest = roughest.max((joint.acceleration - before).abs() / TICK_S);
+            }
+            before = joint.acceleration;
+        }
+        let end = wanted(0.784);
+        let mut farthest = f64::MIN;
+        for _ in 0..400 {
+            farthest = farthest.max(interpolator.tick()[0].position);
+        }
+        assert!(worst < 8e-3, "{limits:?}: {worst} rad off");
+        assert!(farthest < end + 2e-4 && farthest > end - 1e-5, "{limits:?}: {farthest} instead of {end}");
+        assert!(roughest <= limits.jerk * SLACK, "{roughest}");
     }
 }
 

@@ -1,0 +1,150 @@
+//! Arguments of `real`.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+use genmanip_terminal::parse;
+
+/// Subcommands of `real`.
+#[derive(Debug, Subcommand)]
+pub enum RealCommand {
+    /// Simulate an arm with cameras behind a bridge, in real time, with the flaws of a real one
+    #[command(after_help = "Examples:\n  genmanip real simulate\n  \
+                      genmanip real simulate scenario.json --latency-ms 20 --jitter-ms 10 --loss 0.01\n\n\
+                      docs/formats/bridge.md has the protocol, for other programs on either side.")]
+    Simulate(RealSimulateArguments),
+    /// Run a policy on the arm behind a bridge, and record the episode
+    #[command(
+        after_help = "Examples:\n  genmanip real run --policy do_nothing --robot tcp://127.0.0.1:4757 --horizon 5\n  \
+                      genmanip real run --policy learned:folder=policy --robot tcp://127.0.0.1:4757 --dry-run\n  \
+                      genmanip real run --policy openpi:url=ws://127.0.0.1:8000 --robot tcp://127.0.0.1:4757 --slow \\\n    \
+                      --world world.toml --cameras cameras.json --instruction \"put the apple on the plate\" --out real\n\n\
+                      Enter and Ctrl-C stop the arm. docs/guides/from-here-to-your-arm.md has the way to the first motion."
+    )]
+    Run(RealRunArguments),
+}
+
+/// Arguments of `real simulate`.
+#[derive(Debug, Args)]
+pub struct RealSimulateArguments {
+    /// Scenario with objects [default: the world without objects]
+    pub scenario: Option<PathBuf>,
+    /// World of the arm and its cameras: TOML or JSON [default: the built-in one]
+    #[arg(long, value_name = "FILE", conflicts_with = "scenario")]
+    pub world: Option<PathBuf>,
+    #[arg(long, value_name = "NAME", help = genmanip_terminal::robot_help("Robot"))]
+    pub robot: Option<String>,
+    /// Address to listen at; port 0 chooses a free one
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:4757")]
+    pub listen: SocketAddr,
+    /// Mean delay of messages in each direction, ms
+    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = milliseconds)]
+    pub latency_ms: f64,
+    /// Largest deviation from it, ms
+    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = milliseconds)]
+    pub jitter_ms: f64,
+    /// Share of commands and states that are lost
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
+    pub loss: f64,
+    /// Time by which the arm lags behind its setpoints, ms
+    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = milliseconds)]
+    pub lag_ms: f64,
+    /// Standard deviation of measured joint positions, rad
+    #[arg(long, value_name = "RAD", default_value_t = 1e-4, value_parser = share)]
+    pub noise_rad: f64,
+    /// Contact force at which a reflex stops the arm, N; 0 for no reflexes
+    #[arg(long, value_name = "N", default_value_t = 100.0, value_parser = parse::number)]
+    pub reflex_n: f64,
+    /// Largest share of the joints' speed that clients may ask for
+    #[arg(long, value_name = "SHARE", default_value_t = 1.0, value_parser = speed)]
+    pub top_speed: f64,
+    /// Box that the tool must not leave, metres, in the frame of the robot's base
+    #[arg(long, value_name = "X1,Y1,Z1,X2,Y2,Z2", allow_hyphen_values = true, value_parser = corners)]
+    pub workspace: Option<[[f64; 3]; 2]>,
+    /// Seed of noise, delays and losses
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
+    pub seed: u64,
+}
+
+/// Arguments of `real run`.
+#[derive(Debug, Args)]
+pub struct RealRunArguments {
+    /// The policy, with arguments if it takes any
+    #[arg(long, value_name = "NAME[:KEY=VALUE,…]")]
+    pub policy: String,
+    /// Address of the bridge
+    #[arg(long, value_name = "URL", default_value = "tcp://127.0.0.1:4757")]
+    pub robot: String,
+    /// Sources of the images of the world's cameras [default: all come from the bridge]
+    #[arg(long, value_name = "FILE")]
+    pub cameras: Option<PathBuf>,
+    /// World with the robot and its calibrated cameras: TOML or JSON [default: the built-in one]
+    #[arg(long, value_name = "FILE", conflicts_with = "scenario")]
+    pub world: Option<PathBuf>,
+    /// Scenario whose instruction, robot and cameras are used; its objects are not
+    #[arg(long, value_name = "FILE")]
+    pub scenario: Option<PathBuf>,
+    /// Instruction for the policy [default: that of the scenario]
+    #[arg(long, value_name = "TEXT")]
+    pub instruction: Option<String>,
+    /// Time limit, seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = seconds)]
+    pub horizon: f64,
+    /// Check every command and report, but send none: the arm stays still
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Slow mode: a tenth of the joints' speed
+    #[arg(long, conflicts_with = "speed")]
+    pub slow: bool,
+    /// Share of the joints' speed
+    #[arg(long, value_name = "SHARE", default_value_t = 1.0, value_parser = speed)]
+    pub speed: f64,
+    /// Box that the tool must not leave, metres, in the frame of the robot's base
+    #[arg(long, value_name = "X1,Y1,Z1,X2,Y2,Z2", allow_hyphen_values = true, value_parser = corners)]
+    pub workspace: Option<[[f64; 3]; 2]>,
+    /// Run folder to add the episode to, one per task and world [default: nothing is recorded]
+    #[arg(long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
+    /// Recorded images per second of each camera; 0 for none
+    #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u32).range(0..=60))]
+    pub fps: u32,
+    /// Judgement of the episode; asked in a terminal, else the episode is stored as not judged
+    #[arg(long, value_name = "YES|NO", value_parser = ["yes", "no"])]
+    pub success: Option<String>,
+    /// Remarks that are stored with the judgement
+    #[arg(long, value_name = "TEXT", requires = "success")]
+    pub notes: Option<String>,
+    /// Seed of the policy
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
+    pub seed: u64,
+}
+
+fn within(text: &str, least: f64, most: f64) -> Result<f64, String> {
+    let value = text.trim().parse().ok().filter(|value| (least..=most).contains(value));
+    value.ok_or_else(|| format!("expected a number from {least} to {most}"))
+}
+
+fn milliseconds(text: &str) -> Result<f64, String> {
+    within(text, 0.0, 10_000.0)
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    within(text, 0.1, 36_000.0)
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    within(text, 0.0, 1.0)
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    within(text, 0.001, 1.0)
+}
+
+fn corners(text: &str) -> Result<[[f64; 3]; 2], String> {
+    let numbers = text.split(',').map(parse::number).collect::<Result<Vec<_>, _>>()?;
+    match numbers[..] {
+        [x1, y1, z1, x2, y2, z2] => Ok([[x1, y1, z1], [x2, y2, z2]]),
+        _ => Err("expected two corners of a box, X1,Y1,Z1,X2,Y2,Z2".into()),
+    }
+}
