@@ -165,10 +165,16 @@ pub fn measure(arguments: &StrangersArguments, seed: Seed, progress: &dyn Progre
     Ok(measured)
 }
 
-/// True for URDF files of articulated objects, by the file names that PartNet-Mobility and similar collections use.
+/// True for URDF files of objects: by the file names that PartNet-Mobility and similar collections use, or since nothing
+/// moves in them.
 fn is_object(path: &Path) -> bool {
     let named = |names: &[&str]| path.file_name().is_some_and(|name| names.iter().any(|known| name == *known));
+    let is_rigid = |text: &str| {
+        let moves = ["revolute", "continuous", "prismatic"].iter().any(|kind| text.contains(kind));
+        text.contains("<link") && !moves && !text.contains("xacro:")
+    };
     named(&["mobility.urdf", "model.urdf"])
+        || files::read(path, limits::ROBOT).is_ok_and(|bytes| is_rigid(&String::from_utf8_lossy(&bytes)))
 }
 
 fn list(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> Result<(), LabError> {
