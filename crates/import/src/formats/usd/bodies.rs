@@ -368,6 +368,8 @@ impl Reader<'_, '_> {
             body.held.mass = mass::of_body(&body.stated, &body.colliders, &body.held.collision, body.origin);
             body.held.friction = body.friction.map(|[_, most]| most);
             if let Some([least, most]) = body.friction.filter(|[least, most]| least < most) {
+                // In the stage's precision.
+                let [least, most] = [least as f32, most as f32];
                 let name =
                     if body.path.is_empty() { "what is fixed to the world".into() } else { shortened(&body.path) };
                 self.notes
