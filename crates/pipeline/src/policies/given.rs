@@ -31,13 +31,13 @@ impl Given {
                 continue;
             }
             let Some((key, value)) = part.split_once('=') else {
-                return Err(WorkspaceError::input(format!("`{part}` is no argument of policy {}", policy))
-                    .with_hint(format!("expected {}:key=value,key=value", policy)));
+                return Err(WorkspaceError::input(format!("`{part}` is no argument of policy {policy}"))
+                    .with_hint(format!("expected {policy}:key=value,key=value")));
             };
             let known: Vec<&str> = arguments.iter().map(|argument| argument.name).collect();
             if known.is_empty() {
-                return Err(WorkspaceError::input(format!("policy {} takes no arguments, not even `{key}`", policy))
-                    .with_hint(format!("expected {} alone", policy)));
+                return Err(WorkspaceError::input(format!("policy {policy} takes no arguments, not even `{key}`"))
+                    .with_hint(format!("expected {policy} alone")));
             }
             let Some(slot) = given.values.iter_mut().find(|(name, ..)| *name == key) else {
                 return Err(WorkspaceError::unknown("policy argument", "arguments", key, &known));
