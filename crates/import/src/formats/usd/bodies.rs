@@ -35,7 +35,7 @@ const SILENT: [&str; 12] = [
     "SkelAnimation",
 ];
 /// Applied API schemas that are read or contribute nothing to an object, so that no note lists them.
-const KNOWN_SCHEMAS: [&str; 16] = [
+const KNOWN_SCHEMAS: [&str; 17] = [
     "PhysicsRigidBodyAPI",
     "PhysicsMassAPI",
     "PhysicsCollisionAPI",
@@ -52,6 +52,7 @@ const KNOWN_SCHEMAS: [&str; 16] = [
     "NodeDefAPI",
     "AssetPreviewsAPI",
     "VisibilityAPI",
+    "CollectionAPI",
 ];
 
 /// A rigid body, in the world frame.
