@@ -291,7 +291,7 @@ class Maker:
 
 
 def check(scene: Path, scenario: dict) -> None:
-    """Poses, bodies, masses and textures of an exported scenario, by Pixar's library."""
+    """Poses, bodies, masses, cameras and textures of an exported scenario, by Pixar's library."""
     stage = Usd.Stage.Open(str(scene))
     assert not stage.GetCompositionErrors()
     assert UsdGeom.GetStageMetersPerUnit(stage) == 1 and UsdGeom.GetStageUpAxis(stage) == "Z"
@@ -325,6 +325,18 @@ def check(scene: Path, scenario: dict) -> None:
         rest = [*moved[1:], *turned[1:]] + ([moved[0]] if kind != "PhysicsPrismaticJoint" else [])
         rest += [turned[0]] if kind != "PhysicsRevoluteJoint" else []
         assert max(map(abs, rest)) < 1e-5, (joint.GetPath(), moved, turned)
+    cameras = {p.GetName(): p for p in stage.Traverse() if p.IsA(UsdGeom.Camera)}
+    for camera in scenario["world"]["cameras"]:
+        seen = camera["intrinsics"]
+        window = UsdGeom.Camera(cameras[camera["name"]]).GetCamera(Usd.TimeCode.Default()).frustum.window
+        wanted = [
+            (-0.5 - seen["cx"]) / seen["fx"],
+            (seen["cy"] - seen["height"] + 0.5) / seen["fy"],
+            (seen["width"] - 0.5 - seen["cx"]) / seen["fx"],
+            (seen["cy"] + 0.5) / seen["fy"],
+        ]
+        off = np.abs(np.array([*window.min, *window.max]) - wanted).max()
+        assert off < 1e-6, (camera["name"], off)
     for prim in stage.Traverse():
         if (asset := prim.GetAttribute("inputs:file").Get()) is not None:
             assert asset.resolvedPath, asset

@@ -4,6 +4,7 @@ import { render } from "preact";
 import { App } from "./panels/App.tsx";
 import { restored } from "./logic/outbox.ts";
 import { connect, loadScenarios, open } from "./state/connection.ts";
+import { openEpisode } from "./state/playback.ts";
 import { listen as listenToQuestions } from "./state/questions.ts";
 import { session } from "./state/requests.ts";
 import { author, keepEntries, notify, openKey, scenarios, scene, storedEntries, version, waiting } from "./state/store.ts";
@@ -50,12 +51,26 @@ async function start(): Promise<void> {
   openKey.subscribe((key) => key && history.replaceState(null, "", `#${encodeURIComponent(key)}`));
 }
 
-/** The scenario that the address names, else the first. */
+/** The scenario that the address names, and its episode after a slash; else the first scenario. */
 function openFirst(): void {
-  const named = decodeURIComponent(location.hash.slice(1));
+  const [named = "", episode = ""] = location.hash.slice(1).split("/").map(decodeURIComponent);
   const rows = scenarios.value ?? [];
   const key = rows.find((row) => row.key === named)?.key ?? openKey.value ?? rows[0]?.key;
   if (key) open(key);
+  if (key === named && episode) playOnceShown(key, episode);
+}
+
+function playOnceShown(key: string, episode: string): void {
+  let isFound = false;
+  const stop = scene.subscribe((shown) => {
+    if (isFound || shown?.key !== key) return;
+    isFound = true;
+    // Later, since a newly shown scenario closes the episode of the one before.
+    queueMicrotask(() => {
+      stop();
+      void openEpisode(episode);
+    });
+  });
 }
 
 void start();

@@ -631,6 +631,11 @@ withMock("a run is cancelled, and kept episodes are opened from the list", async
   await page.waitForSelector(".timeline");
   const address = await page.getAttribute("a:has-text('Transcript')", "href");
   assert.equal((await page.request.get(new URL(address, page.url()).href)).status(), 200);
+  // An address with an episode opens it.
+  const [, key, episode] = /scenarios\/([^/]+)\/episodes\/([^/]+)\//.exec(address);
+  const direct = await openPage(`${server.url}#${key}/${episode}`);
+  await direct.waitForSelector(".timeline");
+  await direct.context().close();
   // Another scenario closes the episode.
   await page.keyboard.press("j");
   await page.waitForSelector(".timeline", { state: "detached" });

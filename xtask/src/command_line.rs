@@ -25,7 +25,7 @@ pub const PHASES: [&str; 14] = [
 pub const OPT_IN: [&str; 1] = ["bytes"];
 
 /// Options of `cargo xtask test`, each of which is a test of its own.
-const OPTIONS: [&str; 5] = ["--packs", "--interop", "--cluster", "--s3", "--train"];
+const OPTIONS: [&str; 6] = ["--packs", "--interop", "--cluster", "--s3", "--train", "--models"];
 
 /// Words that may follow `cargo xtask test`.
 pub fn test_words() -> Vec<&'static str> {
@@ -48,6 +48,7 @@ Usage: cargo xtask SUBCOMMAND
   test --cluster   collect on a Slurm of two nodes on this machine and lose one (needs its packages; not part of CI)
   test --s3        push and pull a folder through a real S3 server that fails (builds one; not part of CI)
   test --train     train `reach` with Stable-Baselines3 (downloads 3 GB, then takes ten minutes; not part of CI)
+  test --models    ask a small language model and a grasp network (downloads 180 MB, then minutes; not part of CI)
   fuzz             list the readers that mutated inputs can be fed to
   fuzz TARGET [--minutes N] [--seed S]   feed one of them for N minutes of CPU time, save what breaks it
   tidy             check the rules that the compiler does not know

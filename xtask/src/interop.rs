@@ -8,7 +8,7 @@ mod usd;
 use crate::problem::{OnPath, Problem, Result};
 use crate::process::{self, Workspace};
 use crate::{docs, wheel};
-pub use environment::environment;
+pub use environment::{environment, hashed_environment};
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Stdio};

@@ -23,6 +23,7 @@ mod fuzz;
 mod install;
 mod interop;
 mod markdown;
+mod models;
 mod mujoco;
 mod offline;
 mod packs;
@@ -64,6 +65,7 @@ fn run(args: &[String]) -> Result {
         Some("test") if rest == ["--cluster"] => cluster::run(&workspace),
         Some("test") if rest == ["--s3"] => s3::run(&workspace),
         Some("test") if rest == ["--train"] => train::run(&workspace),
+        Some("test") if rest == ["--models"] => models::run(&workspace),
         Some("test") if rest == ["--interop"] => interop::run(&workspace),
         Some("test") => test::run(&workspace, rest),
         Some("tidy") => tidy::run(&workspace.root, rest),

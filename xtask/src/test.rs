@@ -1,4 +1,6 @@
 //! `cargo xtask test`: everything CI runs, cheapest first, stopping at the first failure, with the time of each phase.
+//!
+//! The phase [`BESIDE`] runs at the same time as those between it and the tests.
 
 use crate::command_line::{OPT_IN, PHASES};
 use crate::features::ALL;
@@ -7,7 +9,11 @@ use crate::process::{self, Workspace};
 use crate::{docs, features, setup, tidy, web, wheel};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
+
+/// Phase that mostly waits for a browser; the tests, which use all cores, wait for it.
+const BESIDE: &str = "web";
 
 /// Result of a phase that did not fail.
 enum Outcome {
@@ -49,29 +55,74 @@ pub fn run(workspace: &Workspace, chosen: &[String]) -> Result {
             hint: format!("without a name all phases run but {}", OPT_IN.join(", ")),
         });
     }
-    let mut table = Vec::new();
-    let mut result = Ok(());
+    let (mut table, mut result, mut beside) = (Vec::new(), Ok(()), None);
     let is_chosen = |name: &&str| match chosen {
         [] => !OPT_IN.contains(name),
         _ => chosen.iter().any(|one| one == name),
     };
-    for name in PHASES.into_iter().filter(is_chosen) {
-        eprintln!("\n== {name}");
-        let start = Instant::now();
-        let outcome = phase(name, workspace);
+    let mut end = |name: &'static str, time: Duration, outcome: Result<Outcome>| {
         let said = match &outcome {
             Ok(Outcome::Passed(note)) => note.clone(),
             Ok(Outcome::Skipped(reason)) => format!("skipped: {reason}"),
             Err(_) => "FAILED".into(),
         };
-        table.push((name, start.elapsed(), said));
-        if let Err(problem) = outcome {
-            result = Err(Problem { what: format!("phase `{name}`: {}", problem.what), ..problem });
+        table.push((name, time, said));
+        outcome.map(drop).map_err(|problem| Problem { what: format!("phase `{name}`: {}", problem.what), ..problem })
+    };
+    let phases: Vec<&str> = PHASES.into_iter().filter(is_chosen).collect();
+    let start = Instant::now();
+    for &name in &phases {
+        if name == BESIDE && phases.len() > 1 {
+            beside = Some(start_beside(workspace)?);
+            continue;
+        }
+        if name == "test" {
+            result = beside.take().map_or(Ok(()), |running| finish_beside(running, &mut end));
+        }
+        if result.is_ok() {
+            eprintln!("\n== {name}");
+            let start = Instant::now();
+            let outcome = phase(name, workspace);
+            result = end(name, start.elapsed(), outcome);
+        }
+        if result.is_err() {
             break;
         }
     }
-    println!("\n{}", render(&table));
-    result
+    let late = beside.map_or(Ok(()), |running| finish_beside(running, &mut end));
+    println!("\n{}", render(&table, start.elapsed()));
+    result.and(late)
+}
+
+/// A phase in a process of its own: its time and its outcome, with its output.
+type Beside = JoinHandle<(Duration, std::io::Result<std::process::Output>)>;
+
+fn start_beside(workspace: &Workspace) -> Result<Beside> {
+    eprintln!("\n== {BESIDE} (beside the next phases; its output comes at its end)");
+    let xtask = std::env::current_exe().map_err(|error| process::cannot_start("xtask", &error))?;
+    let mut command = workspace.command(xtask);
+    command.args(["test", BESIDE]).stdin(Stdio::null());
+    Ok(thread::spawn(move || {
+        let start = Instant::now();
+        let output = command.output();
+        (start.elapsed(), output)
+    }))
+}
+
+fn finish_beside(running: Beside, end: &mut impl FnMut(&'static str, Duration, Result<Outcome>) -> Result) -> Result {
+    let (time, output) = running.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    let output = output.map_err(|error| process::cannot_start("xtask", &error))?;
+    eprintln!("\n== {BESIDE}\n{}", String::from_utf8_lossy(&output.stderr));
+    let printed = String::from_utf8_lossy(&output.stdout);
+    println!("{printed}");
+    let outcome = if output.status.success() {
+        // The row of its own table, without name and time.
+        let row = printed.lines().rfind(|line| line.starts_with(BESIDE)).unwrap_or_default();
+        Ok(Outcome::Passed(row.split_whitespace().skip(2).collect::<Vec<_>>().join(" ")))
+    } else {
+        Err(process::failed(&format!("xtask test {BESIDE}"), &output.status.to_string(), ""))
+    };
+    end(BESIDE, time, outcome)
 }
 
 fn passed() -> Outcome {
@@ -253,12 +304,12 @@ impl Tally {
     }
 }
 
-fn render(table: &[(&str, Duration, String)]) -> String {
+/// Table of phases and the time of all, which is less than their sum where some ran at the same time.
+fn render(table: &[(&str, Duration, String)], total: Duration) -> String {
     let mut text = format!("{:<12} {:>8}  result\n", "phase", "seconds");
     for (name, time, said) in table {
         text += &format!("{name:<12} {:>8.1}  {said}\n", time.as_secs_f64());
     }
-    let total: Duration = table.iter().map(|(_, time, _)| *time).sum();
     text + &format!("{:<12} {:>8.1}", "total", total.as_secs_f64())
 }
 
@@ -282,6 +333,9 @@ mod tests {
     #[test]
     fn the_table_names_phase_time_and_result() {
         let table = [("fmt", Duration::from_millis(1250), "ok".to_owned())];
-        assert_eq!(render(&table), "phase         seconds  result\nfmt               1.2  ok\ntotal             1.2");
+        assert_eq!(
+            render(&table, Duration::from_millis(1250)),
+            "phase         seconds  result\nfmt               1.2  ok\ntotal             1.2"
+        );
     }
 }

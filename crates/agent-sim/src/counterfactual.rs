@@ -14,9 +14,10 @@ use super::{GroundTruthFeed, Oracle};
 
 /// Episode to be resumed with one corrected answer.
 pub struct Counterfactual {
-    /// Index, from 0, of the turn before which the episode resumes.
+    /// Index, from 0, of the agent's turn (call of `Policy::act`) at which the episode resumes.
     pub turn: usize,
-    /// Agent as it was before that turn; it replays the answers before the blamed one.
+    /// Policy with the agent as it was before that turn. It replays the recorded answers before the blamed one; for the
+    /// class `GraspProposal`, the blamed one too.
     pub policy: GroundTruthFeed,
     is_same: Arc<AtomicBool>,
 }
@@ -29,8 +30,9 @@ impl Counterfactual {
 }
 
 impl MadeAgent {
-    /// Counterfactual episode from the turn of the blamed answer on: that answer comes from the oracle, later answers
-    /// from `then`, and grasps from `source`. `None` if no answer is to blame or no snapshot was kept.
+    /// Counterfactual episode from the turn of the blamed answer on: that answer comes from the oracle (for the
+    /// class `GraspProposal` it stays as recorded), later answers from `then`, and grasps from `source`. `None` if no
+    /// question is blamed, or the agent has no ground truth or no snapshots.
     pub fn corrected(
         &self,
         blamed: &AgentFailure,

@@ -29,7 +29,8 @@ pub struct EpisodeJudgements {
     pub judgements: Vec<AnswerJudgement>,
     /// Text of every answer, by the number of its question.
     pub answers: BTreeMap<usize, String>,
-    /// Index of each placed object, by the number of the question that chose its target.
+    /// Index of the object to be placed, by the number of the question that asked for its target; entered when the
+    /// answer arrives, before any motion.
     pub sent: BTreeMap<usize, usize>,
     /// Goal relation of each placement of an object that has to move, and the relation to the same reference that the
     /// chosen target achieves; `None` if no relation holds there.
@@ -40,7 +41,7 @@ pub struct EpisodeJudgements {
 }
 
 impl EpisodeJudgements {
-    /// Indices of the objects placed since the latest decomposition.
+    /// Indices of the objects whose target was asked for since the latest decomposition.
     fn sent_last(&self) -> impl Iterator<Item = usize> + '_ {
         let split = self.judgements.iter().rev().find(|judgement| judgement.stage == AgentStage::Decompose);
         self.sent.range(split.map_or(0, |split| split.ask)..).map(|(_, &object)| object)

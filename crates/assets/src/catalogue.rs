@@ -2,10 +2,11 @@
 
 use std::borrow::Borrow;
 use std::collections::{BTreeMap, HashMap};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use genmanip_core::{AssetHashes, AssetRef, AssetUid, ObjectCard, ObjectModel, Seed};
 
+use crate::built_models::BuiltModels;
 use crate::data_file::read;
 use crate::imported;
 use crate::instances::generated_instances;
@@ -23,15 +24,18 @@ const RECORDS: &str = include_str!("../data/catalog.json");
 /// Name of the catalogue's built-in data file in error messages.
 const FILE: &str = "records";
 
-/// Catalogue of objects by uid. Models are built on first use and cached; the hash maps are never iterated.
+/// Catalogue of objects by uid. Models are built on first use and stay in memory while they are held or among the last
+/// used ones; the hash maps are never iterated.
 #[derive(Debug)]
 pub struct Catalogue {
     cards: Vec<ObjectCard>,
     recipes: BTreeMap<AssetUid, Recipe>,
-    models: Mutex<BTreeMap<AssetUid, Arc<ObjectModel>>>,
-    generated: Mutex<HashMap<AssetRef, Arc<ObjectModel>>>,
+    models: Mutex<BuiltModels>,
+    /// Models that are rendered with their full-resolution meshes.
+    full_mesh_models: Mutex<BuiltModels>,
     hashes: Mutex<HashMap<AssetRef, AssetHashes>>,
-    measured: Mutex<HashMap<AssetRef, (Arc<ObjectModel>, String)>>,
+    /// Appearance hashes of [`Self::full_mesh_models`].
+    full_mesh_looks: Mutex<HashMap<AssetRef, String>>,
 }
 
 /// Names of the catalogues, as [`Catalogue::named`] takes them.
@@ -146,9 +150,9 @@ impl Catalogue {
             cards,
             recipes,
             models: Mutex::default(),
-            generated: Mutex::default(),
+            full_mesh_models: Mutex::default(),
             hashes: Mutex::default(),
-            measured: Mutex::default(),
+            full_mesh_looks: Mutex::default(),
         })
     }
 
@@ -165,7 +169,7 @@ impl Catalogue {
         self.cards.iter().find(|card| card.uid == *uid.as_ref())
     }
 
-    /// Model of an object by uid; the same `Arc` every time.
+    /// Model of an object by uid; the same `Arc` as long as one is held.
     ///
     /// # Errors
     /// [`AssetError::UnknownUid`], [`AssetError::NotYetGenerated`], or an error of generating or loading the object.
@@ -182,9 +186,7 @@ impl Catalogue {
             name: card.name.clone(),
             missing: self.without_recipe(),
         })?;
-        let mut models = self.models.lock().unwrap_or_else(PoisonError::into_inner);
-        let model = models.entry(card.uid.clone()).or_insert_with(|| Arc::new(recipe.build(card, seed_of(&card.uid))));
-        Ok(Arc::clone(model))
+        built(&self.models, &card.asset, || Ok(recipe.build(card, seed_of(&card.uid))))
     }
 
     /// Generates an object of a family, or a [`variant`] of a built-in object if the only parameter is `of`, its uid.
@@ -275,40 +277,48 @@ impl AssetSource for Catalogue {
         match asset {
             AssetRef::Builtin { uid, .. } => self.build(uid),
             AssetRef::Generated { family, params, seed, version } => {
-                let mut generated = self.generated.lock().unwrap_or_else(PoisonError::into_inner);
-                if let Some(model) = generated.get(asset) {
-                    return Ok(Arc::clone(model));
-                }
-                let model = Arc::new(self.generate(family, *version, params, *seed)?);
-                generated.insert(asset.clone(), Arc::clone(&model));
-                Ok(model)
+                built(&self.models, asset, || self.generate(family, *version, params, *seed))
             }
-            AssetRef::Imported { hash } => match imported::source() {
+            AssetRef::Imported { .. } => match imported::source() {
                 Some(source) => source.model(asset),
-                None => Err(AssetError::NotImported { hash: hash.clone() }),
+                None => Err(AssetError::NotImported { asset: asset.clone() }),
             },
         }
     }
 
     fn hashes(&self, asset: &AssetRef) -> Result<AssetHashes, AssetError> {
-        if let Some(hashes) = self.hashes.lock().unwrap_or_else(PoisonError::into_inner).get(asset) {
+        if let Some(hashes) = locked(&self.hashes).get(asset) {
             return Ok(hashes.clone());
         }
         let hashes = self.model(asset)?.hashes();
-        self.hashes.lock().unwrap_or_else(PoisonError::into_inner).insert(asset.clone(), hashes.clone());
+        locked(&self.hashes).insert(asset.clone(), hashes.clone());
         Ok(hashes)
     }
 
     fn full_mesh_model(&self, asset: &AssetRef) -> Result<(Arc<ObjectModel>, String), AssetError> {
-        let known = || self.measured.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(made) = known().get(asset) {
-            return Ok(made.clone());
-        }
-        let model = self.model(asset)?.with_full_meshes();
-        let looks = model.looks_hash();
-        // If two threads built the same model concurrently, both return the one that was inserted first.
-        Ok(known().entry(asset.clone()).or_insert((Arc::new(model), looks)).clone())
+        let model = built(&self.full_mesh_models, asset, || Ok(self.model(asset)?.with_full_meshes()))?;
+        let looks = || model.looks_hash();
+        let looks = locked(&self.full_mesh_looks).entry(asset.clone()).or_insert_with(looks).clone();
+        Ok((model, looks))
     }
+}
+
+/// Model from the built ones, or built now. No lock is held meanwhile, since a variant asks for its base.
+fn built(
+    models: &Mutex<BuiltModels>,
+    asset: &AssetRef,
+    build: impl FnOnce() -> Result<ObjectModel, AssetError>,
+) -> Result<Arc<ObjectModel>, AssetError> {
+    if let Some(model) = locked(models).get(asset) {
+        return Ok(model);
+    }
+    let model = build()?;
+    Ok(locked(models).add(asset, model))
+}
+
+/// A panic of another thread leaves these values consistent, so a poisoned lock is used.
+fn locked<T>(value: &Mutex<T>) -> MutexGuard<'_, T> {
+    value.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Returns an error for the first part that cannot be built.

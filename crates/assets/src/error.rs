@@ -82,10 +82,10 @@ pub enum AssetError {
         reason: String,
     },
     /// No opened pack contains the object.
-    #[error("no open pack contains the imported object {hash}; open packs with --packs DIR, or import its files again")]
+    #[error("no open pack contains the object {asset}; open packs with --packs DIR, or import its files again")]
     NotImported {
-        /// Hash in the object's reference.
-        hash: String,
+        /// The object.
+        asset: AssetRef,
     },
     /// The grasps were tried with different physics than this version produces.
     #[error(

@@ -18,6 +18,7 @@
 //! # Ok::<(), genmanip_assets::AssetError>(())
 //! ```
 
+mod built_models;
 mod catalogue;
 mod color;
 mod data_file;

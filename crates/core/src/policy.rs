@@ -154,8 +154,9 @@ pub enum PolicyError {
     /// The episode is not run, does not count as a failure and is retried.
     #[error("{0}")]
     Mistake(String),
-    /// The policy's endpoint is unreachable: the episode is not run, does not count as a failure and is retried.
-    #[error("policy cannot be reached: {0}")]
+    /// The policy's endpoint, or a service that it asks, does not answer or answers wrongly, as the text says: the episode
+    /// is not run, does not count as a failure and is retried.
+    #[error("{0}")]
     Unreachable(String),
     /// A fault of the machine, e.g. a full disk: the run stops, and nothing counts as a failure of the policy.
     #[error("{0}")]

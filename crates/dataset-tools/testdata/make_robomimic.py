@@ -46,6 +46,25 @@ def main() -> None:
         obs.create_dataset("robot0_eef_quat", data=np.ones((3, 4)))
         obs.create_dataset("robot0_gripper_qpos", data=np.ones((3, 2)))
         obs.create_dataset("object", data=np.arange(30).reshape(3, 10) / 10)
+    # Integers that no double holds, of several widths, and numbers that nothing in a LeRobotDataset holds.
+    stamps = np.array([2**53 + 1, -(2**62) - 1, 2**63 - 1])
+    observed = {
+        "integers": {
+            "stamp": stamps,
+            "unsigned": stamps.astype(np.uint64) % 2**63,
+            "big_endian": stamps.astype(">i8"),
+            "short": np.array([-300, 0, 300], np.int16),
+            "byte": np.array([0, 127, 255], np.uint8),
+        },
+        "unsigned": {"stamp": np.array([[0, 1], [2, 2**63], [3, 4]], np.uint64)},
+        "double": {"force": np.array([0.0, -1e39, 1.0])},
+    }
+    for name, columns in observed.items():
+        with h5py.File(folder / f"{name}.hdf5", "w") as file:
+            demo = file.create_group("data/demo_0")
+            demo.create_dataset("actions", data=np.arange(3, dtype=np.float32)[:, None])
+            for key, values in columns.items():
+                demo.create_dataset(f"obs/{key}", data=values)
 
 
 main()

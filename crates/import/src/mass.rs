@@ -40,16 +40,13 @@ pub fn masses(
         let uniform = moments(bodies[index]);
         let name = if links.len() == 1 { "mass".to_owned() } else { format!("mass of {}", link.name) };
         let guessed = (total * volumes[index] / whole).clamp(MASS_KG[0], MASS_KG[1]);
-        let (mass_kg, because) = match (&link.mass, link.density) {
+        let (mass_kg, because) = match (&link.mass, prior) {
             (Some(mass), _) if (MASS_KG[0]..=MASS_KG[1]).contains(&mass.mass_kg) => (mass.mass_kg, None),
-            (None, Some(density)) if (MASS_KG[0]..=MASS_KG[1]).contains(&(density * volumes[index])) => {
-                (density * volumes[index], Some(format!("density of {density} kg/m³ from the files")))
-            }
             (Some(mass), _) => (guessed, Some(format!("the files' {} kg are implausible", mass.mass_kg))),
-            _ => match prior {
-                Some(prior) => (guessed, Some(format!("a {} usually weighs {:.3} kg", prior.category, prior.mass_kg))),
-                None => (guessed, Some(format!("{DENSITY} kg/m³, the average of household objects"))),
-            },
+            (None, Some(prior)) => {
+                (guessed, Some(format!("a {} usually weighs {:.3} kg", prior.category, prior.mass_kg)))
+            }
+            (None, None) => (guessed, Some(format!("{DENSITY} kg/m³, the average of household objects"))),
         };
         guesses.extend(because.map(|because| Guess::new(name.clone(), format!("{mass_kg:.3} kg"), because)));
         let uniform = uniform.with_mass(mass_kg);
@@ -102,7 +99,8 @@ fn moments(pieces: &[Piece]) -> Moments {
     Moments::sum(each.iter())
 }
 
-fn of_piece(piece: &Piece) -> Option<Moments> {
+/// Moments of a piece in the link's frame; `None` for a hull without volume.
+pub fn of_piece(piece: &Piece) -> Option<Moments> {
     let pose = piece.link_from_piece;
     let ellipsoid = |radii: DVec3| {
         let volume = piece_volume(piece);

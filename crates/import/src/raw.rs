@@ -62,8 +62,6 @@ pub struct RawLink {
     pub collision: Vec<RawCollision>,
     /// Mass properties in the link's frame; `None` if unspecified.
     pub mass: Option<MassProperties>,
-    /// Density of the collision geometry, kg/m³; `None` if unspecified.
-    pub density: Option<f64>,
     /// Sliding friction coefficient; `None` if unspecified.
     pub friction: Option<f64>,
 }

@@ -214,6 +214,25 @@ impl ChatError {
         )
     }
 
+    /// Advice for fixing the error of a service of masks or grasps, whose URL is given without a settings file.
+    pub fn service_hint(&self) -> &'static str {
+        match self {
+            Self::Unreachable { .. } => "start the server, check the network, or correct the address",
+            Self::Timeout { .. } => "choose a faster model or machine",
+            Self::Status { status: 300..=399, .. } => "give the address that it redirects to",
+            Self::Status { status: 401 | 403, .. } => "services are asked without a key",
+            Self::Status { status: 404 | 405, .. } => {
+                "give the whole address of requests, such as http://127.0.0.1:8091/segment"
+            }
+            Self::Status { status: 400 | 413 | 422, .. } | Self::NotJson { .. } | Self::NotACompletion { .. } => {
+                "docs/guides/services.md describes requests and answers"
+            }
+            Self::TooLarge { .. } => "docs/guides/services.md describes the answer",
+            Self::GaveUp { last, .. } => last.service_hint(),
+            other => other.hint(),
+        }
+    }
+
     /// Advice for fixing the error.
     pub fn hint(&self) -> &'static str {
         match self {

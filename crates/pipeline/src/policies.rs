@@ -4,11 +4,11 @@
 //! is added as an entry of [`POLICIES`].
 
 mod arguments;
+mod given;
 mod label;
 mod watched;
 
 use std::fmt;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use genmanip_agent::ask::QuestionKind;
@@ -29,6 +29,7 @@ use genmanip_workspace::WorkspaceError;
 
 pub use arguments::PolicyArgument;
 use arguments::{AGENT_ARGUMENTS, LEARNED_ARGUMENTS, OPENPI_ARGUMENTS, PYTHON_ARGUMENTS, VLA_EVAL_ARGUMENTS};
+use given::Given;
 pub use label::InLabel;
 pub(crate) use label::label;
 use label::{MAX_LABEL, fits};
@@ -138,28 +139,20 @@ pub const POLICIES: [PolicyEntry; 12] = [
 ];
 
 fn expert(_given: &Given) -> Result<Prepared, WorkspaceError> {
-    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
-        Ok(Box::new(expert_of(episode)?))
-    }))
+    Ok(Prepared::of(expert_of))
 }
 
 fn random(given: &Given) -> Result<Prepared, WorkspaceError> {
     let duration_s = given.number("seconds", 0.0..=600.0)?;
-    Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
-        Ok(Box::new(RandomActions::new(episode.stage, duration_s)))
-    }))
+    Ok(Prepared::of(move |episode| Ok(RandomActions::new(episode.stage, duration_s))))
 }
 
 fn blind(_given: &Given) -> Result<Prepared, WorkspaceError> {
-    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
-        Ok(Box::new(Blind::new(episode.stage, expert_of(episode)?)))
-    }))
+    Ok(Prepared::of(|episode| Ok(Blind::new(episode.stage, expert_of(episode)?))))
 }
 
 fn clumsy(_given: &Given) -> Result<Prepared, WorkspaceError> {
-    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
-        Ok(Box::new(Clumsy::new(episode.stage, expert_of(episode)?)))
-    }))
+    Ok(Prepared::of(|episode| Ok(Clumsy::new(episode.stage, expert_of(episode)?))))
 }
 
 fn expert_of(episode: &PolicyContext) -> Result<Expert, WorkspaceError> {
@@ -168,12 +161,12 @@ fn expert_of(episode: &PolicyContext) -> Result<Expert, WorkspaceError> {
 }
 
 fn replay(_given: &Given) -> Result<Prepared, WorkspaceError> {
-    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
+    Ok(Prepared::of(|episode| {
         let recorded = episode.recorded.ok_or_else(|| {
             WorkspaceError::input(format!("nothing was recorded on scenario {}", episode.stage.scenario.id))
                 .with_hint("the policy replay needs stored episodes, as `genmanip collect` makes them")
         })?;
-        Ok(Box::new(OpenLoop::replay(recorded)))
+        Ok(OpenLoop::replay(recorded))
     }))
 }
 
@@ -188,14 +181,14 @@ fn playback(given: &Given) -> Result<Prepared, WorkspaceError> {
             .with_hint("name a dataset that `genmanip export --to lerobot` or `collect` wrote")
     };
     let dataset = LerobotDataset::open(&folder).map_err(unreadable)?;
-    let prepared = Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
+    let prepared = Prepared::of(move |episode| {
         let (contract, scenario) = (dataset.contract(), &episode.stage.scenario.id);
         check_robot(&contract.robot, episode.stage)?;
         let not_run = |reason| WorkspaceError::Unreachable { policy: "playback".into(), reason };
         let rows = dataset.episodes().iter().find(|row| row.scenario_id == *scenario);
         let rows = rows.ok_or_else(|| not_run(format!("the dataset has no episode of scenario {scenario}")))?;
         let actions = dataset.actions(rows).map_err(|error| not_run(error.to_string()))?;
-        Ok(Box::new(OpenLoop::playback(contract, actions)))
+        Ok(OpenLoop::playback(contract, actions))
     });
     Ok(Prepared { is_recorded: true, ..prepared })
 }
@@ -212,9 +205,7 @@ fn learned(given: &Given) -> Result<Prepared, WorkspaceError> {
 
 fn do_nothing(given: &Given) -> Result<Prepared, WorkspaceError> {
     let duration_s = given.number("seconds", 0.0..=600.0)?;
-    Ok(Prepared::new(move |_: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
-        Ok(Box::new(DoNothing { duration_s }))
-    }))
+    Ok(Prepared::of(move |_| Ok(DoNothing { duration_s })))
 }
 
 fn agent(given: &Given) -> Result<Prepared, WorkspaceError> {
@@ -252,10 +243,10 @@ fn agent(given: &Given) -> Result<Prepared, WorkspaceError> {
         ModelChoice::Oracle | ModelChoice::Random | ModelChoice::Recorded => None,
     };
     let is_recorded = matches!(choice.model, ModelChoice::Recorded);
-    let prepared = Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
+    let prepared = Prepared::of(move |episode| {
         let made = choice.make(episode.stage, episode.planner, episode.grasps, episode.cores)?;
         let folder = transcripts.as_ref().map(|folder| folder.join(&episode.stage.scenario.id));
-        Ok(Box::new(made.transcribing(folder)))
+        Ok(made.transcribing(folder))
     });
     Ok(Prepared { account, is_recorded, ..prepared })
 }
@@ -269,10 +260,8 @@ fn openpi(given: &Given) -> Result<Prepared, WorkspaceError> {
         execute: given.text("execute"),
         timeout_s: given.number("timeout_s", 0.1..=remote::MAX_WAIT_S)?,
     })?;
-    Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
-        server.policy(episode.stage, episode.cores)
-    })
-    .never_finishing())
+    let make = move |episode: &PolicyContext| server.policy(episode.stage, episode.cores);
+    Ok(Prepared::new(make).never_finishing())
 }
 
 fn vla_eval(given: &Given) -> Result<Prepared, WorkspaceError> {
@@ -341,6 +330,12 @@ struct Prepared {
 impl Prepared {
     fn new(make: impl Fn(&PolicyContext) -> Result<Box<dyn Policy>, WorkspaceError> + Send + Sync + 'static) -> Self {
         Self { make: Box::new(make), account: None, never_finishes: false, is_recorded: false }
+    }
+
+    fn of<P: Policy + 'static>(
+        make: impl Fn(&PolicyContext) -> Result<P, WorkspaceError> + Send + Sync + 'static,
+    ) -> Self {
+        Self::new(move |episode| Ok(Box::new(make(episode)?)))
     }
 
     fn never_finishing(self) -> Self {
@@ -498,88 +493,6 @@ pub fn describe() -> String {
         }
     }
     text
-}
-
-/// Arguments of a policy: the given ones, and defaults for the others.
-struct Given {
-    policy: &'static str,
-    arguments: &'static [PolicyArgument],
-    /// Name, value, and true if it differs from the default; in the order of the entry's arguments.
-    values: Vec<(&'static str, String, bool)>,
-}
-
-impl Given {
-    fn parse(entry: &PolicyEntry, text: &str) -> Result<Self, WorkspaceError> {
-        let defaults = entry.arguments.iter().map(|argument| (argument.name, argument.default.to_owned(), false));
-        let mut given = Self { policy: entry.name, arguments: entry.arguments, values: defaults.collect() };
-        for (place, part) in text.split(',').enumerate().filter(|(_, part)| !part.is_empty()) {
-            // Shorthand: `python:MODULE:CLASS` and `learned:FOLDER` need no argument name.
-            if let (0, "python" | "learned", false) = (place, entry.name, part.contains('=')) {
-                given.values[0] = (given.values[0].0, part.to_owned(), true);
-                continue;
-            }
-            let Some((key, value)) = part.split_once('=') else {
-                return Err(WorkspaceError::input(format!("`{part}` is no argument of policy {}", entry.name))
-                    .with_hint(format!("expected {}:key=value,key=value", entry.name)));
-            };
-            let known: Vec<&str> = entry.arguments.iter().map(|argument| argument.name).collect();
-            if known.is_empty() {
-                return Err(WorkspaceError::input(format!(
-                    "policy {} takes no arguments, not even `{key}`",
-                    entry.name
-                ))
-                .with_hint(format!("expected {} alone", entry.name)));
-            }
-            let Some(slot) = given.values.iter_mut().find(|(name, ..)| *name == key) else {
-                return Err(WorkspaceError::unknown("policy argument", "arguments", key, &known));
-            };
-            *slot = (slot.0, value.to_owned(), value != slot.1);
-        }
-        Ok(given)
-    }
-
-    fn number(&self, name: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64, WorkspaceError> {
-        let text = self.text(name);
-        text.parse().ok().filter(|value| range.contains(value) && !value.is_sign_negative()).ok_or_else(|| {
-            WorkspaceError::input(format!("policy {}: {name}={text} is not possible", self.policy)).with_hint(format!(
-                "expected a number from {} to {}",
-                range.start(),
-                range.end()
-            ))
-        })
-    }
-
-    fn text(&self, name: &str) -> &str {
-        self.values.iter().find(|(known, ..)| *known == name).map_or("", |(_, value, _)| value)
-    }
-
-    fn is_yes(&self, name: &str) -> Result<bool, WorkspaceError> {
-        match self.text(name) {
-            "yes" => Ok(true),
-            "no" => Ok(false),
-            other => Err(WorkspaceError::input(format!("policy {}: {name}={other} is not possible", self.policy))
-                .with_hint("expected yes or no")),
-        }
-    }
-
-    fn folder(&self, name: &str) -> Option<PathBuf> {
-        Some(self.text(name)).filter(|path| !path.is_empty()).map(PathBuf::from)
-    }
-
-    /// Label of the policy, with those arguments that differ from their defaults.
-    fn label(&self) -> String {
-        let differing = self.arguments.iter().zip(&self.values).filter(|(_, (.., differs))| *differs);
-        let arguments = differing
-            .filter_map(|(argument, (name, value, _))| Some(format!("_{name}={}", argument.in_label.of(value)?)));
-        label(&format!("{}{}", self.policy, arguments.collect::<String>()))
-    }
-
-    /// Arguments whose label does not identify their content, as `NAME=VALUE`.
-    fn named_folders(&self) -> Vec<String> {
-        let named = self.arguments.iter().zip(&self.values);
-        let named = named.filter(|(argument, (.., differs))| *differs && argument.in_label == InLabel::Name);
-        named.map(|(argument, (_, value, _))| format!("{}={value}", argument.name)).collect()
-    }
 }
 
 #[cfg(test)]

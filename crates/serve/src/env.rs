@@ -8,7 +8,7 @@ use genmanip_core::{Observation, Pose, RgbdImage};
 use genmanip_pipeline::sessions::{SceneSource, Session, SessionSettings, SessionState, StepOutcome};
 use genmanip_remote_policies::numpy::{Array, Numbers};
 use genmanip_remote_policies::wire;
-use genmanip_workspace::WorkspaceError;
+use genmanip_workspace::{WorkspaceError, with_causes};
 use rmpv::Value;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -203,13 +203,7 @@ impl EnvEndpoint {
 
 /// Error message with its causes and its hint.
 fn full_message(error: &WorkspaceError) -> String {
-    let mut text = error.to_string();
-    let mut next = std::error::Error::source(error);
-    while let Some(cause) = next {
-        text += &format!(": {cause}");
-        next = cause.source();
-    }
-    text + &error.hint().map_or_else(String::new, |hint| format!("; hint: {hint}"))
+    with_causes(error) + &error.hint().map_or_else(String::new, |hint| format!("; hint: {hint}"))
 }
 
 fn map(entries: Vec<(&str, Value)>) -> Value {

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::fmt;
 use std::process::ExitCode;
 
-use genmanip_workspace::{WorkspaceError, hint};
+use genmanip_workspace::{WorkspaceError, hint, messages};
 
 /// Exit codes of the programs; scripts may rely on them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,7 +44,7 @@ impl Failed {
 
     /// Failure with the chain of causes of an error, and the hint that fits the error.
     pub fn because(what: impl Into<String>, error: &(dyn Error + 'static)) -> Self {
-        Self { what: what.into(), causes: chain(error), hint: hint(error), status: ExitStatus::NotMet }
+        Self { what: what.into(), causes: messages(error), hint: hint(error), status: ExitStatus::NotMet }
     }
 
     /// Invalid command-line value, described in one sentence, with exit code 2.
@@ -74,7 +74,7 @@ impl Failed {
 
 impl From<WorkspaceError> for Failed {
     fn from(error: WorkspaceError) -> Self {
-        let causes = error.source().map_or_else(Vec::new, chain);
+        let causes = error.source().map_or_else(Vec::new, messages);
         // Valid names of these do not depend on a file's contents, so that an unknown one is a mistake in the command
         // line.
         let typed = ["policy", "policy argument", "kind", "preset"];
@@ -82,20 +82,6 @@ impl From<WorkspaceError> for Failed {
         let status = if is_misused { ExitStatus::NotUnderstood } else { ExitStatus::NotMet };
         Self { what: error.to_string(), causes, hint: error.hint(), status }
     }
-}
-
-/// Messages of an error and of its causes; a cause that the message before already contains is omitted.
-fn chain(error: &dyn Error) -> Vec<String> {
-    let mut causes = vec![error.to_string()];
-    let mut source = error.source();
-    while let Some(error) = source {
-        let cause = error.to_string();
-        if causes.last().is_none_or(|last| !last.contains(&cause)) {
-            causes.push(cause);
-        }
-        source = error.source();
-    }
-    causes
 }
 
 impl fmt::Display for Failed {

@@ -91,8 +91,8 @@ pub enum WorkspaceError {
         /// Folder that holds no run.
         path: PathBuf,
     },
-    /// A remote policy cannot be reached; the request may be retried.
-    #[error("policy {policy} cannot be reached: {reason}")]
+    /// A remote policy does not answer, or answers wrongly, as the reason says; the request may be retried.
+    #[error("policy {policy} is not available: {reason}")]
     Unreachable {
         /// Policy with its arguments, as the user named it.
         policy: String,
@@ -215,6 +215,23 @@ impl WorkspaceError {
             Self::NoRun { .. } => Some("make one with `genmanip collect TASKS --out FOLDER`".into()),
         }
     }
+}
+
+/// Messages of an error and of its causes; a cause that the message before already contains is omitted.
+pub fn messages(error: &dyn std::error::Error) -> Vec<String> {
+    let mut messages = vec![error.to_string()];
+    let causes = std::iter::successors(error.source(), |cause| cause.source());
+    for cause in causes.map(ToString::to_string) {
+        if messages.last().is_none_or(|last| !last.contains(&cause)) {
+            messages.push(cause);
+        }
+    }
+    messages
+}
+
+/// [`messages`] of an error in one line.
+pub fn with_causes(error: &dyn std::error::Error) -> String {
+    messages(error).join(": ")
 }
 
 /// Advice on how to fix an error: for a full disk if one is anywhere in the chain of sources, else the first hint of

@@ -30,7 +30,7 @@ mod text_table;
 pub mod workers;
 pub mod worlds;
 
-pub use error::{Cause, Stopped, WorkspaceError, hint};
+pub use error::{Cause, Stopped, WorkspaceError, hint, messages, with_causes};
 pub use progress::{NoProgress, Progress};
 pub use task_spool::Tasks;
 pub use text_table::{MAX_ROWS, attention, text_table};

@@ -14,8 +14,9 @@ use crate::segmentation::Mask;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CellSettings {
-    /// If true, a cell resolves to the surface seen in it: the middle of an object, or the free part of the table
-    /// nearest to the cell's centre. If false, the measured point under the cell's centre is used as is.
+    /// If true, a cell resolves to the surface seen in it: the middle of an object, or the point of the table with
+    /// the most clearance, among equals the nearest to the cell's centre. If false, the measured point under the cell's
+    /// centre is used as is.
     pub snap: bool,
     /// Minimum share of a cell's pixels that an object must cover for the cell to refer to it.
     pub thing_share: f64,
@@ -43,21 +44,21 @@ impl Default for CellSettings {
 pub struct PlacementTarget {
     /// Rest position of the object's footprint centre, world frame (m).
     pub point: DVec3,
-    /// Alternative free points in the same cell if the first is out of reach, nearest first.
+    /// Alternative free points of the same cell if `point` is out of reach, in the order of preference.
     pub others: Vec<DVec3>,
     /// True if the receiver is hollow, so that the object may be released from any height.
     pub hollow: bool,
-    /// Height of the receiver's rim, world z (m).
+    /// Height of the receiver's rim, world z (m); of the table without a receiver.
     pub rim_m: f64,
     /// Number of objects on the table close to the place; 0 for a place on a receiver.
     pub neighbours: usize,
-    /// True if the cell may mean another of the surfaces that it shows.
+    /// True if the model may have meant another surface that is visible in the cell.
     pub mixed: bool,
 }
 
 /// Placement targets of all cells of a grid over the shown image that can receive the object.
 ///
-/// `around` holds the points of everything but the moved object and the table.
+/// `around` holds the points of everything but the moved object and the table, world frame (m).
 pub fn targets(
     views: &SegmentedViews,
     moved: usize,
@@ -109,18 +110,19 @@ struct Receiver {
     hollow: bool,
 }
 
-/// Maximum gap between an object and a place close to it (m). Chosen by hand: half the width of a cell.
+/// Maximum gap to the moved object at which another object counts as its neighbour (m). Chosen by hand: about half the
+/// width of a coarse cell on the table.
 const NEIGHBOUR_M: f64 = 0.05;
 /// Corners of the reachable part of the table, world xy (m).
 const REACH_M: [DVec2; 2] = [DVec2::new(-0.2, -1.0), DVec2::new(1.2, 1.0)];
 /// Clearance levels that rank candidate points (m); more clearance is no better.
 const CLEARANCE_LEVELS_M: [f64; 4] = [0.01, 0.006, 0.003, 0.0];
-/// Minimum share of a cell for an object to be one of its surfaces, and (`MAIN_SHARE`) share from which an object rather
-/// than the table is what the cell means. Chosen by hand.
+/// Minimum share of a cell that an object must cover to be a surface that may be meant, and (`MAIN_SHARE`) share of the
+/// chosen object below which the table may be meant instead. Chosen by hand.
 const SURFACE_SHARE: f64 = 0.05;
 const MAIN_SHARE: f64 = 0.5;
-/// Minimum share of a cell, relative to the cell that shows most of an object, for the cell to mean this object: who means
-/// it chooses a cell that shows it well. Chosen by hand.
+/// Minimum share of a cell that an object must cover, relative to the cell that it covers most, for this object to be
+/// meant: a model that means an object names a cell that shows it well. Chosen by hand.
 const MEANT_SHARE: f64 = 0.5;
 /// Height above the target below which points do not count as obstacles (m). Chosen by hand.
 const MIN_OBSTACLE_HEIGHT_M: f64 = 0.006;
@@ -162,7 +164,7 @@ impl<'a> Resolver<'a> {
         SeenCell { pixels, shares }
     }
 
-    /// Target of a cell; `best` holds the largest share of a cell that each mask has.
+    /// Target of a cell; `best[mask]` is the largest share of any cell that the mask covers.
     fn target(&self, seen: &SeenCell, best: &[f64]) -> Option<PlacementTarget> {
         let SeenCell { pixels, shares } = seen;
         let middle = pixels.get(pixels.len() / 2).copied()?;
@@ -234,7 +236,7 @@ impl<'a> Resolver<'a> {
             };
             CLEARANCE_LEVELS_M.into_iter().find(|margin| is_free(*margin)).unwrap_or(-1.0)
         };
-        // Ranks by clearance first, which centres gaps, then by distance from the cell's centre.
+        // Rank by clearance first, which centres the object in a gap, then by distance from the cell's centre.
         let mut points: Vec<(f64, DVec3)> = points.map(|point| (clearance(point), point)).collect();
         let distance = |point: DVec3| point.distance(center);
         points.sort_by(|a, b| b.0.total_cmp(&a.0).then(distance(a.1).total_cmp(&distance(b.1))));
@@ -298,7 +300,8 @@ fn sorted_by_centrality(mut points: Vec<DVec2>) -> Vec<DVec2> {
     points
 }
 
-/// Up to [`MAX_ALTERNATIVES`] further points, apart from the first and from each other.
+/// Up to [`MAX_ALTERNATIVES`] points after the first, at least [`MIN_ALTERNATIVE_DISTANCE_M`] from it and from each
+/// other.
 fn alternatives(points: &[DVec3]) -> Vec<DVec3> {
     let mut kept: Vec<DVec3> = Vec::new();
     for point in points {

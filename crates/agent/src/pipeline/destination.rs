@@ -43,7 +43,7 @@ pub(super) struct Places<'a> {
     pub agent: &'a Agent,
     pub views: &'a SegmentedViews,
     pub view: &'a View,
-    /// Mask of the moved object.
+    /// Index of the moved object's mask in `view.masks`.
     pub mask: usize,
     pub object: &'a ObservedObject,
     /// Points of everything else above the table, world frame.
@@ -182,7 +182,7 @@ impl PlacementQuestion<'_> {
     fn needs_fine_cell(&self, target: &PlacementTarget) -> bool {
         let is_between = self.subtask.to_lowercase().split(|c: char| !c.is_alphabetic()).any(|word| word == "between");
         let settings = &self.places.agent.settings;
-        // Answers recorded with `Asks::Every` contain none to this question.
+        // Answers recorded with `Asks::Every` contain no answer to this question.
         let is_asked = settings.fine_cells && settings.asks == Asks::Needed;
         is_asked && (is_between || target.mixed || target.neighbours >= CROWDED)
     }

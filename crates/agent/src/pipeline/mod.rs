@@ -251,7 +251,7 @@ impl Agent {
     }
 
     /// Asks all questions of the current sub-task and plans its pick. In a retry, an object that stands where it stood
-    /// is not asked for again.
+    /// is not asked for again, and another one first in the view that showed it before.
     fn pick(
         &mut self,
         observation: &Observation,
@@ -261,9 +261,10 @@ impl Agent {
         let mut views = self.segment(observation, state)?;
         let mut kept = None;
         if let Some(retry) = retry.filter(|_| self.settings.asks == Asks::Needed)
-            && let Some((shown, mask)) = retry.found(&views)
+            && let Some(shown) = retry.shown(&views)
         {
-            (views, kept) = (shown, Some((mask, retry)));
+            views = shown;
+            kept = retry.found(&views).map(|mask| (mask, retry));
         }
         let mut view = views.shown().cloned().ok_or_else(|| PolicyError::Unsuited("needs a camera".into()))?;
         if self.subtasks.is_empty() {

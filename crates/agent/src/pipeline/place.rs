@@ -26,7 +26,7 @@ pub(super) struct HeldObject {
     pub points: Vec<DVec3>,
 }
 
-/// A planned placement: carry paths, release motions, final object pose.
+/// A planned placement: carry paths, release motions, and final object pose in the world frame.
 type Planned = (Vec<Path>, Release, Pose);
 
 impl HeldObject {
@@ -43,10 +43,12 @@ pub(super) fn hold_width(grasp: &FeasibleGrasp, motion: &MotionSettings) -> f64 
     (grasp.object_from_tcp.width - motion.squeeze_m).max(0.0)
 }
 
-/// Goal poses of the held object at rest, in sets, of which the first that has a placement is used: for each yaw change
-/// (that of the path's last cell, else the answered one and `turns_deg` in order), on the target point and on its
-/// alternatives. On an open surface the answered yaw is a set of its own. All goals of a set are tried from low heights
-/// before any is tried from a greater height, so that a long object is aligned with the long side of a box.
+/// Sets of goal poses of the held object at rest; the first set with a feasible placement is used.
+///
+/// A goal pose combines a yaw change with the target point or one of its alternatives. The yaw change is that of the
+/// path's last cell; without a path, the answered one comes first, then those of `turns_deg`. On an open surface the
+/// answered yaw is a set of its own. With [`Asks::Needed`], all goals of a set are tried from a low height before any
+/// is tried from a greater one, so that a long object is aligned with the long side of a box.
 pub(super) fn release_goals(agent: &Agent, subtask: &Subtask) -> Vec<Vec<PlaceGoal>> {
     let target = &subtask.target;
     let points: Vec<DVec3> = std::iter::once(target.point).chain(target.others.iter().copied()).collect();
@@ -61,8 +63,8 @@ pub(super) fn release_goals(agent: &Agent, subtask: &Subtask) -> Vec<Vec<PlaceGo
     sets.into_iter().map(with_turns).collect()
 }
 
-/// Sets of yaw changes (degrees) with the answered one first. In a hollow receiver all are one set, since the object
-/// would fall from high if only a certain yaw were tried.
+/// Sets of yaw changes (degrees) with the answered one first. In a hollow receiver, into which objects may be released
+/// from any height, all are one set: a low release at another yaw comes before a high one at the answered yaw.
 fn turn_sets(asked: Option<f64>, usual: &[f64], is_hollow: bool) -> Vec<Vec<f64>> {
     let others: Vec<f64> = usual.iter().copied().filter(|turn| Some(*turn) != asked).collect();
     match asked {
@@ -180,8 +182,8 @@ fn plan_motions(
         searches: motion.searches,
         searches_per_goal: SEARCHES_PER_PLACE,
     };
-    // `Asks::Every` keeps the original order, so that recorded answers meet the same scenes: each goal from all
-    // heights, one by one.
+    // `Asks::Every` tries the goals one by one, each from all heights, as when the published answers were recorded, so
+    // that replayed answers belong to the same scenes.
     let at_once = match agent.settings.asks {
         Asks::Needed => usize::MAX,
         Asks::Every => 1,

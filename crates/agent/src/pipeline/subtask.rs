@@ -78,12 +78,17 @@ impl Retry {
         Self { name, camera, mask, grab, points: points.map(|(points, _)| points), is_slipped }
     }
 
-    /// Views with the object's camera first, and the object's mask there; `None` if it does not stand where it stood.
-    pub(super) fn found(&self, views: &SegmentedViews) -> Option<(SegmentedViews, usize)> {
+    /// Views with the one first in which the object was chosen; `None` if that camera is gone.
+    pub(super) fn shown(&self, views: &SegmentedViews) -> Option<SegmentedViews> {
         let index = views.views.iter().position(|view| view.camera == self.camera)?;
-        let overlaps = views.views[index].masks.iter().map(|mask| mask.iou(&self.mask)).enumerate();
+        Some(if index == 0 { views.clone() } else { views.with_shown_view(index) })
+    }
+
+    /// Mask of the object in the first of [`Self::shown`] views; `None` if it does not stand where it stood.
+    pub(super) fn found(&self, shown: &SegmentedViews) -> Option<usize> {
+        let overlaps = shown.views.first()?.masks.iter().map(|mask| mask.iou(&self.mask)).enumerate();
         let (mask, _) = overlaps.filter(|(_, iou)| *iou >= UNMOVED_IOU).max_by(|a, b| a.1.total_cmp(&b.1))?;
-        Some((if index == 0 { views.clone() } else { views.with_shown_view(index) }, mask))
+        Some(mask)
     }
 }
 

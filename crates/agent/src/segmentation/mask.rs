@@ -1,4 +1,4 @@
-//! Pixel mask of one object.
+//! Binary masks: which pixels of an image show an object.
 
 /// Pixel mask of one object.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -58,7 +58,7 @@ impl Mask {
     /// assert!((iou - 0.25).abs() < 1e-12);
     /// ```
     pub fn iou(&self, other: &Self) -> f64 {
-        if self.pixels.len() != other.pixels.len() {
+        if (self.width, self.height) != (other.width, other.height) {
             return 0.0;
         }
         let count = |test: fn(bool, bool) -> bool| {

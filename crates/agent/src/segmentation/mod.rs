@@ -39,12 +39,12 @@ pub struct SegmentQuestion<'a> {
 /// Reason why an image could not be segmented.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SegmentError {
-    /// The image lacks a channel that the method needs.
+    /// The image does not hold what the method needs.
     #[error("segmentation needs {needed} in the image: {found}")]
     Unsuited {
-        /// Names of the required channels.
+        /// Required contents of the image, in words.
         needed: String,
-        /// Channels of the image.
+        /// Contents found instead, in words.
         found: String,
     },
     /// The service did not answer, or its answer is invalid.

@@ -30,5 +30,5 @@ fn read<T: DeserializeOwned>(answer: Value) -> Result<T, String> {
 
 /// Transport error with its hint.
 fn transport_error(error: &genmanip_llm::ChatError) -> String {
-    format!("{error} ({})", error.hint())
+    format!("{error} ({})", error.service_hint())
 }

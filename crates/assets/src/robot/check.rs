@@ -256,6 +256,8 @@ fn check_joint(place: &str, joint: &JointData) -> Checked {
         format!("more than lower, {}", joint.lower),
         joint.upper,
     )?;
+    let can_turn = !joint.continuous || joint.kind == JointKind::Revolute;
+    expect(can_turn, format!("{place}.continuous"), "false for a prismatic joint", joint.continuous)?;
     for (key, value) in [
         ("max_velocity", joint.max_velocity),
         ("max_acceleration", joint.max_acceleration),

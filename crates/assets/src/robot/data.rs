@@ -205,6 +205,9 @@ pub(super) struct JointData {
     pub max_acceleration: f64,
     pub max_jerk: f64,
     pub max_effort: f64,
+    /// True for a joint without end stops.
+    #[serde(default)]
+    pub continuous: bool,
 }
 
 impl WristCameraData {
@@ -247,7 +250,9 @@ impl LinkData {
 
 impl JointData {
     fn build(&self) -> RobotJoint {
-        let &Self { kind, axis, lower, upper, max_velocity, max_acceleration, max_jerk, max_effort, .. } = self;
+        let &Self {
+            kind, axis, lower, upper, max_velocity, max_acceleration, max_jerk, max_effort, continuous, ..
+        } = self;
         let name = self.name.clone();
         RobotJoint {
             name,
@@ -259,7 +264,7 @@ impl JointData {
             max_acceleration,
             max_jerk,
             max_effort,
-            continuous: false,
+            continuous,
             mimic: None,
         }
     }

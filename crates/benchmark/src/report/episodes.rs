@@ -12,6 +12,9 @@ use genmanip_viz::markup::escape;
 
 /// Maximum length of the evidence quoted in a row, characters: about two lines. The episode's file has the full text.
 const EVIDENCE: usize = 160;
+/// Note on how recorded episodes are looked at from all sides.
+const PLAYBACK: &str = "<p class=\"note\"><code>genmanip studio RUN --episode ID</code> plays a recorded episode back in \
+                        3-D; for an episode of a policy, <code>--episode POLICY/ID</code>.</p>\n";
 
 /// Section with the table, in the order of the input, with at most `max_bytes` of rows. If there are more, successes
 /// are omitted before failures, and the section states how many.
@@ -43,6 +46,9 @@ pub(super) fn episodes(input: &ReportInput, max_bytes: usize) -> String {
     rows.sort_unstable_by_key(|(index, _)| *index);
     rows.iter().for_each(|(_, row)| body += row);
     let mut html = format!("<section id=\"episodes\">\n<h2>All {} episodes</h2>\n", input.episodes.len());
+    if input.episodes.iter().any(|episode| episode.recorded) {
+        html += PLAYBACK;
+    }
     if left_out != [0, 0] {
         let _ = writeln!(
             html,

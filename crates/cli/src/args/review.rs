@@ -91,7 +91,9 @@ pub struct ReviewArguments {
     pub per_kind: Option<usize>,
     /// Write scenarios with planted faults into a new folder, and what was planted into DIR.txt, for --planted. The
     /// faults are planted in the named scenarios, which should not be under review themselves
-    #[arg(long, value_name = "DIR", requires_all = ["faults", "paths"])]
+    #[arg(long, value_name = "DIR", requires_all = ["faults", "paths"], conflicts_with_all = [
+        "queue", "show", "approve", "reject", "send_back", "take_back", "certify", "agreement", "balance", "build",
+    ])]
     pub plant: Option<PathBuf>,
     /// Number of faults to plant, each in another scenario, eight kinds in turn
     #[arg(long, value_name = "N", requires = "plant", value_parser = parse::count)]

@@ -24,9 +24,10 @@ pub struct RobotAddArguments {
     /// Name of the robot [default: the URDF's, in lower case]
     #[arg(long, value_name = "NAME")]
     pub name: Option<String>,
-    /// Gripper at the tool frame: panda_hand, robotiq_2f85, or one of --robots
-    #[arg(long, value_name = "NAME", default_value = genmanip_import::robots::add::GRIPPER)]
-    pub gripper: String,
+    /// Gripper at the tool frame: panda_hand, robotiq_2f85, small_jaws [default: small_jaws for arms of less than
+    /// 0.6 m, else panda_hand]
+    #[arg(long, value_name = "NAME")]
+    pub gripper: Option<String>,
     /// Folder to write the robot's files to
     #[arg(long, value_name = "DIR", default_value = "robots")]
     pub out: PathBuf,

@@ -28,6 +28,9 @@ pub struct StudioArguments {
     /// Accept connections from other machines too; each must open the printed address, which contains a secret token
     #[arg(long)]
     pub allow_others: bool,
+    /// Episode of a named run to play back at once: its id, after the label of its evaluation and a slash if it has one
+    #[arg(long, value_name = "[LABEL/]ID")]
+    pub episode: Option<String>,
     /// A policy that the page may run beside the built-in ones, with its arguments; may be given several times.
     /// Everyone who can open the page can then run it
     #[arg(long = "policy", value_name = "NAME[:KEY=VALUE,…]")]

@@ -28,7 +28,7 @@ fn add_robot(arguments: &RobotAddArguments, printer: &Printer) -> Result<ExitSta
         return Err(Failed::new(format!("{} exists", taken.display()))
             .hint("--name gives another name, --out another folder; nothing was written"));
     }
-    let proposal = add::propose(read, &name, &arguments.gripper)?;
+    let proposal = add::propose(read, &name, arguments.gripper.as_deref())?;
     let write = |path: &Path, text: String| -> Result<(), Failed> {
         documents::write_file(path, text.as_bytes())?;
         printer.say(format!("wrote {}", path.display()));

@@ -4,7 +4,7 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::process::{Command, Stdio};
 
 use genmanip_studio::collections::Collection;
-use genmanip_studio::run::OfferedPolicies;
+use genmanip_studio::run::{OfferedPolicies, find_episode};
 use genmanip_studio::server::{self, StudioSettings, Token};
 
 use super::plural;
@@ -13,7 +13,8 @@ use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed, environment};
 
 pub fn run(arguments: &StudioArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let StudioArguments { paths, out, port, no_open, allow_others, policies, questions, review, author } = arguments;
+    let StudioArguments { paths, out, port, no_open, allow_others, episode, policies, questions, review, author } =
+        arguments;
     let policies = OfferedPolicies::new(policies)?;
     let collection = Collection::open(paths, out, printer)?;
     collection.left_out.iter().for_each(|message| printer.say(message));
@@ -21,6 +22,7 @@ pub fn run(arguments: &StudioArguments, printer: &Printer) -> Result<ExitStatus,
     if scenarios == 0 {
         return Err(Failed::new("there is no scenario to show").hint("name scenario files, a suite, a run or tasks"));
     }
+    let fragment = episode.as_deref().map_or(Ok(String::new()), |name| fragment_of(&collection, name))?;
     let no_token = |error| Failed::because("the system gives no random numbers for a token", &error);
     let token = allow_others.then(Token::random).transpose().map_err(no_token)?;
     let address = SocketAddr::from((if *allow_others { Ipv4Addr::UNSPECIFIED } else { Ipv4Addr::LOCALHOST }, *port));
@@ -36,7 +38,7 @@ pub fn run(arguments: &StudioArguments, printer: &Printer) -> Result<ExitStatus,
     let server = server::start(collection, settings)
         .map_err(|error| Failed::because("the studio cannot be opened", &error).hint("choose another --port"))?;
     let secret = token.map_or_else(String::new, |token| format!("?token={}", token.text()));
-    let own = format!("http://127.0.0.1:{}/{secret}", server.address().port());
+    let own = format!("http://127.0.0.1:{}/{secret}{fragment}", server.address().port());
     printer.say(format!("studio with {} at {own}; Ctrl-C ends it", plural(scenarios, "scenario")));
     if *allow_others {
         printer.say("from other machines: the same address with the name of this one instead of 127.0.0.1");
@@ -46,6 +48,15 @@ pub fn run(arguments: &StudioArguments, printer: &Printer) -> Result<ExitStatus,
     }
     server.wait();
     Ok(ExitStatus::Done)
+}
+
+/// Fragment of the page's address that opens an episode.
+fn fragment_of(collection: &Collection, name: &str) -> Result<String, Failed> {
+    let (key, episode) = find_episode(collection, name).ok_or_else(|| {
+        Failed::new(format!("no episode `{name}` in what is named"))
+            .hint("name its run, and the label of its evaluation: `genmanip studio RUN --episode expert/ID`")
+    })?;
+    Ok(format!("#{key}/{episode}"))
 }
 
 /// Opens an address in the user's browser; false if there is no desktop or it cannot be opened.

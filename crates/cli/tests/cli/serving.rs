@@ -160,6 +160,8 @@ fn demonstrations_with_grasps_from_images() {
     let serving = Serving::start(folder.path(), &["serve", "grasp", "--address", "127.0.0.1:0"]);
     let url = format!("http://{}/grasp", serving.address);
     assert_eq!(verified(&collect(&url, "http")), json!(1));
+    let bare = format!("http://{}", serving.address);
+    collect(&bare, "bare").assert_refused(&["the grasp service", "404", "whole address", "/segment"]);
 
     // A server that is gone is no failed attempt: the run stops, and the same call continues it.
     drop(serving);

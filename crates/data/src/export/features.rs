@@ -22,7 +22,7 @@ pub enum Values {
     F64(Vec<f64>),
     /// Stored as signed 64-bit integers.
     I64(Vec<i64>),
-    /// Stored as Booleans.
+    /// Stored as Booleans; in HDF5 as the 8-bit integers 0 and 1.
     Bool(Vec<bool>),
 }
 

@@ -8,7 +8,7 @@ use super::{ExportSettings, Source};
 use crate::CameraTrack;
 use crate::images::appearance_seed;
 
-/// Number of exported paraphrases of an instruction. Chosen by hand.
+/// Maximum number of exported paraphrases of an instruction. Chosen by hand.
 const PARAPHRASES: usize = 6;
 
 /// Metadata of an episode, independent of the format.

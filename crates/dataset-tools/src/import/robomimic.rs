@@ -8,6 +8,7 @@
 //! ```
 
 use std::collections::BTreeSet;
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use genmanip_core::limits::ENTRIES;
@@ -272,7 +273,8 @@ impl Columns<'_> {
     /// Reads a numeric data set as a column with this key; `None`, with a note, for another type or too wide rows.
     ///
     /// # Errors
-    /// If the number of rows differs from that of the actions, or a number is not finite.
+    /// If the number of rows differs from that of the actions, a number is not finite, or it fits neither a signed
+    /// 64-bit integer nor single precision.
     fn numbers(&mut self, key: &str, dataset: &Dataset) -> Result<Option<Feature>, DataError> {
         let what = format!("{}/{}", self.place, dataset.name());
         let shape = dataset.shape();
@@ -285,25 +287,38 @@ impl Columns<'_> {
             return Err(DataError::mismatch(format!("rows of {what}"), self.frames, format!("{shape:?}")));
         }
         let bytes = dataset.read_native_bytes().map_err(|error| DataError::mismatch(&what, "numbers", error))?;
-        let values: Vec<f64> = bytes.chunks_exact(kind.size()).map(|bytes| kind.number(bytes)).collect();
-        if values.len() as u64 != self.frames * width {
-            return Err(DataError::mismatch(&what, format!("{} numbers", self.frames * width), values.len()));
+        let count = bytes.len() / kind.size();
+        if count as u64 != self.frames * width {
+            return Err(DataError::mismatch(&what, format!("{} numbers", self.frames * width), count));
         }
-        if let Some(at) = values.iter().position(|value| !value.is_finite()) {
+        // An error that names a number by its place.
+        let wrong = |at: usize, expected: &str, found: &dyn Display| {
             let (row, element) = (at as u64 / width, at as u64 % width);
-            return Err(DataError::mismatch(format!("{what}[{element}] of row {row}"), "a finite number", values[at]));
-        }
-        let names = if width == 1 { Vec::new() } else { (0..width).map(|entry| format!("{key}_{entry}")).collect() };
+            DataError::mismatch(format!("{what}[{element}] of row {row}"), expected, found)
+        };
+        let stored = bytes.chunks_exact(kind.size()).enumerate();
         let values = match kind {
-            Kind::Integer { .. } => Values::I64(values.iter().map(|value| *value as i64).collect()),
+            Kind::Integer { size, signed } => {
+                let integer = |(at, bytes)| {
+                    let value = integer(size, signed, bytes);
+                    i64::try_from(value).map_err(|_| wrong(at, "an integer below 2^63", &value))
+                };
+                Values::I64(stored.map(integer).collect::<Result<_, _>>()?)
+            }
             // Single precision, as in LeRobot's own columns and in policies.
             Kind::Float(size) => {
                 if size == 8 {
                     self.notes.insert("numbers of double precision are stored in single precision".into());
                 }
-                Values::F32(values.iter().map(|value| *value as f32).collect())
+                let single = |(at, bytes)| match float(size, bytes) {
+                    value if !value.is_finite() => Err(wrong(at, "a finite number", &value)),
+                    value if (value as f32).is_infinite() => Err(wrong(at, "at most 3.4e38, single precision", &value)),
+                    value => Ok(value as f32),
+                };
+                Values::F32(stored.map(single).collect::<Result<_, _>>()?)
             }
         };
+        let names = if width == 1 { Vec::new() } else { (0..width).map(|entry| format!("{key}_{entry}")).collect() };
         Ok(Some(Feature { key: key.to_owned(), names, values }))
     }
 
@@ -378,22 +393,30 @@ impl Kind {
             Self::Integer { size, .. } | Self::Float(size) => usize::from(size),
         }
     }
+}
 
-    fn number(self, bytes: &[u8]) -> f64 {
-        let mut held = [0; 8];
-        held[..bytes.len()].copy_from_slice(bytes);
-        let unsigned = u64::from_le_bytes(held);
-        match self {
-            Self::Float(8) => f64::from_bits(unsigned),
-            Self::Float(4) => f64::from(f32::from_bits(unsigned as u32)),
-            Self::Float(_) => half(unsigned as u16),
-            Self::Integer { signed: false, .. } => unsigned as f64,
-            Self::Integer { size, .. } => {
-                let unused = 64 - 8 * u32::from(size);
-                (((unsigned << unused) as i64) >> unused) as f64
-            }
-        }
+/// Integer of `size` bytes, little-endian.
+fn integer(size: u8, signed: bool, bytes: &[u8]) -> i128 {
+    let wide = wide(bytes);
+    let unused = 64 - 8 * u32::from(size);
+    if signed { i128::from(((wide << unused) as i64) >> unused) } else { i128::from(wide) }
+}
+
+/// Floating-point number of `size` bytes, little-endian.
+fn float(size: u8, bytes: &[u8]) -> f64 {
+    let wide = wide(bytes);
+    match size {
+        8 => f64::from_bits(wide),
+        4 => f64::from(f32::from_bits(wide as u32)),
+        _ => half(wide as u16),
     }
+}
+
+/// Up to eight bytes, little-endian, padded with zeros.
+fn wide(bytes: &[u8]) -> u64 {
+    let mut held = [0; 8];
+    held[..bytes.len()].copy_from_slice(bytes);
+    u64::from_le_bytes(held)
 }
 
 /// Value of an IEEE 754 half-precision number.
@@ -431,7 +454,7 @@ fn group(path: &Path, file: &Hdf5File, name: &str) -> Result<Group, DataError> {
     })
 }
 
-fn damaged(path: &Path, error: &dyn std::fmt::Display) -> DataError {
+fn damaged(path: &Path, error: &dyn Display) -> DataError {
     DataError::mismatch(path.display().to_string(), "a sound HDF5 file", error)
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use arrow_array::Int64Array;
 use genmanip_data::columns::Column;
 use genmanip_data::table::Table;
 use genmanip_dataset_tools::import::{self, ImportSettings};
@@ -93,6 +94,40 @@ fn hdf5_of_robomimic_and_libero_is_imported() {
     let out = folder.path().join("cut");
     let error = import::import(&cut, &ImportSettings::default(), &out, &mut |_| {}).unwrap_err().to_string();
     assert!(error.contains("cut.hdf5") && !out.exists(), "{error}");
+}
+
+/// Integers beyond 2^53, which no double holds, keep their values; numbers that no column can hold are named.
+#[test]
+fn integers_of_hdf5_are_exact_or_named() {
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/robomimic");
+    let folder = tempfile::tempdir().unwrap();
+    let import = |name: &str| {
+        let out = folder.path().join(name);
+        let file = sources.join(format!("{name}.hdf5"));
+        import::import(&file, &ImportSettings::default(), &out, &mut |_| {}).map(|_| out)
+    };
+    let out = import("integers").unwrap();
+    assert_eq!(listed(&checked(&out)), "");
+    let rows = Table::open(&out.join("data/chunk-000/file-000.parquet")).unwrap().whole(|_| true).unwrap();
+    let stamps = [9_007_199_254_740_993, -4_611_686_018_427_387_905, i64::MAX];
+    for (key, wanted) in [
+        ("stamp", stamps),
+        ("unsigned", [stamps[0], 4_611_686_018_427_387_903, i64::MAX]),
+        ("big_endian", stamps),
+        ("short", [-300, 0, 300]),
+        ("byte", [0, 127, 255]),
+    ] {
+        let column = rows.column_by_name(&format!("observation.{key}")).unwrap();
+        let found: Vec<i64> = column.as_any().downcast_ref::<Int64Array>().unwrap().values().to_vec();
+        assert_eq!(found, wanted, "{key}");
+    }
+    for (name, wanted) in
+        [("unsigned", ["obs/stamp[1] of row 1", "2^63"]), ("double", ["obs/force[0] of row 1", "3.4e38"])]
+    {
+        let error = import(name).unwrap_err().to_string();
+        assert!(wanted.iter().all(|part| error.contains(part)), "{name}: {error}");
+        assert!(!folder.path().join(name).exists(), "{name}");
+    }
 }
 
 /// A camera without a video in one episode is left out and said; a sentence is that of `task_index`.

@@ -14,6 +14,8 @@ const MAX_NODES: u32 = 400_000;
 const MAX_DEPTH: usize = 128;
 /// Maximum number of undeclared namespace prefixes. Bounds time for hostile files.
 const MAX_PREFIXES: usize = 16;
+/// Size that numbers stay below; none that is meant is larger.
+const MAX_NUMBER: f64 = 1e9;
 
 /// An XML element with its place in the file.
 #[derive(Clone, Debug, Default)]
@@ -126,8 +128,25 @@ impl Element {
     /// # Errors
     /// If one is not a finite number.
     pub fn numbers(&self, name: &str) -> Result<Option<Vec<f64>>, ImportError> {
+        self.numbers_below(name, MAX_NUMBER)
+    }
+
+    /// One number of an attribute, 0 if it is absent; one of an enormous size, as files write for "unlimited", becomes
+    /// the largest that other attributes may have.
+    ///
+    /// # Errors
+    /// If there are several, or it is not a finite number.
+    pub fn bounded(&self, name: &str) -> Result<f64, ImportError> {
+        match self.numbers_below(name, f64::INFINITY)?.as_deref() {
+            None => Ok(0.0),
+            Some([value]) => Ok(value.clamp(-MAX_NUMBER, MAX_NUMBER)),
+            Some(several) => Err(self.wrong(format!("{name}: expected 1 number, got {}", several.len()))),
+        }
+    }
+
+    fn numbers_below(&self, name: &str, most: f64) -> Result<Option<Vec<f64>>, ImportError> {
         let Some(text) = self.attribute(name) else { return Ok(None) };
-        let number = |word: &str| word.parse().ok().filter(|value: &f64| value.is_finite() && value.abs() < 1e9);
+        let number = |word: &str| word.parse().ok().filter(|value: &f64| value.is_finite() && value.abs() < most);
         match text.split_whitespace().map(number).collect() {
             Some(values) => Ok(Some(values)),
             None => Err(self.wrong(format!("{name}=\"{}\": expected numbers", shortened(text)))),

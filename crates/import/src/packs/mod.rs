@@ -156,14 +156,13 @@ impl AssetSource for Packs {
     }
 
     fn model(&self, asset: &AssetRef) -> Result<Arc<ObjectModel>, AssetError> {
-        let AssetRef::Imported { hash } = asset else {
-            return Err(AssetError::NotImported { hash: asset.to_string() });
-        };
+        let unknown = || AssetError::NotImported { asset: asset.clone() };
+        let AssetRef::Imported { hash } = asset else { return Err(unknown()) };
         let mut models = self.models.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(model) = models.get(hash) {
             return Ok(Arc::clone(model));
         }
-        let (path, _) = self.objects.get(hash).ok_or_else(|| AssetError::NotImported { hash: hash.clone() })?;
+        let (path, _) = self.objects.get(hash).ok_or_else(unknown)?;
         let wrong = |message: String| AssetError::Data { file: path.display().to_string(), message };
         let bytes = files::read_no_follow(path, limits::PACK_OBJECT).map_err(|error| wrong(error.to_string()))?;
         let object = crate::pack::from_bytes(&bytes).map_err(wrong)?;

@@ -15,8 +15,13 @@ use super::tool_frame::behind_fingers;
 use crate::collision::hull::convex_hull;
 use crate::units_and_frame::transformed_mass;
 
-/// Default gripper.
+/// Default gripper, and (`SMALL_GRIPPER`) that of an arm whose links are in sum shorter than `SMALL_M`.
 pub const GRIPPER: &str = "panda_hand";
+const SMALL_GRIPPER: &str = "small_jaws";
+const SMALL_M: f64 = 0.6;
+/// Distance of the tool frame from the link that carries the fingers, along the approach, above which it is taken to
+/// lie between the fingertips, m. Chosen by hand.
+const FINGERTIPS_M: f64 = 0.02;
 /// Density of a link that states no mass, over the volume of its hulls, kg/m³. Chosen by hand.
 const DENSITY: f64 = 800.0;
 /// Minimum mass of a link, kg, and (`LEAST_INERTIA`) minimum moment of inertia, kg·m². Chosen by hand.
@@ -32,7 +37,7 @@ const ACCELERATIONS: [f64; 2] = [1.0, 12.0];
 const JERK_PER_ACCELERATION: f64 = 400.0;
 /// Heights of the tool centre point at which a home configuration is sought, in order of preference, and (`PICK_M`) at
 /// which the reach is measured, m. Chosen by hand.
-const HOME_M: [f64; 5] = [0.45, 0.38, 0.32, 0.25, 0.18];
+const HOME_M: [f64; 7] = [0.45, 0.38, 0.32, 0.25, 0.18, 0.14, 0.11];
 const PICK_M: f64 = 0.05;
 /// Step between the tested horizontal distances from the base's z axis, m. Chosen by hand.
 const STEP_M: f64 = 0.025;
@@ -57,12 +62,33 @@ pub struct Proposal {
     pub notes: Vec<String>,
 }
 
-/// Proposes the files of a robot from its description, which was read with its visible surfaces.
+/// Proposes the files of a robot from its description, which was read with its visible surfaces; `gripper` is chosen by
+/// the size of the arm if it is `None`.
 ///
 /// # Errors
-/// If no joint moves the tool frame, or the files would be invalid.
-pub fn propose(read: PlannedRobot, name: &str, gripper: &str) -> Result<Proposal, WorkspaceError> {
-    let PlannedRobot { model: described, mut notes } = read;
+/// If no joint moves the tool frame, one of them follows another joint, or the files would be invalid.
+pub fn propose(read: PlannedRobot, name: &str, gripper: Option<&str>) -> Result<Proposal, WorkspaceError> {
+    let PlannedRobot { model: mut described, mut notes } = read;
+    let gripper = gripper.unwrap_or(if stretched_m(&described) < SMALL_M { SMALL_GRIPPER } else { GRIPPER });
+    let own_hand = own_hand(&described);
+    if let Some(hand) = own_hand {
+        // Its shapes would collide with those of the gripper that replaces it.
+        let replaced: Vec<usize> = (hand..described.links.len())
+            .filter(|&link| link == hand || is_fixed_to(&described, link, hand))
+            .filter(|&link| !described.links[link].pieces.is_empty() || !described.links[link].visual.is_empty())
+            .collect();
+        for &link in &replaced {
+            described.links[link].pieces.clear();
+            described.links[link].visual.clear();
+        }
+        if !replaced.is_empty() {
+            let names: Vec<&str> = replaced.iter().map(|&link| described.links[link].name.as_str()).collect();
+            notes.push(format!(
+                "{gripper} replaces the URDF's own hand, whose shapes are left out: {}",
+                names.join(", ")
+            ));
+        }
+    }
     let kept = kept_links(&described);
     let dropped: Vec<&str> = (0..described.links.len())
         .filter(|link| !kept.contains(link) && described.links[*link].joint.is_some())
@@ -71,7 +97,18 @@ pub fn propose(read: PlannedRobot, name: &str, gripper: &str) -> Result<Proposal
     if !dropped.is_empty() {
         notes.push(format!("left out, since no joint of theirs moves the tool frame: {}", dropped.join(", ")));
     }
-    let mount = mount(&described);
+    let mut coupled = kept.iter().filter_map(|&link| {
+        let joint = described.links[link].joint.as_ref()?;
+        Some((joint, described.links[joint.mimic?.link].joint.as_ref()?))
+    });
+    if let Some((joint, leader)) = coupled.next() {
+        let reason = format!("joint {} follows {} on the way to the tool frame", joint.name, leader.name);
+        return Err(WorkspaceError::input(format!("{} cannot become a robot file", described.name)).because(reason).with_hint(
+            "the joints of a robot file move independently; plan --robot FILE.urdf takes such an arm, and --tip names \
+             a tool frame before that joint",
+        ));
+    }
+    let mount = mount(&described, own_hand, gripper)?;
     let arm = Arm { described: &described, kept: &kept, name };
     let dynamics = arm.dynamics(&mut notes);
     let mut home: Vec<f64> = arm.joints().map(|link| arm.middle(link)).collect();
@@ -151,9 +188,61 @@ fn kept_links(robot: &RobotModel) -> Vec<usize> {
     kept
 }
 
+/// Sum of the distances between the origins of the links on the way to the tool frame, m.
+fn stretched_m(robot: &RobotModel) -> f64 {
+    let mut link = robot.hand;
+    let mut sum = robot.links[link].parent_from_link.position.length();
+    while let Some(parent) = robot.links[link].parent {
+        link = parent;
+        sum += robot.links[link].parent_from_link.position.length();
+    }
+    sum
+}
+
+/// Link that carries the fingers of the URDF and the tool frame, without a joint between; `None` if there is none.
+fn own_hand(robot: &RobotModel) -> Option<usize> {
+    let fingers = behind_fingers(&robot.links);
+    let carrier = (0..robot.links.len()).find_map(|link| {
+        let parent = robot.links[link].parent?;
+        (fingers[link] && !fingers[parent]).then_some(parent)
+    })?;
+    let is_hand =
+        robot.hand == carrier || is_fixed_to(robot, robot.hand, carrier) || is_fixed_to(robot, carrier, robot.hand);
+    is_hand.then_some(carrier)
+}
+
+/// True if a link descends from another one without a joint between.
+fn is_fixed_to(robot: &RobotModel, mut link: usize, ancestor: usize) -> bool {
+    while let (Some(parent), None) = (robot.links[link].parent, &robot.links[link].joint) {
+        if parent == ancestor {
+            return true;
+        }
+        link = parent;
+    }
+    false
+}
+
 /// Pose of the gripper's hand frame in the tool frame: the hand's z axis is the axis of the tool frame that points away
-/// from the arm.
-fn mount(robot: &RobotModel) -> Pose {
+/// from the arm. If the tool frame lies between the tips of the fingers that the gripper replaces, so does the gripper's
+/// tool centre point.
+///
+/// # Errors
+/// If there is no such gripper.
+fn mount(robot: &RobotModel, own_hand: Option<usize>, gripper: &str) -> Result<Pose, WorkspaceError> {
+    let turn = turn(robot);
+    let text = registry::find(PartKind::Gripper, gripper).map_err(refused)?;
+    let file: Value = serde_json::from_str(&text).unwrap_or_default();
+    let length = file["hand_from_tcp_z"].as_f64().unwrap_or(0.0);
+    let poses = robot.link_poses(&robot.home, 0.0);
+    let tool = poses[robot.hand];
+    let ahead =
+        own_hand.map_or(0.0, |hand| (tool.position - poses[hand].position).dot(tool.rotation * turn * DVec3::Z));
+    let back = if ahead > FINGERTIPS_M { length } else { 0.0 };
+    Ok(Pose::new(turn * DVec3::NEG_Z * back, turn))
+}
+
+/// Rotation `tool_from_hand` of the gripper.
+fn turn(robot: &RobotModel) -> DQuat {
     let poses = robot.link_poses(&robot.home, 0.0);
     let tool = poses[robot.hand];
     let mut above = Vec::new();
@@ -164,7 +253,7 @@ fn mount(robot: &RobotModel) -> Pose {
         }
         link = robot.links[index].parent;
     }
-    let Some(&last) = above.first() else { return Pose::IDENTITY };
+    let Some(&last) = above.first() else { return DQuat::IDENTITY };
     // "Away" is measured from the joint before the last one, which always lies behind the flange.
     let before = above.get(1).map_or(DVec3::ZERO, |link| poses[*link].position);
     let away = tool.position - before;
@@ -179,7 +268,7 @@ fn mount(robot: &RobotModel) -> Pose {
         .into_iter()
         .map(|axis| (axis, axis.dot(in_tool)))
         .fold((DVec3::Z, f64::NEG_INFINITY), |best, found| if found.1 > best.1 { found } else { best });
-    Pose::new(DVec3::ZERO, DQuat::from_rotation_arc(DVec3::Z, axis))
+    DQuat::from_rotation_arc(DVec3::Z, axis)
 }
 
 fn rpy_deg(rotation: DQuat) -> [f64; 3] {
@@ -320,6 +409,9 @@ impl Arm<'_> {
                         "max_velocity": joint.max_velocity, "max_acceleration": drive.acceleration,
                         "max_jerk": drive.acceleration * JERK_PER_ACCELERATION, "max_effort": drive.effort,
                     });
+                    if joint.continuous {
+                        file["joint"]["continuous"] = true.into();
+                    }
                 }
                 file
             })

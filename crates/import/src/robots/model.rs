@@ -3,7 +3,7 @@
 //! Values missing in URDF are proposed here: accelerations, velocities, a home configuration, and the tool frame. Every
 //! collision mesh is replaced by its convex hull.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use genmanip_core::{
     Gripper, JointKind, MassProperties, Mimic, Piece, Pose, RobotJoint, RobotLink, RobotModel, Shape,
@@ -27,6 +27,10 @@ const VELOCITY: f64 = 1.0;
 const EFFORT: f64 = 1.0;
 /// Limit beyond which a revolute joint counts as continuous, rad: limits mistakenly given in degrees are smaller.
 const NO_LIMIT: f64 = 1000.0;
+/// Limit beyond which a slide counts as unlimited, m: limits mistakenly given in millimetres are smaller; and (`SLIDE_M`)
+/// the limit that is assumed then, either way.
+const UNLIMITED_M: f64 = 50_000.0;
+const SLIDE_M: f64 = 5.0;
 /// Distance below which a link pair counts as always near (m): twice the clearance that the planner keeps, since a
 /// search could hardly move pairs that always stay closer.
 const ALWAYS_NEAR_M: f64 = 0.006;
@@ -72,6 +76,7 @@ pub fn build(
     let mut builder = Builder { path: &path, files, notes, hulls: BTreeMap::new(), simplified: Vec::new() };
     let mut links = builder.links(&described, choices)?;
     builder.follow(&described, &mut links)?;
+    let has_motion = described.iter().any(|link| link.joint.as_ref().is_some_and(|(_, joint)| joint.motion.is_some()));
     let Builder { mut notes, simplified, .. } = builder;
     if choices.visible {
         visual::add(robot, &described, &mut links, files, &mut notes)?;
@@ -85,8 +90,12 @@ pub fn build(
     }
     plausible::check(&path, &links)?;
     if !links.iter().any(|link| link.joint.is_some()) {
-        return Err(ImportError::new(path, "no joint moves")
-            .hint("expected at least one revolute, continuous or prismatic joint"));
+        let hint = if has_motion {
+            "the range of every joint is empty: state their limits, as in <limit lower=\"-3.1\" upper=\"3.1\"/>"
+        } else {
+            "expected at least one revolute, continuous or prismatic joint"
+        };
+        return Err(ImportError::new(path, "no joint moves").hint(hint));
     }
     let position = |name: &str, by: &str| {
         links.iter().position(|link| link.name == name).ok_or_else(|| {
@@ -96,8 +105,20 @@ pub fn build(
     };
     let mut never_colliding: Vec<(usize, usize)> =
         links.iter().enumerate().filter_map(|(index, link)| Some((link.parent?, index))).collect();
+    // The SRDF of a robot with another gripper or base names links that this one lacks.
+    let mut unknown: BTreeSet<String> = BTreeSet::new();
     for [a, b] in &semantics.disabled {
-        never_colliding.push((position(a, "disable_collisions")?, position(b, "disable_collisions")?));
+        match (position(a, "disable_collisions"), position(b, "disable_collisions")) {
+            (Ok(a), Ok(b)) => never_colliding.push((a, b)),
+            (first, second) => {
+                unknown.extend(first.is_err().then(|| shortened(a)));
+                unknown.extend(second.is_err().then(|| shortened(b)));
+            }
+        }
+    }
+    if !unknown.is_empty() {
+        let names: Vec<String> = unknown.into_iter().collect();
+        notes.push(format!("pairs of the SRDF with links that do not exist are left out: {}", listed(&names)));
     }
     let hand = match (&choices.tip, &semantics.end_effector) {
         (Some(tip), _) => position(tip, "the requested tool frame")?,
@@ -225,6 +246,13 @@ impl Builder<'_, '_> {
         }
         let (lower, upper) = match (motion.range, motion.kind) {
             _ if continuous => (-MAX_ANGLE, MAX_ANGLE),
+            (Some([lower, upper]), JointKind::Prismatic) if lower.abs().max(upper.abs()) > UNLIMITED_M => {
+                let [lower, upper] = [lower, upper].map(|limit| limit.clamp(-SLIDE_M, SLIDE_M));
+                self.notes.push(format!(
+                    "joint {name} has limits of more than {UNLIMITED_M} m: {lower} to {upper} m are assumed"
+                ));
+                (lower, upper)
+            }
             (Some([lower, upper]), _) => (lower, upper),
             (None, JointKind::Revolute) => {
                 self.notes.push(format!("joint {name} states no limits: half a turn either way is assumed"));
@@ -270,7 +298,7 @@ impl Builder<'_, '_> {
     /// Resolves the joints that mimic joints follow, also through chains of mimic joints.
     fn follow(&mut self, described: &[Link<'_>], links: &mut [RobotLink]) -> Result<(), ImportError> {
         let mimic = |link: usize| described[link].joint.as_ref()?.1.motion.as_ref()?.mimic;
-        for link in 0..described.len() {
+        'links: for link in 0..described.len() {
             let Some((_, mut multiplier, mut offset)) = mimic(link) else { continue };
             let mut at = link;
             let mut steps = 0;
@@ -281,9 +309,15 @@ impl Builder<'_, '_> {
                 let is_named =
                     |(_, other): &(usize, &Link)| other.joint.as_ref().is_some_and(|(_, joint)| joint.name == named);
                 let Some((found, _)) = described.iter().enumerate().find(is_named) else {
-                    let node = described[link].joint.as_ref().map(|(_, joint)| joint.node);
-                    let message = format!("follows joint `{}`, which does not exist", shortened(named));
-                    return Err(node.map_or_else(|| ImportError::new(self.path, &message), |node| node.wrong(&message)));
+                    // Left as a joint of its own.
+                    let own = described[link].joint.as_ref().map_or("", |(_, joint)| joint.name);
+                    self.notes.push(format!(
+                        "joint {} follows {}, which does not exist: it moves by itself",
+                        shortened(own),
+                        shortened(named)
+                    ));
+                    links[link].joint = self.alone(&described[link])?;
+                    continue 'links;
                 };
                 at = found;
                 steps += 1;
@@ -304,6 +338,13 @@ impl Builder<'_, '_> {
             }
         }
         Ok(())
+    }
+
+    /// The joint to a link, without what it follows.
+    fn alone(&mut self, link: &Link<'_>) -> Result<Option<RobotJoint>, ImportError> {
+        let Some((_, joint)) = &link.joint else { return Ok(None) };
+        let Some(motion) = &joint.motion else { return Ok(None) };
+        self.joint(joint.name, joint.node, &Motion { mimic: None, ..motion.clone() })
     }
 
     /// Convex piece of a collision or visual element.

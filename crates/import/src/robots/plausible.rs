@@ -3,7 +3,7 @@
 //! All limits are chosen by hand: generous for real arms (the largest industrial ones reach five metres), and far below
 //! what would overload grids, tables and sampled motions. A file in millimetres exceeds them by a factor of a thousand.
 
-use genmanip_core::{JointKind, RobotLink, RobotModel, Shape, glam::DVec3};
+use genmanip_core::{JointKind, Piece, RobotLink, RobotModel, Shape, glam::DVec3};
 
 use crate::ImportError;
 use crate::formats::xml::Element;
@@ -64,7 +64,7 @@ pub(super) fn check_reach(path: &str, robot: &RobotModel) -> Result<(), ImportEr
         let slide = link.joint.as_ref().filter(|joint| joint.kind == JointKind::Prismatic);
         let slide = slide.map_or(0.0, |joint| joint.lower.abs().max(joint.upper.abs()));
         let here = above + link.parent_from_link.position.length() + slide;
-        let body = link.pieces.iter().map(|piece| piece.link_from_piece.position.length() + radius_m(&piece.shape));
+        let body = link.pieces.iter().map(farthest_m);
         let outermost = here + body.fold(0.0, f64::max);
         if outermost > MAX_REACH_M {
             let message = format!(
@@ -198,14 +198,17 @@ fn implausible(
     ImportError::new(path, format!("{place}: {what} should be {low:?} to {high:?} {unit}, got {got:?}")).hint(hint)
 }
 
-/// Distance of the farthest vertex from the centre, or from the origin for a hull.
-fn radius_m(shape: &Shape) -> f64 {
-    match shape {
-        Shape::Box { half_extents } => half_extents.length(),
-        Shape::Sphere { radius } => *radius,
-        Shape::Ellipsoid { radii } => radii.max_element(),
-        Shape::Cylinder { radius, half_height } => radius.hypot(*half_height),
-        Shape::Capsule { radius, half_length } => radius + half_length,
-        Shape::Hull { points } => points.iter().map(|point| point.length()).fold(0.0, f64::max),
+/// Distance of a piece's farthest point from the origin of its link; for other shapes than hulls an upper bound.
+fn farthest_m(piece: &Piece) -> f64 {
+    let center = piece.link_from_piece.position.length();
+    match &piece.shape {
+        Shape::Box { half_extents } => center + half_extents.length(),
+        Shape::Sphere { radius } => center + *radius,
+        Shape::Ellipsoid { radii } => center + radii.max_element(),
+        Shape::Cylinder { radius, half_height } => center + radius.hypot(*half_height),
+        Shape::Capsule { radius, half_length } => center + radius + half_length,
+        Shape::Hull { points } => {
+            points.iter().map(|point| piece.link_from_piece.transform_point(*point).length()).fold(0.0, f64::max)
+        }
     }
 }

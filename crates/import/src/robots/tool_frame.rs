@@ -8,6 +8,8 @@ const FINGER_JOINTS: [&str; 7] = ["finger", "gripper", "knuckle", "jaw", "claw",
 const FINGER_LINKS: [&str; 5] = ["finger", "knuckle", "jaw", "claw", "thumb"];
 /// Parts of names of tool frames, best first.
 const TOOL_NAMES: [&str; 7] = ["tcp", "tool0", "tool", "grasp", "ee_", "end_effector", "gripper_frame"];
+/// Parts of names of links that carry sensors, which are no tools.
+const SENSORS: [&str; 6] = ["camera", "optical", "imu", "sensor", "depth", "lidar"];
 /// Maximum range of a prismatic joint that can be a finger, m. Chosen by hand.
 const FINGER_SLIDE_M: f64 = 0.15;
 
@@ -31,6 +33,17 @@ pub fn behind_fingers(links: &[RobotLink]) -> Vec<bool> {
                 || is_last && short_slide && joints_above(links, index) > 1
         });
         behind[index] = above || own;
+    }
+    behind
+}
+
+/// For each link, true if it is a sensor or descends from one.
+fn behind_sensors(links: &[RobotLink]) -> Vec<bool> {
+    let mut behind = vec![false; links.len()];
+    for (index, link) in links.iter().enumerate() {
+        let name = link.name.to_lowercase();
+        let above = link.parent.is_some_and(|parent| behind[parent]);
+        behind[index] = above || SENSORS.iter().any(|part| name.contains(part));
     }
     behind
 }
@@ -64,6 +77,11 @@ pub fn tool_frame(links: &[RobotLink]) -> usize {
     // A hand without an arm: the longest finger is treated as the arm.
     if (0..links.len()).filter(|link| !left_out[*link]).all(|link| depth(link) == 0) {
         left_out = vec![false; links.len()];
+    }
+    let deepest_of = |left_out: &[bool]| (0..links.len()).filter(|link| !left_out[*link]).map(depth).max();
+    let without_sensors: Vec<bool> = behind_sensors(links).iter().zip(&left_out).map(|(a, b)| *a || *b).collect();
+    if deepest_of(&without_sensors) == deepest_of(&left_out) {
+        left_out = without_sensors;
     }
     let kept: Vec<usize> = (0..links.len()).filter(|link| !left_out[*link]).collect();
     let deepest = kept.iter().map(|link| depth(*link)).max().unwrap_or(0);

@@ -8,3 +8,4 @@ mod mjcf;
 mod rigid;
 mod robots;
 mod usd;
+mod usd_physics;

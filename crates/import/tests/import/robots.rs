@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Pose, RobotModel, Seed, Shape};
-use genmanip_import::robots::{self, Choices, MAX_LINKS, MAX_PIECES, PlannedRobot, Settings};
+use genmanip_import::robots::{self, Choices, MAX_LINKS, MAX_PIECES, PlannedRobot, Settings, add};
 use genmanip_motion::{AllowedCollisions, Chain, CollisionWorld, Planner, PlannerSettings, PlanningScene};
 
 /// Six joints like those of many industrial arms, one with a different axis, plus a rail and a tool.
@@ -106,11 +106,6 @@ fn every_flaw_has_its_own_message() {
         ("fore.obj", "gone.obj", "`gone.obj`: no such file (paths are relative"),
         ("fore.obj", "package://gone/none.obj", "no such file (name the package's folder: --package gone=DIR"),
         ("radius=\"0.07\"", "radius=\"-0.07\"", "radius: expected a positive length"),
-        (
-            "<limit lower=\"-2.5\" upper=\"2.5\" velocity=\"2\"/>",
-            "<mimic joint=\"j9\"/>",
-            "follows joint `j9`, which does not",
-        ),
         ("<link name=\"roll\"/>", "<xacro:roll/>", "must be expanded first (expand it: `xacro"),
         // In millimetres.
         (
@@ -157,6 +152,9 @@ fn every_flaw_has_its_own_message() {
     let one = |text: &str| read(text).unwrap_err();
     assert!(one(&format!("<robot>{}</robot>", "<link name='x'/>".repeat(MAX_LINKS + 1))).contains("513 links"));
     assert!(one("<robot><link name='a'/></robot>").contains("no joint moves"));
+    let still = "<robot><link name='a'/><link name='b'/><joint name='j' type='revolute'><parent link='a'/>\
+                 <child link='b'/><limit lower='0' upper='0'/></joint></robot>";
+    assert!(one(still).contains("no joint moves (the range of every joint is empty"), "{}", one(still));
     assert!(one("<robot name='a'><link").contains("not XML"));
     let joint = |index: usize| {
         let next = index + 1;
@@ -398,4 +396,131 @@ fn an_arm_with_five_joints_meets_what_it_can() {
             assert!(at.position.distance(pose.position) < 3e-4 && turn < 0.061, "{at:?} for {pose:?}");
         }
     }
+}
+
+/// `robot add` keeps joints without end stops, and refuses an arm with a joint that follows another one.
+#[test]
+fn proposed_files_keep_continuous_joints_and_refuse_coupled_ones() {
+    let found = add::propose(read(ARM).unwrap(), "six", None).unwrap();
+    let is_continuous: Vec<bool> = found.model.arm_joints().map(|joint| joint.continuous).collect();
+    assert_eq!(is_continuous, [false, false, false, true, false, false]);
+    let joint = |file: &serde_json::Value, name: &str| {
+        let links = file["links"].as_array().unwrap();
+        links.iter().find(|link| link["joint"]["name"] == name).unwrap()["joint"]["continuous"].clone()
+    };
+    assert_eq!((joint(&found.arm, "j4"), joint(&found.arm, "j3")), (true.into(), serde_json::Value::Null));
+    let coupled = ARM.replace("<limit lower=\"-2.5\"", "<mimic joint=\"j2\" multiplier=\"-1\"/><limit lower=\"-2.5\"");
+    let error = add::propose(read(&coupled).unwrap(), "six", None).unwrap_err();
+    let cause = std::error::Error::source(&error).map(ToString::to_string).unwrap_or_default();
+    assert!(cause.contains("j3 follows j2"), "{error}: {cause}");
+}
+
+/// Flaws of public files that leave no doubt about the robot: read, with a note.
+#[test]
+fn flaws_without_doubt_are_read_with_a_note() {
+    let noted = |old: &str, new: &str, note: &str| {
+        let read = with(old, new).unwrap_or_else(|error| panic!("{old} -> {new}: {error}"));
+        assert!(read.notes.iter().any(|said| said.contains(note)), "{old} -> {new}: {:?}", read.notes);
+        read.model
+    };
+    let joint = |model: &RobotModel, name: &str| {
+        model.arm_joints().find(|joint| joint.name == name).unwrap_or_else(|| panic!("{name}")).clone()
+    };
+    // What a joint follows does not exist: it keeps its own limits.
+    let limits = "<limit lower=\"-2.5\" upper=\"2.5\" velocity=\"2\"/>";
+    let model = noted(limits, &format!("{limits}<mimic joint=\"j9\"/>"), "joint j3 follows j9, which does not exist");
+    let found = joint(&model, "j3");
+    assert_eq!((found.lower, found.upper, found.mimic), (-2.5, 2.5, None));
+    // Limits that mean none.
+    let endless = "lower=\"-1e+16\" upper=\"1e+16\"";
+    let model = noted("lower=\"-2.5\" upper=\"2.5\"", endless, "joint j3 has limits of more than 1000 rad");
+    assert!(joint(&model, "j3").continuous);
+    let slide = [
+        "type=\"fixed\"><parent link=\"world\"/>",
+        "type=\"prismatic\"><limit lower=\"-999999\" upper=\"999999\"/><parent link=\"world\"/>",
+    ];
+    let model = noted(slide[0], slide[1], "joint foot has limits of more than 50000 m: -5 to 5 m are assumed");
+    assert_eq!((joint(&model, "foot").lower, joint(&model, "foot").upper), (-5.0, 5.0));
+    // A part of a robot hangs from a link of the whole.
+    let model = noted("<link name=\"world\"/>", "", "link world is not described: it is taken as an empty base");
+    assert_eq!(model.links[0].name, "world");
+    assert_eq!(model.arm_dof(), 6);
+}
+
+/// An SRDF may name links of another gripper.
+#[test]
+fn pairs_of_links_that_do_not_exist_are_left_out_of_an_srdf() {
+    let srdf = r#"<robot name="six"><disable_collisions link1="base" link2="upper"/>
+        <disable_collisions link1="base" link2="claw"/></robot>"#;
+    let files = [("arm.urdf", ARM.as_bytes()), ("fore.obj", BRICK.as_bytes()), ("arm.srdf", srdf.as_bytes())];
+    let read = read_files(&files, Choices::default()).unwrap();
+    assert!(read.notes.iter().any(|note| note.ends_with("are left out: claw")), "{:?}", read.notes);
+    let index = |name: &str| read.model.links.iter().position(|link| link.name == name).unwrap();
+    assert!(read.model.never_colliding.contains(&(index("base"), index("upper"))));
+}
+
+/// The reach of a mesh whose origin and vertices cancel is that of its vertices.
+#[test]
+fn meshes_modelled_in_the_frame_of_the_base_do_not_count_twice() {
+    let far: String = BRICK
+        .lines()
+        .map(|line| {
+            let [x, y, z] = line.split(' ').skip(1).map(|value| value.parse::<f64>().unwrap()).collect::<Vec<_>>()[..]
+            else {
+                panic!("{line}")
+            };
+            format!("v {} {y} {z}\n", x + 6.0)
+        })
+        .collect();
+    let text = ARM.replace("<origin xyz=\"0.2 0 0\"/>", "<origin xyz=\"-5.8 0 0\"/>");
+    read_files(&[("arm.urdf", text.as_bytes()), ("fore.obj", far.as_bytes())], Choices::default()).unwrap();
+}
+
+/// Jaws of the URDF give way to a gripper whose fingertips meet where they met; a small arm gets a small one.
+#[test]
+fn a_gripper_takes_the_place_of_the_jaws() {
+    let jaws = r#"<link name="tip"/>
+  <joint name="tip_joint" type="fixed"><parent link="flange"/><child link="tip"/><origin xyz="0.2 0 0"/></joint>
+  <link name="jaw"/>
+  <joint name="jaw_joint" type="revolute"><parent link="flange"/><child link="jaw"/><origin xyz="0.05 0.02 0"/>
+    <axis xyz="0 0 1"/><limit lower="0" upper="1" velocity="2"/></joint>
+</robot>"#;
+    let shape = "<link name=\"flange\"><collision><geometry><sphere radius=\"0.03\"/></geometry></collision></link>";
+    let whole = ARM.replace("</robot>", jaws).replace("<link name=\"flange\"/>", shape);
+    let proposed = |text: &str, gripper: Option<&str>| {
+        let read = read(text).unwrap();
+        let flange = read.model.links.iter().position(|link| link.name == "flange").unwrap();
+        let tool = read.model.link_poses(&read.model.home, 0.0)[flange] * Pose::from_position(DVec3::X * 0.2);
+        let found = add::propose(read, "six", gripper).unwrap();
+        let zero = vec![0.0; found.model.arm_dof()];
+        let tcp = found.model.link_poses(&zero, 0.0)[found.model.hand] * found.model.hand_from_tcp;
+        (found, tcp.position.distance(tool.position))
+    };
+    let (found, off_m) = proposed(&whole, None);
+    assert!(off_m < 1e-6 && found.robot["gripper"] == "panda_hand", "{off_m}: {}", found.robot);
+    let flange = found.model.links.iter().find(|link| link.name == "flange").unwrap();
+    assert!(flange.pieces.is_empty() && found.model.arm_dof() == 6);
+    assert!(found.notes.iter().any(|note| note.ends_with("shapes are left out: flange")), "{:?}", found.notes);
+    assert!(proposed(&whole, Some("robotiq_2f85")).1 < 1e-6);
+    // Without jaws, the gripper stands on the flange, whose shape stays.
+    let (found, _) = proposed(&ARM.replace("<link name=\"flange\"/>", shape), None);
+    assert_eq!(found.robot["mount"]["position"], serde_json::json!([0.0, 0.0, 0.0]));
+    assert!(found.model.links.iter().any(|link| link.name == "flange" && !link.pieces.is_empty()));
+    let small = ARM.replace("xyz=\"0 0 0.4\"", "xyz=\"0 0 0.15\"").replace("xyz=\"0.4 0 0\"", "xyz=\"0.1 0 0\"");
+    let small = small.replace("xyz=\"0 0 0.2\"/>\n    <axis", "xyz=\"0 0 0.05\"/>\n    <axis");
+    assert_eq!(proposed(&small, None).0.robot["gripper"], "small_jaws");
+}
+
+/// A camera behind the flange is no tool frame.
+#[test]
+fn sensors_are_no_tool_frames() {
+    let camera = r#"<link name="end_effector_link"/>
+  <joint name="end" type="fixed"><parent link="flange"/><child link="end_effector_link"/></joint>
+  <link name="camera_link"/>
+  <joint name="eye" type="fixed"><parent link="end_effector_link"/><child link="camera_link"/></joint>
+  <link name="camera_color_frame"/>
+  <joint name="colour" type="fixed"><parent link="camera_link"/><child link="camera_color_frame"/></joint>
+</robot>"#;
+    let model = read(&ARM.replace("</robot>", camera)).unwrap().model;
+    assert_eq!(model.links[model.hand].name, "end_effector_link");
 }

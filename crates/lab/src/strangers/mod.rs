@@ -13,7 +13,7 @@ use genmanip_data::files;
 use genmanip_dataset_tools::check;
 use genmanip_import::robots::{self, PlannedRobot};
 use genmanip_import::{Given, import, packs};
-use genmanip_workspace::Progress;
+use genmanip_workspace::{Progress, with_causes};
 use serde::Serialize;
 
 use crate::LabError;
@@ -199,7 +199,7 @@ fn robot(arguments: &StrangersArguments, path: &Path, seed: Seed, measured: &mut
     let PlannedRobot { model, notes } = match read {
         None => return measured.count("robot", &file, &[(Outcome::Crashed, "panic".into())], load_s, progress),
         Some(Err(error)) => {
-            let message = explained(&error);
+            let message = with_causes(&error);
             measured.without_meshes += usize::from(message.contains("no such file"));
             return measured.count("robot", &file, &[(Outcome::Said, message)], load_s, progress);
         }
@@ -268,7 +268,7 @@ fn dropped(path: &Path, model: &genmanip_core::RobotModel, notes: &[String]) -> 
     let mimics = text.split("<joint").skip(1).filter(follows).count();
     let coupled =
         model.links.iter().filter(|link| link.joint.as_ref().is_some_and(|joint| joint.mimic.is_some())).count();
-    if coupled < mimics && !said(&["fixed"]) {
+    if coupled < mimics && !said(&["fixed", "moves by itself"]) {
         return Some(format!("{} of {mimics} coupled joints do not follow", mimics - coupled));
     }
     (collisions == 0 && !tags("<visual").is_empty() && !said(&["collision geometry", "hulls of visual"]))
@@ -288,13 +288,6 @@ fn without(text: &str, from: &str, to: &str) -> String {
 
 fn relative(folder: &Path, path: &Path) -> String {
     path.strip_prefix(folder).unwrap_or(path).display().to_string()
-}
-
-/// An error with its causes, as one line.
-fn explained(error: &dyn std::error::Error) -> String {
-    let causes = std::iter::successors(error.source(), |cause| cause.source());
-    let parts: Vec<String> = std::iter::once(error.to_string()).chain(causes.map(ToString::to_string)).collect();
-    parts.join(": ")
 }
 
 impl Measured {
@@ -346,7 +339,7 @@ impl Measured {
         let (checked, cpu_s) = timed(|| check::check(dataset, &[]));
         let flaws = match checked {
             None => vec![(Outcome::Crashed, "panic".into())],
-            Some(Err(error)) => vec![(Outcome::Said, explained(&error))],
+            Some(Err(error)) => vec![(Outcome::Said, with_causes(&error))],
             Some(Ok(checked)) => {
                 let said = |finding: &check::Finding| {
                     (Outcome::Said, format!("{}: {}: expected {}", finding.check, finding.file, finding.expected))

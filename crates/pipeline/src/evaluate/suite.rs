@@ -60,6 +60,26 @@ pub struct Suite {
 }
 
 impl Suite {
+    /// Suite of cases and their scenarios, without reference paths, traits and recordings.
+    fn of_cases(name: String, cases: Vec<Case>, settings: PipelineSettings) -> Self {
+        let mut scenarios: Vec<Arc<Scenario>> = cases.iter().map(|case| Arc::clone(&case.scenario)).collect();
+        scenarios.sort_by(|a, b| a.id.cmp(&b.id));
+        Self {
+            name,
+            scenarios,
+            cases,
+            reference_paths_m: BTreeMap::new(),
+            traits: Traits::new(),
+            settings,
+            perturbation: None,
+            cameras: None,
+            left_out: Vec::new(),
+            assets: None,
+            store: None,
+            is_of_run: false,
+        }
+    }
+
     /// Opens a frozen suite, a run, or scenario files, whatever the path is.
     ///
     /// # Errors
@@ -84,7 +104,7 @@ impl Suite {
         let name = name_of_folder(path);
         let survey = folder.survey(&store)?;
         let mut left_out = survey.notes();
-        let (mut scenarios, mut cases, mut results) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut cases, mut results) = (Vec::new(), Vec::new());
         for id in survey.sound.into_iter().map(|known| known.id) {
             // The index may list an attempt as intact that was damaged later without a change of its size.
             let read = store.read_attempt(&id).and_then(|attempt| Ok((attempt, store.read_scenario(&id)?)));
@@ -96,9 +116,7 @@ impl Suite {
                 read => read.map_err(unreadable)?,
             };
             if let Some(scenario) = scenario.filter(|_| is_recorded) {
-                let scenario = Arc::new(scenario);
-                cases.push(Case { id, scenario: Arc::clone(&scenario), seed: result.seed, horizon_s: None });
-                scenarios.push(scenario);
+                cases.push(Case { id, scenario: Arc::new(scenario), seed: result.seed, horizon_s: None });
             }
             results.push(result);
         }
@@ -112,20 +130,8 @@ impl Suite {
                 .with_hint("collect episodes first"));
         }
         let reference_paths_m = reference_paths_m(&results);
-        Ok(Self {
-            name,
-            scenarios,
-            cases,
-            reference_paths_m,
-            settings: run.settings,
-            traits: Traits::new(),
-            perturbation: None,
-            cameras: None,
-            left_out,
-            assets: None,
-            store: Some(store),
-            is_of_run: true,
-        })
+        let suite = Self::of_cases(name, cases, run.settings);
+        Ok(Self { reference_paths_m, left_out, store: Some(store), is_of_run: true, ..suite })
     }
 
     /// Scenarios from files or folders, with default settings; each episode has the random stream of its layout.
@@ -172,20 +178,8 @@ impl Suite {
             seed: scenario.seed,
             horizon_s: None,
         };
-        Ok(Self {
-            name,
-            cases: scenarios.iter().map(case).collect(),
-            scenarios,
-            reference_paths_m: BTreeMap::new(),
-            settings: PipelineSettings::in_world(world),
-            traits: Traits::new(),
-            perturbation: None,
-            cameras: None,
-            left_out: Vec::new(),
-            assets: None,
-            store: None,
-            is_of_run: false,
-        })
+        let cases = scenarios.iter().map(case).collect();
+        Ok(Self::of_cases(name, cases, PipelineSettings::in_world(world)))
     }
 
     /// A frozen suite: every scenario has the time limit of the suite and the expert's shortest path as reference.
@@ -258,23 +252,9 @@ impl Suite {
             traits.insert(id.clone(), BTreeMap::from([("distribution".to_owned(), vec![drawn.distribution])]));
             cases.push(Case { id, scenario: Arc::new(scenario), seed, horizon_s });
         }
-        let mut scenarios: Vec<Arc<Scenario>> = cases.iter().map(|case| Arc::clone(&case.scenario)).collect();
-        scenarios.sort_by(|a, b| a.id.cmp(&b.id));
         let of = choice.distribution.as_ref().map_or_else(String::new, |name| format!("/{name}"));
-        Ok(Some(Self {
-            name: format!("{}/{}{of}", suite.file.name, choice.split.name()),
-            scenarios,
-            cases,
-            reference_paths_m: BTreeMap::new(),
-            traits,
-            settings,
-            perturbation: None,
-            cameras: None,
-            left_out: Vec::new(),
-            assets: None,
-            store: None,
-            is_of_run: false,
-        }))
+        let name = format!("{}/{}{of}", suite.file.name, choice.split.name());
+        Ok(Some(Self { traits, ..Self::of_cases(name, cases, settings) }))
     }
 
     /// Source of the scenarios' objects.

@@ -1,4 +1,4 @@
-//! Building of a suite from a seed: tasks, layouts, trials of the expert, selection.
+//! Builds a suite from a seed: tasks, layouts, trials of the expert, selection.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -44,8 +44,8 @@ pub struct BuildOptions<'a> {
     pub seed: Seed,
     /// Catalogue of the objects that tasks may contain.
     pub catalogue: &'a Catalogue,
-    /// Tasks used before any are designed, such as recorded answers of language models; their kinds must be in the
-    /// suite.
+    /// Tasks used before any are designed, such as recorded answers of language models; those of a kind that is
+    /// not in [`KINDS`] are refused and counted in the funnel.
     pub tasks: Vec<Task>,
     /// World of the scenarios.
     pub world: World,
@@ -168,8 +168,8 @@ fn certify(
     Ok(Some((certified, stage)))
 }
 
-/// Results of the expert's trials of each scenario, five each, by scenario id; `None` if interrupted. With `folder`, an
-/// interrupted call continues.
+/// Results of the expert's trials of each scenario, `TRIALS` each, by scenario id; `None` if interrupted. A call with
+/// the same `folder` continues an interrupted one.
 ///
 /// # Errors
 /// When a scenario cannot be read, two have the same id, their robots differ, or an episode raises an error.

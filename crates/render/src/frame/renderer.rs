@@ -41,7 +41,7 @@ pub struct Renderer {
     backdrop: Backdrop,
     /// Shadow maps for large and for small images, each with the frame that it was rendered for.
     shadows: [(ShadowMap, Option<FrameState>); 2],
-    /// Ellipsoid proxies for the last job.
+    /// Ellipsoid proxies of the bodies, placed for the last colour image.
     proxies: Proxies,
     /// Mean linear colour of each body's opaque parts.
     body_colors: Vec<Vec3A>,

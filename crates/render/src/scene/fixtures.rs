@@ -51,7 +51,7 @@ pub fn visuals(world: &World) -> Vec<Fixture> {
 }
 
 /// Slab with rounded vertical corners and rounded edges, in the surface's frame: rings of the outline and flat faces.
-/// Texture coordinates are those of the world frame if the slab is not rotated.
+/// Texture coordinates are world x and y in units of [`TOP_SIZE_M`] if the slab is not rotated.
 fn slab(surface: &SupportSurface) -> TriMesh {
     const QUARTER: usize = 8;
     let size = surface.size_m.as_vec3();
@@ -109,8 +109,8 @@ fn slab(surface: &SupportSurface) -> TriMesh {
     mesh
 }
 
-/// Triangulation of an outline of four round corners with `corner` vertices each: two large triangles inside, the
-/// others along the border, so that a camera above the centre sees no edges between triangles.
+/// Triangulation of an outline of four round corners with `corner` vertices each: two large triangles inside, which
+/// meet in a diagonal, the others along the border, so that no other edge crosses the inside.
 fn face(corner: u32) -> Vec<[u32; 3]> {
     let mut triangles = Vec::new();
     for first in [0, corner, 2 * corner, 3 * corner] {

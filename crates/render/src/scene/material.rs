@@ -25,14 +25,15 @@ pub struct Material {
 
 impl Material {
     /// Share of light that one interface scatters diffusely; 1 for an opaque material. Most view rays cross two
-    /// interfaces, which together have the material's opacity. Clear glass mostly tints, dense or rough glass mostly
-    /// scatters. Chosen by hand.
+    /// interfaces, which together have the material's opacity. The scattered share of the opacity (`haze`) is
+    /// chosen by hand: clear glass mostly tints, dense or rough glass mostly scatters.
     pub fn scatters(&self) -> f32 {
         if self.opacity < 1.0 { self.held() * self.haze() } else { 1.0 }
     }
 
-    /// Transmittance per colour channel of one interface of a transparent material with base colour `base`. The
-    /// interface of a shell is a wall, which is darker at grazing angles, where the path through it is longer.
+    /// Transmittance per colour channel of one interface of a transparent material with base colour `base`. A
+    /// shell (`is_shell`) is a mesh that is not closed: its interface is a wall, which is darker at grazing angles,
+    /// where the path through it is longer. `cosine` is that of the angle between view ray and normal.
     pub fn tint(&self, base: Vec3A, cosine: f32, is_shell: bool) -> Vec3A {
         let depth = (2.0 * self.held()).min(1.0);
         let tint = Vec3A::ONE.lerp(base, depth).max(Vec3A::splat(1e-3));

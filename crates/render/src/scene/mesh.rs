@@ -9,13 +9,15 @@ use meshopt::{SimplifyOptions, simplify_scale_decoder, simplify_with_attributes_
 
 /// Largest surface error of each level of detail (m).
 pub(crate) const ERRORS_M: [f32; 5] = [0.0005, 0.001, 0.002, 0.004, 0.008];
-/// Largest surface error of shadow casters in large and in small images (m): half a texel of the shadow map.
+/// Largest surface error of shadow casters in large images and in small ones (m): about half a texel of the default
+/// shadow map.
 const CASTER_ERRORS_M: [f32; 2] = [0.001, 0.004];
 /// Surface error of shadow casters in large images as a share of the mesh radius, if that is smaller. Measured: with 1
 /// mm for all meshes, shadows of small objects show corners and a bowl shadows itself.
 const CASTER_SHARE: f32 = 0.01;
 
-/// Largest error of the unit normals of a level of detail. Chosen by hand: shades differ by a few levels of 255.
+/// Largest error of the unit normals of a level of detail, as the length of the difference vector. Chosen by hand:
+/// 8-bit colours change by a few levels.
 const NORMAL_ERROR: f32 = 0.1;
 
 /// Triangle mesh in the frame of its body.
@@ -64,7 +66,8 @@ impl Mesh {
         (0..self.triangles.len()).map(area).sum()
     }
 
-    /// True if the surface mostly faces away from its centre: a closed mesh, or the outside of a hollow one.
+    /// True if the surface mostly faces away from the centre of its bounding sphere, as a closed mesh or the outer wall
+    /// of a vessel does; an inner wall faces towards it.
     pub fn faces_out(&self) -> bool {
         let (mut out, mut all) = (0.0, 0.0);
         for triangle in 0..self.triangles.len() {

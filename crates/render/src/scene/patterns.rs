@@ -18,8 +18,9 @@ pub(crate) struct Patterned {
     metallic: f32,
 }
 
-/// Procedural patterns. Counts are repetitions per texture (`bands` too; bricks have `rows` / 3 of them along u). A
-/// larger `share` (0-1) gives the second colour more of the area, though not exactly that share.
+/// Procedural patterns. Counts and `bands` are repetitions along one side of the texture, except that `threads` counts
+/// single threads and `across` cells of noise; a row of bricks has `rows` / 3 of them. The second colour is `dark`; a
+/// larger `share` (0-1) gives it more of the area, though not exactly that share.
 #[derive(Clone, Copy)]
 pub(crate) enum Pattern {
     /// Long wood fibres along v, in wide soft bands.
@@ -140,8 +141,8 @@ impl Patterned {
 }
 
 impl Pattern {
-    /// Weight of the second colour at texture coordinates (0-1). It is not clamped: the terms of some patterns add up
-    /// to about 1.3.
+    /// Weight of the second colour at texture coordinates `u` and `v` (each 0-1). It is not clamped: the terms of some
+    /// patterns add up to as much as 1.5.
     pub fn mix(self, u: f32, v: f32) -> f32 {
         match self {
             Grain { bands } => grain(u, v, bands),

@@ -1,4 +1,4 @@
-//! Appearance randomisation: variations sampled from a seed, each part from its own stream.
+//! Appearance randomisation: render variations sampled from a seed, each appearance factor from its own random stream.
 
 use genmanip_core::glam::{DQuat, DVec3, EulerRot};
 use genmanip_core::{AppearanceFactor, AppearanceRandomisation, Camera, CameraMount, Pose, Seed};
@@ -11,11 +11,11 @@ use crate::scene::walls::{Room, Wall};
 /// Largest translation (m) and rotation (rad) of a camera per axis, by its mount. Chosen by hand: a tripod repositioned
 /// by hand, and a bracket with some play.
 const TREMBLE: [(CameraMount, f64, f64); 2] = [(CameraMount::World, 0.02, 0.017), (CameraMount::Hand, 0.004, 0.012)];
-/// Largest relative change of an object's colour channels, roughness and metallic parameter. Chosen by hand: visible
-/// side by side, but no colour changes its name.
+/// Largest change of an object's paint: relative of each colour channel, absolute of the roughness, and absolute of the
+/// metallic parameter of metals. Chosen by hand: visible side by side, but no colour changes its name.
 const PAINT: [f32; 3] = [0.10, 0.15, 0.1];
 
-/// Variation whose parts `vary` are sampled from a seed; the others have default values.
+/// Default variation in which the factors `vary` are sampled from a seed.
 pub fn sampled(seed: Seed, vary: &[AppearanceFactor]) -> RenderVariation {
     varied(&RenderVariation::default(), &AppearanceRandomisation::new(seed, vary.to_vec()))
 }
@@ -23,8 +23,9 @@ pub fn sampled(seed: Seed, vary: &[AppearanceFactor]) -> RenderVariation {
 /// Applies an appearance randomisation to a variation; parts that the randomisation does not name are unchanged.
 ///
 /// The key light comes from 35 to 80 degrees above the table, from any side, with a colour temperature of 3000 K to
-/// 7500 K. All ranges are chosen around the default so that everything stays recognisable. Numbers are interpolated
-/// from the given to the sampled value by the strength; table top and room change at any strength above 0.
+/// 7500 K. All ranges are chosen around the default so that everything stays recognisable. The strength interpolates
+/// numbers from the given to the sampled value and scales the ranges of the objects' paint; the material of the table
+/// top and the room change at any strength above 0.
 pub fn varied(usual: &RenderVariation, look: &AppearanceRandomisation) -> RenderVariation {
     let mut variation = usual.clone();
     let share = look.strength as f32;
@@ -44,8 +45,10 @@ pub fn varied(usual: &RenderVariation, look: &AppearanceRandomisation) -> Render
             }
             AppearanceFactor::Material => {
                 let index = rng.random_range(0..TableTop::all().len());
-                variation.table_top = TableTop::all().nth(index).unwrap_or_default();
-                variation.table_color = [(); 3].map(|()| between(rng, 0.9, 1.0));
+                let drawn = TableTop::all().nth(index).unwrap_or_default();
+                // A material cannot be interpolated.
+                variation.table_top = if share > 0.0 { drawn } else { usual.table_top };
+                variation.table_color = usual.table_color.map(|channel| mix(channel, between(rng, 0.9, 1.0), share));
             }
             AppearanceFactor::Objects => {
                 let (tint, roughness, metallic) = PAINT.map(|most| share * most).into();
@@ -57,7 +60,8 @@ pub fn varied(usual: &RenderVariation, look: &AppearanceRandomisation) -> Render
     variation
 }
 
-/// Camera whose pose is perturbed from the seed; unchanged unless `vary` names the cameras.
+/// Camera with a random perturbation of its pose, drawn from the seed and the camera's name; unchanged unless `vary`
+/// contains [`AppearanceFactor::Camera`].
 #[must_use]
 pub fn moved(camera: &Camera, seed: Seed, vary: &[AppearanceFactor]) -> Camera {
     let tremble =
@@ -66,7 +70,8 @@ pub fn moved(camera: &Camera, seed: Seed, vary: &[AppearanceFactor]) -> Camera {
     jittered(camera, shift_m, turn_rad, &mut seed.fork(AppearanceFactor::Camera.name()).fork(&camera.name).rng())
 }
 
-/// Camera translated and rotated by uniform random amounts of up to `shift_m` and `turn_rad` per axis.
+/// Camera translated along, and rotated about, the axes of its own optical frame by uniform random amounts of up to
+/// `shift_m` and `turn_rad` per axis (intrinsic Euler angles x, y, z).
 #[must_use]
 pub fn jittered(camera: &Camera, shift_m: f64, turn_rad: f64, rng: &mut impl Rng) -> Camera {
     let mut within = |most: f64| most * (2.0 * rng.random::<f64>() - 1.0);
@@ -94,7 +99,7 @@ fn mix(from: f32, to: f32, share: f32) -> f32 {
     (1.0 - share) * from + share * to
 }
 
-/// Background colour: any hue, low saturation, rarely dark.
+/// Background colour: any hue, low saturation, never dark.
 fn background(rng: &mut impl Rng) -> [u8; 3] {
     let (hue, saturation, value) = (between(rng, 0.0, 6.0), between(rng, 0.0, 0.3), between(rng, 0.45, 1.0));
     [5.0, 3.0, 1.0].map(|offset: f32| {
@@ -145,22 +150,10 @@ mod tests {
 
     #[test]
     fn strength_goes_from_the_usual_to_the_drawn() {
-        let (usual, drawn) = (
-            RenderVariation::default(),
-            sampled(Seed::new(7), &[AppearanceFactor::Light, AppearanceFactor::Background]),
-        );
-        let at = |strength| {
-            varied(
-                &usual,
-                &AppearanceRandomisation {
-                    strength,
-                    ..AppearanceRandomisation::new(
-                        Seed::new(7),
-                        vec![AppearanceFactor::Light, AppearanceFactor::Background],
-                    )
-                },
-            )
-        };
+        let vary = [AppearanceFactor::Light, AppearanceFactor::Background, AppearanceFactor::Material];
+        let (usual, drawn) = (RenderVariation::default(), sampled(Seed::new(7), &vary));
+        let full = AppearanceRandomisation::new(Seed::new(7), vary.to_vec());
+        let at = |strength| varied(&usual, &AppearanceRandomisation { strength, ..full.clone() });
         assert_eq!(at(0.0), usual);
         assert_eq!(at(1.0), drawn);
         let half = at(0.5);

@@ -37,13 +37,14 @@ pub(super) struct Interface {
     pub coverage: BatchColumn,
     /// Unit normals in the world, towards the viewer.
     pub normal: [BatchColumn; 3],
-    /// Emitted colour (reflection and scattering), and transmittance.
+    /// Linear display colour (0-1) reflected and scattered towards the viewer, and transmittance per colour channel.
     pub color: [BatchColumn; 3],
     pub passes: [BatchColumn; 3],
 }
 
 impl Interface {
-    /// Shades the far or near interfaces of a batch of pixels, all of the same part.
+    /// Shades the far (`index` 0) or near (`index` 1) interfaces of a batch of pixels. They belong to one part;
+    /// `surface` is one more than the index of that part.
     pub fn shade(
         &mut self,
         pixels: &[Covered],

@@ -49,7 +49,8 @@ impl History {
         &self.snapshots
     }
 
-    /// Revision that the request with this operation id made or named; `None` for a new id.
+    /// Revision that the command with this client operation id made, or that the snapshot with this id names; `None`
+    /// for a new id.
     pub fn known(&self, client_operation_id: &str) -> Option<u64> {
         self.known.get(client_operation_id).copied()
     }
@@ -73,14 +74,14 @@ impl History {
         self.snapshots.push(snapshot);
     }
 
-    /// Revision of the author's last command that is in effect; `None` without one.
+    /// Revision of the author's command in effect that was applied or redone last; `None` without one.
     pub fn undoable(&self, author: &str) -> Option<u64> {
         let own = self.entries.iter().filter(|entry| entry.line.stamp.author == author && entry.is_in_effect());
         own.max_by_key(|entry| entry.since).map(|entry| entry.line.revision)
     }
 
-    /// Revision of the command that the author undid last; `None` without one, or if the author gave a new command
-    /// since.
+    /// Revision of the command that the author undid last; `None` without one, or if the author has given a
+    /// new command since.
     pub fn redoable(&self, author: &str) -> Option<u64> {
         let own = self.entries.iter().filter(|entry| entry.is_plain() && entry.line.stamp.author == author);
         let last = own.map(|entry| entry.line.revision).max().unwrap_or(0);
@@ -113,7 +114,8 @@ impl History {
         self.entry(revision).is_some_and(|entry| entry.undone.is_some())
     }
 
-    /// First of the fields that another author's command changed after the base revision; `None` if there is none.
+    /// Latest command of another author after the base revision that changed one of the fields, with the first such
+    /// field; `None` if there is none.
     pub fn changed_since(&self, base_revision: u64, author: &str, fields: &[String]) -> Option<Overlap> {
         let later = self.entries.iter().filter(|entry| entry.line.revision > base_revision);
         overlapping(later.filter(|entry| entry.line.stamp.author != author), fields, |entry| entry.line.revision)
@@ -125,9 +127,9 @@ impl History {
         later.any(|entry| entry.line.stamp.author != author)
     }
 
-    /// First field of a command that another command in effect has changed since the command was last applied or
-    /// undone. Commands of the same author that were undone and redone in between do not count. `None` if there is
-    /// none.
+    /// Latest other command in effect that changed a field of this command since it was last applied or, if it is
+    /// undone, since the undo; with the first such field. After an undo, earlier commands of the same author do not
+    /// count, even if redone since. `None` if there is none.
     pub fn changed_after(&self, revision: u64) -> Option<Overlap> {
         let entry = self.entry(revision)?;
         let is_later = |other: &&Entry| match &entry.undone {

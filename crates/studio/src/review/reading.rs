@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use genmanip_assets::Catalogue;
 use genmanip_benchmark::suites::frozen::certificate;
 use genmanip_pipeline::suites::{horizon_s, try_expert};
-use genmanip_workspace::{Progress, WorkspaceError, scenarios};
+use genmanip_workspace::{Cause, Progress, WorkspaceError, scenarios, with_causes};
 
 use super::content::content_sha256;
 use super::desk::{ReviewDesk, Reviewable};
@@ -30,7 +30,9 @@ pub fn read_desk(collection: &Collection, out: &Path) -> Result<(ReviewDesk, Vec
                 desk.put(item);
                 superseded.extend(parent.and_then(|parent| collection.key_of(&parent)));
             }
-            Err(message) => left_out.push(format!("{} is left out: {message}", listed.path.display())),
+            Err(error) => {
+                left_out.push(format!("{} is left out: {}", listed.path.display(), with_causes(error.as_ref())));
+            }
         }
     }
     desk.supersede(&superseded);
@@ -42,16 +44,16 @@ pub fn read_desk(collection: &Collection, out: &Path) -> Result<(ReviewDesk, Vec
 ///
 /// # Errors
 /// When it or its log of edits cannot be read.
-pub fn read_item(listed: &Listed) -> Result<(Reviewable, Option<PathBuf>), String> {
+pub fn read_item(listed: &Listed) -> Result<(Reviewable, Option<PathBuf>), Cause> {
     let item = |scenario| Reviewable::of(&listed.key, listed.path.clone(), &listed.source, scenario);
     if EditLog::path_of(&listed.path).is_file() {
-        let edited = EditedScenario::open(&listed.path, Catalogue::all()).map_err(|error| error.to_string())?;
+        let edited = EditedScenario::open(&listed.path, Catalogue::all())?;
         let parent = edited.parent().map(|parent| PathBuf::from(&parent.path));
         let mut item = item(edited.scenario());
         item.is_edited = edited.revision() > 0;
         return Ok((item, parent));
     }
-    let scenario = scenarios::read_scenario(&listed.path).map_err(|error| error.to_string())?;
+    let scenario = scenarios::read_scenario(&listed.path)?;
     Ok((item(&scenario), None))
 }
 

@@ -8,7 +8,7 @@ use genmanip_data::EpisodeStore;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use crate::collections::sorted_names;
+use crate::collections::{Collection, sorted_names};
 
 /// Maximum number of episodes in a list.
 const MAX_EPISODES: usize = 500;
@@ -100,6 +100,17 @@ pub fn kept_episodes(file: &Path, id: &str, hashes: &[String], runs: &Path) -> V
     }
     kept.truncate(MAX_EPISODES);
     kept
+}
+
+/// Key of the scenario and key of the episode that `ID` or `LABEL/ID` means among the runs of a collection: without the
+/// label of an evaluation, an attempt at a demonstration comes first. `None` if there is no such episode.
+pub fn find_episode(collection: &Collection, name: &str) -> Option<(String, String)> {
+    let (label, id) = name.rsplit_once('/').map_or((None, name), |(label, id)| (Some(label), id));
+    let is_meant = |kept: &KeptEpisode| kept.place.id == id && (label.is_none() || kept.label.as_deref() == label);
+    collection.iter().filter(|listed| id.starts_with(&listed.summary.id)).find_map(|listed| {
+        let kept = of_own_run(&listed.path).into_iter().find(is_meant)?;
+        Some((listed.key.clone(), kept.place.key()))
+    })
 }
 
 /// Episodes of the run that a scenario's file belongs to: `RUN/episodes/ID/scenario.json` or `RUN/scenarios/ID.json`.

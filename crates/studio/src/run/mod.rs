@@ -7,6 +7,6 @@ mod offered_policies;
 pub mod playback;
 
 pub use episode_job::{EpisodeJob, NewEpisode};
-pub use kept_episodes::{EpisodeRow, KeptEpisode, Place, kept_episodes, run_folder_name};
+pub use kept_episodes::{EpisodeRow, KeptEpisode, Place, find_episode, kept_episodes, run_folder_name};
 pub use moments::{Moment, MomentKind, Moments};
 pub use offered_policies::{OfferedPolicies, OfferedPolicy};

@@ -3,10 +3,11 @@
 use axum::Json;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
-use genmanip_workspace::WorkspaceError;
+use genmanip_workspace::{WorkspaceError, hint, with_causes};
 use serde_json::{Value, json};
 
 use crate::edit::EditError;
+use crate::verdict::VerdictError;
 
 /// Reason why a request is refused; each has its own HTTP status.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,8 +46,8 @@ impl Refusal {
     }
 
     /// A [`Refusal::Unsuited`] with the message, causes and hint of an error.
-    pub fn of_work(error: &WorkspaceError) -> Self {
-        Self::unsuited(with_causes(error), error.hint().unwrap_or_default())
+    pub fn of_error(error: &(dyn std::error::Error + 'static)) -> Self {
+        Self::unsuited(with_causes(error), hint(error).unwrap_or_default())
     }
 
     /// The error as JSON: `{"message", "hint"}`.
@@ -58,6 +59,18 @@ impl Refusal {
             }
             Self::Unknown { message } => json!({ "message": message, "hint": "" }),
         }
+    }
+}
+
+impl From<WorkspaceError> for Refusal {
+    fn from(error: WorkspaceError) -> Self {
+        Self::of_error(&error)
+    }
+}
+
+impl From<VerdictError> for Refusal {
+    fn from(error: VerdictError) -> Self {
+        Self::of_error(&error)
     }
 }
 
@@ -95,18 +108,4 @@ impl IntoResponse for Refusal {
 /// Response 404 with a message.
 pub fn not_found(message: &str) -> Response {
     Refusal::Unknown { message: message.to_owned() }.into_response()
-}
-
-/// Message of an error with those of its causes.
-pub fn with_causes(error: &dyn std::error::Error) -> String {
-    let mut message = error.to_string();
-    let mut cause = error.source();
-    while let Some(inner) = cause {
-        let text = inner.to_string();
-        if !message.contains(&text) {
-            message += &format!(": {text}");
-        }
-        cause = inner.source();
-    }
-    message
 }

@@ -217,14 +217,13 @@ async fn repairs(State(studio): Shared, Path(key): Path<String>, request: HttpRe
         let now = studio.room(&key)?.revision();
         let equipment = studio.equipment(&now.scenario.world)?;
         let mut inspection = Inspection::new(Arc::clone(&now.scenario), &equipment);
-        let failed = |error: crate::verdict::VerdictError| Refusal::unsuited(error.to_string(), "");
-        let problems = inspection.problems(asked.stage).map_err(failed)?;
+        let problems = inspection.problems(asked.stage)?;
         let is_meant = |problem: &&crate::verdict::Problem| {
             let other = asked.other.is_none() || problem.other == asked.other;
             problem.code == asked.code && problem.object == asked.object && other
         };
         let repairs = match problems.iter().find(is_meant) {
-            Some(problem) => inspection.repairs(problem).map_err(failed)?,
+            Some(problem) => inspection.repairs(problem)?,
             None => Vec::new(),
         };
         Ok(Json(json!({ "revision": now.number, "repairs": repairs })).into_response())
@@ -278,7 +277,7 @@ async fn drop_objects(State(studio): Shared, Path(key): Path<String>, request: H
             asked.push(index);
         }
         let models = studio.models(&scenario)?;
-        let broken = |error| Refusal::of_work(&WorkspaceError::broken("the objects cannot be dropped", error));
+        let broken = |error| Refusal::from(WorkspaceError::broken("the objects cannot be dropped", error));
         let (moved, settled) = settle(&scenario, &models).map_err(broken)?;
         let before = |index: usize| scenario.objects[index].pose.position;
         let mut placed: Vec<(usize, Pose, Vec<f64>)> = moved
@@ -370,7 +369,7 @@ async fn search(State(studio): Shared, Query(asked): Query<Searched>) -> Respons
 }
 
 async fn thumbnail(State(studio): Shared, Path(uid): Path<AssetUid>) -> Response {
-    work(&studio, move |studio| match studio.catalogue.thumbnail(&uid).map_err(|error| Refusal::of_work(&error))? {
+    work(&studio, move |studio| match studio.catalogue.thumbnail(&uid)? {
         Some(jpeg) => {
             let head = [(CONTENT_TYPE, "image/jpeg"), (CACHE_CONTROL, "max-age=86400")];
             Ok((head, Body::from(jpeg.to_vec())).into_response())

@@ -54,7 +54,7 @@ async fn sentence(State(studio): Shared, request: HttpRequest) -> Response {
         Err(refusal) => return refusal.into_response(),
     };
     work(&studio, move |_| {
-        let phrases = new_scenario::choices(&text).map_err(|error| Refusal::of_work(&error))?;
+        let phrases = new_scenario::choices(&text)?;
         Ok(Json(json!({ "phrases": phrases })).into_response())
     })
     .await

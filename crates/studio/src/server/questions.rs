@@ -9,10 +9,11 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
 use genmanip_llm::{Answered, AnsweringError, FolderAnswers};
+use genmanip_workspace::with_causes;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::answer::{Refusal, with_causes};
+use super::answer::Refusal;
 use super::requests::{body, work};
 use super::studio::Studio;
 

@@ -34,7 +34,7 @@ impl Reviews {
     ) -> Result<T, Refusal> {
         let mut held = self.desk.lock().unwrap_or_else(PoisonError::into_inner);
         if held.is_none() {
-            *held = Some((read().map_err(|error| Refusal::of_work(&error))?, BTreeMap::new()));
+            *held = Some((read()?, BTreeMap::new()));
         }
         let Some((desk, revisions)) = held.as_mut() else { return Err(Refusal::unsuited("there is no desk", "")) };
         let mut superseded = BTreeSet::new();

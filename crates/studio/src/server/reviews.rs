@@ -112,7 +112,7 @@ async fn certify(State(studio): Shared, Path(key): Path<String>, request: HttpRe
             };
             let never = AtomicBool::new(false);
             let done = review::certify(&[item], &at, workers::workers(None), &NoProgress, &never, keep);
-            done.map_err(|error: WorkspaceError| Refusal::of_work(&error))?;
+            done?;
             for trials in tried {
                 studio.at_desk(|desk| desk.log_mut().add_trials(trials).map_err(refused))?;
             }
@@ -177,8 +177,7 @@ async fn build(State(studio): Shared, request: HttpRequest) -> Response {
         let folder = studio.out().join(&name);
         studio.at_desk(|desk| {
             let targets = targets.unwrap_or_else(|| desk.targets().clone());
-            let built = review::build_suite(desk, &folder, &name, per_kind, &targets)
-                .map_err(|error| Refusal::of_work(&error))?;
+            let built = review::build_suite(desk, &folder, &name, per_kind, &targets)?;
             let scenarios = built.suite.scenarios.len();
             Ok(Json(json!({ "folder": folder, "scenarios": scenarios, "choice": built.choice })).into_response())
         })

@@ -118,7 +118,7 @@ where
         }
         Ok(Ok(None)) => run.state = Stage::Cancelled,
         Ok(Err(_)) if job.stop.load(Ordering::Relaxed) => run.state = Stage::Cancelled,
-        Ok(Err(error)) => (run.state, run.error) = (Stage::Failed, Some(Refusal::of_work(&error).error())),
+        Ok(Err(error)) => (run.state, run.error) = (Stage::Failed, Some(Refusal::from(error).error())),
         Err(_) => {
             let error = json!({ "message": "the episode panicked; please report this bug", "hint": "" });
             (run.state, run.error) = (Stage::Failed, Some(error));
@@ -175,7 +175,7 @@ fn read(kept: &KeptEpisode) -> Result<Episode, Refusal> {
     let unreadable = |error| WorkspaceError::broken(format!("cannot read episode {}", kept.place.id), error);
     EpisodeStore::open(&kept.place.store)
         .and_then(|store| store.read(&kept.place.id))
-        .map_err(|error| Refusal::of_work(&unreadable(error)))
+        .map_err(|error| Refusal::from(unreadable(error)))
 }
 
 /// Scenario of an episode as a revision for display, with number 0.
@@ -205,7 +205,7 @@ async fn states(State(studio): Shared, Path((key, episode)): Path<(String, Strin
         let now = revision_of(&episode);
         let scene = studio.scene_at(&room, &now)?;
         let models = studio.models(&now.scenario)?;
-        let robot = studio.scenes.robot(&now.scenario.world).map_err(|error| Refusal::of_work(&error))?;
+        let robot = studio.scenes.robot(&now.scenario.world)?;
         let track = playback::track(&episode, &scene, &robot, &models);
         let head = [
             (CONTENT_TYPE, "application/octet-stream".to_owned()),

@@ -177,7 +177,7 @@ impl Studio {
                 EditedScenario::open(&place, Catalogue::all())?
             } else {
                 let unwritable = |error| WorkspaceError::file("write", &folder, error).with_hint("name another --out");
-                std::fs::create_dir_all(&folder).map_err(unwritable).map_err(|error| Refusal::of_work(&error))?;
+                std::fs::create_dir_all(&folder).map_err(unwritable)?;
                 EditedScenario::copy_into(&path, &folder, Catalogue::all())?
             };
             collection.add(&place, "studio", None, document.scenario())
@@ -191,8 +191,8 @@ impl Studio {
     /// Those of `make`, and when the written file cannot be read.
     pub fn create(&self, make: impl FnOnce(&Path) -> Result<PathBuf, WorkspaceError>) -> Result<String, Refusal> {
         let _alone = self.creating.lock().unwrap_or_else(PoisonError::into_inner);
-        let file = make(&self.out).map_err(|error| Refusal::of_work(&error))?;
-        let scenario = read_scenario(&file).map_err(|error| Refusal::of_work(&error))?;
+        let file = make(&self.out)?;
+        let scenario = read_scenario(&file)?;
         Ok(self.lock_collection().add(&file, "studio", None, &scenario))
     }
 
@@ -203,7 +203,7 @@ impl Studio {
     pub fn scene(&self, room: &Room, author: &str) -> Result<Value, Refusal> {
         let mut message = self.scene_at(room, &room.revision())?;
         (message.state.can_undo, message.state.can_redo) = room.steps(author);
-        serde_json::to_value(&message).map_err(|error| Refusal::unsuited(error.to_string(), ""))
+        serde_json::to_value(&message).map_err(|error| Refusal::of_error(&error))
     }
 
     /// Scene message of a revision; undo and redo flags, which depend on the author, are false.
@@ -211,7 +211,7 @@ impl Studio {
     /// # Errors
     /// As [`Studio::scene`].
     pub fn scene_at(&self, room: &Room, now: &Revision) -> Result<SceneMessage, Refusal> {
-        let (surfaces, robot) = self.scenes.fixed(&now.scenario.world).map_err(|error| Refusal::of_work(&error))?;
+        let (surfaces, robot) = self.scenes.fixed(&now.scenario.world)?;
         Ok(SceneMessage {
             key: room.key.clone(),
             id: now.scenario.id.clone(),
@@ -228,7 +228,7 @@ impl Studio {
 
     fn state(&self, key: &str, now: &Revision) -> Result<crate::scene::scene_message::SceneState, Refusal> {
         let models = self.models(&now.scenario)?;
-        self.scenes.state(key, &now.scenario, &models, now.number).map_err(|error| Refusal::of_work(&error))
+        self.scenes.state(key, &now.scenario, &models, now.number).map_err(Refusal::from)
     }
 
     /// Applies a change to a scenario, or to the copy of a read-only one; all its tabs get the new state.
@@ -239,7 +239,7 @@ impl Studio {
         let room = self.editable(key)?;
         let describe = |now: &Revision| {
             let state = self.state(&room.key, now)?;
-            serde_json::to_value(&state).map_err(|error| Refusal::unsuited(error.to_string(), ""))
+            serde_json::to_value(&state).map_err(|error| Refusal::of_error(&error))
         };
         let (state, steps) = room.change(request, describe)?;
         Ok(Changed { room, state, steps })
@@ -250,7 +250,7 @@ impl Studio {
     /// # Errors
     /// When an object is unknown or has changed.
     pub fn models(&self, scenario: &Scenario) -> Result<Vec<Arc<ObjectModel>>, Refusal> {
-        models(scenario, Catalogue::all()).map_err(|error| Refusal::of_work(&error))
+        models(scenario, Catalogue::all()).map_err(Refusal::from)
     }
 
     /// Image of the named camera in the initial state of a scenario; `key` identifies the scenario in the renderer
@@ -264,7 +264,7 @@ impl Studio {
             let robot = self.scenes.robot(&scenario.world)?;
             self.painters.draw(Drawn { key, scenario, models: &models, robot: &robot }, camera)
         };
-        draw().map_err(|error: WorkspaceError| Refusal::of_work(&error))
+        draw().map_err(|error: WorkspaceError| Refusal::from(error))
     }
 
     /// JPEG of the named camera in a recorded frame of an episode.
@@ -278,7 +278,7 @@ impl Studio {
             let scene = Drawn { key, scenario: &episode.scenario, models: &models, robot: &robot };
             self.painters.draw_state(scene, camera, frame)
         };
-        draw().map_err(|error: WorkspaceError| Refusal::of_work(&error))
+        draw().map_err(|error: WorkspaceError| Refusal::from(error))
     }
 
     /// Judges the given stages of a revision in order. `go_on` is called with `None` before and with the verdict after
@@ -298,7 +298,7 @@ impl Studio {
             if !go_on(None) {
                 return Ok(());
             }
-            let problems = inspection.problems(stage).map_err(|error| Refusal::unsuited(error.to_string(), ""))?;
+            let problems = inspection.problems(stage).map_err(|error| Refusal::of_error(&error))?;
             let done = index + 1 == stages.len();
             if !go_on(Some(StageVerdict { revision: now.number, stage, problems, done })) {
                 return Ok(());
@@ -312,7 +312,7 @@ impl Studio {
     /// # Errors
     /// When the world's robot cannot be loaded.
     pub fn equipment(&self, world: &World) -> Result<Arc<Equipment>, Refusal> {
-        self.equipment.get(world).map_err(|error| Refusal::of_work(&error))
+        self.equipment.get(world).map_err(Refusal::from)
     }
 
     // A panic of another thread leaves the values consistent, so poisoned locks are used. To avoid deadlock, `rooms` is

@@ -252,9 +252,9 @@ fn open(
     }
     let now = room.revision();
     let scene = studio.scene_at(&room, &now)?;
-    let robot = studio.scenes.robot(&now.scenario.world).map_err(|error| Refusal::of_work(&error))?;
+    let robot = studio.scenes.robot(&now.scenario.world)?;
     let models = studio.models(&now.scenario)?;
-    let unusable = |error| Refusal::of_work(&WorkspaceError::broken("the scenario cannot be simulated", error));
+    let unusable = |error| Refusal::from(WorkspaceError::broken("the scenario cannot be simulated", error));
     let stage = Simulation::open(Arc::clone(&now.scenario), Catalogue::all(), &robot).map_err(unusable)?;
     if let Some(camera) = &teleop.camera
         && !stage.scenario.world.cameras.iter().any(|known| known.name == *camera)

@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use genmanip_benchmark::ReportSettings;
+use genmanip_studio::collections::Collection;
 use genmanip_studio::review::ReviewInputs;
+use genmanip_studio::run::find_episode;
 use genmanip_workspace::NoProgress;
 use serde_json::{Value, json};
 
@@ -146,6 +148,7 @@ fn episodes_of_a_run_are_listed_with_its_scenarios() {
     let made = Studio::new();
     run(&made, "do_nothing:seconds=1");
     let run = run_folder(&made);
+    let collection = Collection::open(&[run.clone()], &made.folder.path().join("out"), &NoProgress).unwrap();
     let server = serve(made.folder.path(), &[run], None);
     let opened =
         Studio { server, key: made.key.clone(), file: made.file.clone(), folder: tempfile::tempdir().unwrap() };
@@ -154,4 +157,11 @@ fn episodes_of_a_run_are_listed_with_its_scenarios() {
     let listed = opened.get(&opened.scenario_path("/episodes")).json();
     let sources: Vec<&str> = listed.as_array().unwrap().iter().map(|row| row["source"].as_str().unwrap()).collect();
     assert!(sources.iter().any(|source| source.starts_with("run ")), "{listed}");
+
+    let id = &collection.iter().next().unwrap().summary.id;
+    let found = |name: String| find_episode(&collection, &name);
+    let (key, episode) = found(format!("do_nothing_seconds=1/{id}")).unwrap();
+    assert_eq!(json!([key, episode]), json!([rows[0]["key"], listed[0]["episode"]]), "{listed}");
+    assert_eq!(found(id.to_string()), Some((key, episode)), "the only episode of this id");
+    assert_eq!((found(format!("expert/{id}")), found(format!("{id}+1"))), (None, None));
 }

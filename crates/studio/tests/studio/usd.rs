@@ -58,3 +58,31 @@ fn objects_of_a_scenario_are_read_back_as_they_are() {
         }
     }
 }
+
+/// The image plane of each camera shows the same rays as its intrinsics, with pixels that are not square and the
+/// principal point off the centre, too.
+#[test]
+fn cameras_keep_their_principal_point() {
+    let mut scenario = scenario(CANS);
+    let first = &mut scenario.world.cameras[0];
+    let seen = &mut first.intrinsics;
+    (seen.fx, seen.fy, seen.cx, seen.cy) = (401.5, 398.25, 0.4 * f64::from(seen.width), 0.63 * f64::from(seen.height));
+    let stage = scenario_stage(&scenario, Catalogue::all(), "textures").unwrap();
+    let (seen, name) = (scenario.world.cameras[0].intrinsics, scenario.world.cameras[0].name.clone());
+    let text = stage.text.split(&format!("def Camera \"{name}\"")).nth(1).unwrap();
+    let number = |key: &str| -> f64 {
+        let rest = text.split(&format!("float {key} = ")).nth(1).unwrap();
+        rest.split_whitespace().next().unwrap().parse().unwrap()
+    };
+    let [focal, wide, high] = ["focalLength", "horizontalAperture", "verticalAperture"].map(number);
+    let off = ["horizontalApertureOffset", "verticalApertureOffset"].map(number);
+    // Edges of the image in USD's camera frame (x right, y up) at unit distance, as UsdGeomCamera defines them.
+    let left_and_right = [-0.5, 0.5].map(|side| (off[0] + side * wide) / focal);
+    let top_and_bottom = [0.5, -0.5].map(|side| (off[1] + side * high) / focal);
+    for (edge, wanted) in left_and_right.iter().zip([-0.5, f64::from(seen.width) - 0.5]) {
+        assert!((edge - (wanted - seen.cx) / seen.fx).abs() < 1e-12, "{edge}");
+    }
+    for (edge, wanted) in top_and_bottom.iter().zip([-0.5, f64::from(seen.height) - 0.5]) {
+        assert!((edge + (wanted - seen.cy) / seen.fy).abs() < 1e-12, "{edge}");
+    }
+}

@@ -13,6 +13,7 @@ fn the_settings_of_the_guide() {
     assert_eq!(read[0].server.api_key_env.as_deref(), Some("OPENAI_API_KEY"));
     assert_eq!(read[0].prices.len(), 1);
     assert_eq!(read[1].server.model, "qwen2.5-14b-instruct");
-    assert_eq!(read[2].cassettes.mode, CassetteMode::Record);
-    assert_eq!(read.len(), 3);
+    assert_eq!((read[2].server.total_timeout_s, read[2].generation.sampling.offered), (900.0, 5));
+    assert_eq!(read[3].cassettes.mode, CassetteMode::Record);
+    assert_eq!(read.len(), 4);
 }

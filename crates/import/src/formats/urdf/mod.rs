@@ -93,7 +93,7 @@ pub fn links<'x>(robot: &'x Element, most: usize, notes: &mut Vec<String>) -> Re
         return Err(ImportError::new(&robot.place.0, format!("{} links; expected 1 to {most}", nodes.len())));
     }
     let joints = robot.all("joint").map(|node| joint(node, notes)).collect::<Result<Vec<_>, _>>()?;
-    ordered(robot, &nodes, joints)
+    ordered(robot, &nodes, joints, notes)
 }
 
 fn joint<'x>(node: &'x Element, notes: &mut Vec<String>) -> Result<Joint<'x>, ImportError> {
@@ -125,7 +125,7 @@ fn motion(node: &Element, kind: JointKind) -> Result<Motion<'_>, ImportError> {
     let axis = DVec3::from_array(axis).try_normalize().ok_or_else(|| node.wrong("its axis has no length"))?;
     let limit = node.first("limit");
     let range = match limit {
-        Some(limit) if !continuous => Some([limit.number("lower", 0.0)?, limit.number("upper", 0.0)?]),
+        Some(limit) if !continuous => Some([limit.bounded("lower")?, limit.bounded("upper")?]),
         Some(_) | None => None,
     };
     if let Some([lower, upper]) = range.filter(|[lower, upper]| lower > upper) {
@@ -235,6 +235,7 @@ fn ordered<'x>(
     robot: &'x Element,
     links: &[&'x Element],
     joints: Vec<Joint<'x>>,
+    notes: &mut Vec<String>,
 ) -> Result<Vec<Link<'x>>, ImportError> {
     let mut nodes: BTreeMap<&str, &'x Element> = BTreeMap::new();
     for link in links {
@@ -242,6 +243,16 @@ fn ordered<'x>(
         if nodes.insert(name, link).is_some() {
             return Err(link.wrong("duplicate link name"));
         }
+    }
+    // Grippers and other parts often hang from a link of the robot that they are made for.
+    let children: BTreeSet<&str> = joints.iter().map(|joint| joint.child).collect();
+    if let Some(joint) = joints.iter().find(|joint| !nodes.contains_key(joint.parent))
+        && nodes.keys().all(|link| children.contains(link))
+        && !children.contains(joint.parent)
+    {
+        notes.push(format!("link {} is not described: it is taken as an empty base", shortened(joint.parent)));
+        // A joint has no geometry and no mass.
+        nodes.insert(joint.parent, joint.node);
     }
     let mut hung: BTreeSet<&str> = BTreeSet::new();
     for joint in &joints {

@@ -255,8 +255,7 @@ pub fn merge(into: &mut RawLink, mut link: RawLink, pose: &Pose) {
         }
         RawCollision::Mesh(mesh) => RawCollision::Mesh(mesh.transformed(&transform)),
     }));
-    into.friction = into.friction.or(link.friction);
-    into.density = into.density.or(link.density);
+    into.friction = into.friction.into_iter().chain(link.friction).reduce(f64::max);
     if let Some(mass) = link.mass.map(|mass| transformed_mass(&mass, pose)) {
         into.mass = Some(match into.mass {
             None => mass,

@@ -3,17 +3,18 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_core::{MassProperties, Pose};
-use glam::{DMat3, DMat4, DVec3};
+use genmanip_core::Pose;
+use glam::{DMat4, DVec3};
 use openusd::sdf::Path;
 use openusd::usd::{PrimPredicate, Stage, TimeCode};
 
+use super::binding::Bindings;
 use super::geometry::{GEOMETRY, Geometry, rigid};
+use super::mass::{self, Collider, StatedMass};
 use super::material::{Bound, Materials};
 use super::value::At;
 use crate::files::{Files, shortened};
 use crate::raw::{MAX_TRIANGLES, RawLink};
-use crate::units_and_frame::transformed_mass;
 
 /// Maximum nesting depth of prims.
 const MAX_DEPTH: usize = 256;
@@ -61,18 +62,31 @@ pub struct Units {
     pub kilograms: f64,
 }
 
+impl Units {
+    /// Density in kg/m³ from one in these units.
+    pub fn density(self, stated: f64) -> f64 {
+        stated * self.kilograms / self.metres.powi(3)
+    }
+}
+
 /// A rigid body, in the world frame.
+#[derive(Default)]
 pub struct Body {
     /// Path of its prim; empty for the body of everything that is fixed to the world.
     pub path: String,
-    /// Geometry, collision shapes, mass, density and friction, in the world frame and without a joint.
+    /// Geometry, collision shapes, mass and friction, in the world frame and without a joint.
     pub held: RawLink,
     /// True if it is kinematic (`physics:kinematicEnabled`): contacts do not move it.
     pub is_kinematic: bool,
     /// True if it is an articulation root (`PhysicsArticulationRootAPI`).
     pub is_root: bool,
-    /// True if the body's own prim states its mass; masses of its colliders are then ignored.
-    is_weighed: bool,
+    /// Mass that its own prim states, and position of that prim.
+    stated: StatedMass,
+    origin: DVec3,
+    /// Statements about the mass of each collision shape.
+    colliders: Vec<Collider>,
+    /// Smallest and largest friction of its colliders; `None` if none states it.
+    friction: Option<[f64; 2]>,
 }
 
 /// A joint prim.
@@ -102,10 +116,15 @@ struct Above {
     body: usize,
     is_visible: bool,
     purpose: String,
-    material: Option<Path>,
-    physics_material: Option<Path>,
+    bindings: Bindings,
     is_collider: bool,
     approximation: String,
+}
+
+/// Material that a prim is drawn with: of previews, else of all purposes, else of final renders.
+fn drawn(bindings: &Bindings, at: &At) -> Option<Path> {
+    let path = at.prim.path();
+    bindings.material(path, "preview").or_else(|| bindings.material(path, "full"))
 }
 
 /// Reads the prims of a stage below the given root prims.
@@ -119,8 +138,7 @@ pub fn contents(
     files: &mut Files<'_>,
     notes: &mut Vec<String>,
 ) -> Result<Contents, String> {
-    let fixed =
-        Body { path: String::new(), held: RawLink::default(), is_kinematic: true, is_root: false, is_weighed: false };
+    let fixed = Body { is_kinematic: true, ..Body::default() };
     let mut reader = Reader {
         time: TimeCode::new(stage.start_time_code()),
         units,
@@ -138,8 +156,7 @@ pub fn contents(
         body: 0,
         is_visible: true,
         purpose: "default".into(),
-        material: None,
-        physics_material: None,
+        bindings: Bindings::default(),
         is_collider: false,
         approximation: "none".into(),
     };
@@ -186,19 +203,18 @@ impl Reader<'_, '_> {
         if let Some(purpose) = at.text("purpose").filter(|purpose| purpose != "default") {
             here.purpose = purpose;
         }
-        here.material = at.targets("material:binding").into_iter().next().or(here.material);
-        let preview = at.targets("material:binding:preview").into_iter().next();
-        here.material = preview.or(here.material);
-        here.physics_material = at.targets("material:binding:physics").into_iter().next().or(here.physics_material);
+        here.bindings = above.bindings.child(at);
         let schemas = at.schemas();
         let has = |name: &str| schemas.iter().any(|schema| schema == name);
-        if has("PhysicsRigidBodyAPI") && at.flag("physics:rigidBodyEnabled") != Some(false) {
+        let is_body = has("PhysicsRigidBodyAPI") && at.flag("physics:rigidBodyEnabled") != Some(false);
+        if is_body {
             here.body = self.contents.bodies.len();
             let is_kinematic = at.flag("physics:kinematicEnabled") == Some(true);
             let held = RawLink { name: at.name(), ..RawLink::default() };
             let is_root = has("PhysicsArticulationRootAPI");
             let path = at.prim.path().to_string();
-            self.contents.bodies.push(Body { path, held, is_kinematic, is_root, is_weighed: false });
+            let origin = here.world.w_axis.truncate();
+            self.contents.bodies.push(Body { path, held, is_kinematic, is_root, origin, ..Body::default() });
         }
         if has("PhysicsCollisionAPI") {
             here.is_collider = at.flag("physics:collisionEnabled") != Some(false);
@@ -207,16 +223,21 @@ impl Reader<'_, '_> {
             here.approximation = approximation;
         }
         self.body_of.insert(at.prim.path().to_string(), (here.body, here.world));
+        let stated =
+            if has("PhysicsMassAPI") { StatedMass::read(at, &here.world, self.units) } else { StatedMass::default() };
+        if is_body {
+            self.contents.bodies[here.body].stated = stated;
+        } else if stated.is_stated() && !(here.is_collider && GEOMETRY.contains(&kind.as_str())) {
+            let path = shortened(&at.prim.path().to_string());
+            self.notes.push(format!("{path}: its mass is not used, since it is neither a body nor a collider"));
+        }
         self.label(at, &schemas);
         self.count_unused(&kind, &schemas);
         match kind.as_str() {
             "PointInstancer" => return Ok(None),
             kind if kind.starts_with("Physics") && kind.ends_with("Joint") => self.joints.push(at.clone()),
-            kind if GEOMETRY.contains(&kind) => self.geometry(at, &here)?,
+            kind if GEOMETRY.contains(&kind) => self.geometry(at, &here, stated)?,
             _ => {}
-        }
-        if has("PhysicsMassAPI") {
-            self.mass(at, &here, has("PhysicsRigidBodyAPI"));
         }
         Ok(Some(here))
     }
@@ -248,7 +269,7 @@ impl Reader<'_, '_> {
         }
     }
 
-    fn geometry(&mut self, at: &At, here: &Above) -> Result<(), String> {
+    fn geometry(&mut self, at: &At, here: &Above, stated: StatedMass) -> Result<(), String> {
         let is_drawn = here.is_visible && matches!(here.purpose.as_str(), "default" | "render");
         if !is_drawn && !here.is_collider {
             self.notes.push(format!("{}: neither drawn nor a collider", shortened(&at.prim.path().to_string())));
@@ -262,20 +283,19 @@ impl Reader<'_, '_> {
             self.notes.push(format!("{}: animated; its first pose is used", shortened(&at.prim.path().to_string())));
         }
         if is_drawn {
+            let own = drawn(&here.bindings, at);
+            let mut read = |material: &Path| self.materials.read(&at.other(material), self.files, self.notes);
             let mut subsets = Vec::new();
             for child in at.prim.children().unwrap_or_default() {
                 let child = At { prim: child, time: at.time };
                 let is_part =
                     child.kind() == "GeomSubset" && child.text("elementType").is_none_or(|kind| kind == "face");
-                if let (true, Some(material)) = (is_part, child.targets("material:binding").first()) {
-                    let bound = self.materials.read(&at.other(material), self.files, self.notes);
-                    subsets.push((child.indices("indices"), bound));
+                let material = is_part.then(|| drawn(&here.bindings.child(&child), &child)).flatten();
+                if let Some(material) = material.filter(|material| Some(material) != own.as_ref()) {
+                    subsets.push((child.indices("indices"), read(&material)));
                 }
             }
-            let whole = match &here.material {
-                Some(material) => self.materials.read(&at.other(material), self.files, self.notes),
-                None => Bound::painted(),
-            };
+            let whole = own.as_ref().map_or_else(Bound::painted, read);
             let surfaces = geometry.surfaces(at, &here.world, &subsets, &whole);
             self.triangles += surfaces.iter().map(|surface| surface.mesh.triangles.len()).sum::<usize>();
             self.contents.bodies[here.body].held.surfaces.extend(surfaces);
@@ -285,8 +305,14 @@ impl Reader<'_, '_> {
             if let crate::raw::RawCollision::Mesh(mesh) = &collision {
                 self.triangles += mesh.triangles.len();
             }
-            self.contents.bodies[here.body].held.collision.push(collision);
-            self.surface_physics(at, here);
+            let [friction, material_density] = self.surface_physics(at, here);
+            let body = &mut self.contents.bodies[here.body];
+            body.colliders.push(Collider { stated, material_density });
+            body.held.collision.push(collision);
+            if let Some(friction) = friction {
+                let [least, most] = body.friction.unwrap_or([friction; 2]);
+                body.friction = Some([least.min(friction), most.max(friction)]);
+            }
         }
         if self.triangles > MAX_TRIANGLES {
             return Err(format!("more than {MAX_TRIANGLES} triangles"));
@@ -294,58 +320,16 @@ impl Reader<'_, '_> {
         Ok(())
     }
 
-    /// Reads friction (dynamic, else static) and density of a collider's physics material into its body. Of several
-    /// colliders, the last friction and the first density are used.
-    fn surface_physics(&mut self, at: &At, here: &Above) {
-        let Some(path) = here.physics_material.as_ref().or(here.material.as_ref()) else { return };
-        let material = at.other(path);
+    /// Friction (dynamic, else static) and density (kg/m³) of a collider's physics material.
+    fn surface_physics(&mut self, at: &At, here: &Above) -> [Option<f64>; 2] {
+        let Some(path) = here.bindings.material(at.prim.path(), "physics") else { return [None; 2] };
+        let material = at.other(&path);
+        if material.positive("physics:restitution").is_some() {
+            self.notes.push(format!("material {}: its restitution is not used", shortened(&path.to_string())));
+        }
         let dynamic = material.positive("physics:dynamicFriction");
         let friction = dynamic.or_else(|| material.positive("physics:staticFriction"));
-        let density = material.positive("physics:density").map(|density| self.density(density));
-        let held = &mut self.contents.bodies[here.body].held;
-        held.friction = friction.or(held.friction);
-        held.density = held.density.or(density);
-    }
-
-    fn density(&self, stated: f64) -> f64 {
-        stated * self.units.kilograms / self.units.metres.powi(3)
-    }
-
-    /// Reads mass, centre of mass, inertia and density of a prim into its body. A mass that the body's own prim states
-    /// takes precedence over those of its colliders; otherwise the colliders' masses add up, at the first one's centre
-    /// of mass and without inertia. Of several densities, the last one is used.
-    fn mass(&mut self, at: &At, here: &Above, is_body: bool) {
-        let Units { metres, kilograms } = self.units;
-        let density = at.positive("physics:density").map(|density| self.density(density));
-        let mass_kg = at.positive("physics:mass").map(|mass| mass * kilograms);
-        let center = at.vector("physics:centerOfMass").map(|center| here.world.transform_point3(center));
-        let inertia = at.vector("physics:diagonalInertia").filter(|moments| moments.min_element() > 0.0);
-        if mass_kg.is_some() && center.is_some() && inertia.is_none() {
-            self.notes.push(format!("{}: its centre of mass is not used, since it has no inertia", at.prim.path()));
-        }
-        let body = &mut self.contents.bodies[here.body];
-        body.held.density = density.or(body.held.density);
-        let Some(mass_kg) = mass_kg else { return };
-        let world_from_prim = rigid(&here.world);
-        let own = match inertia {
-            Some(moments) => {
-                let axes = DMat3::from_quat(at.rotation("physics:principalAxes").unwrap_or_default());
-                let moments = DMat3::from_diagonal(moments * kilograms * metres * metres);
-                let about = MassProperties { mass_kg, center: DVec3::ZERO, inertia: axes * moments * axes.transpose() };
-                let turned = transformed_mass(&about, &Pose { position: DVec3::ZERO, ..world_from_prim });
-                MassProperties { center: center.unwrap_or(world_from_prim.position), ..turned }
-            }
-            None => {
-                MassProperties { mass_kg, center: center.unwrap_or(world_from_prim.position), inertia: DMat3::ZERO }
-            }
-        };
-        body.is_weighed |= is_body;
-        body.held.mass = match body.held.mass {
-            // The body's prim is read before its colliders, whose masses are then ignored.
-            Some(known) if body.is_weighed => Some(known),
-            Some(known) => Some(MassProperties { mass_kg: known.mass_kg + mass_kg, inertia: DMat3::ZERO, ..known }),
-            None => Some(own),
-        };
+        [friction, material.positive("physics:density").map(|density| self.units.density(density))]
     }
 
     fn finish(mut self, world: DMat4) -> Result<Contents, String> {
@@ -377,6 +361,16 @@ impl Reader<'_, '_> {
             }
             if let Ok(ends) = <[(usize, Pose); 2]>::try_from(ends) {
                 self.contents.joints.push(JointPrim { at, ends });
+            }
+        }
+        for body in &mut self.contents.bodies {
+            body.held.mass = mass::of_body(&body.stated, &body.colliders, &body.held.collision, body.origin);
+            body.held.friction = body.friction.map(|[_, most]| most);
+            if let Some([least, most]) = body.friction.filter(|[least, most]| least < most) {
+                let name =
+                    if body.path.is_empty() { "what is fixed to the world".into() } else { shortened(&body.path) };
+                self.notes
+                    .push(format!("{name}: its colliders have frictions of {least} to {most}; the largest is used"));
             }
         }
         if !self.unused.is_empty() {

@@ -5,8 +5,10 @@
 //! stage's start time. Contents that an object cannot represent are listed in its notes.
 
 mod binary;
+mod binding;
 mod bodies;
 mod geometry;
+mod mass;
 mod material;
 mod stage;
 mod text;

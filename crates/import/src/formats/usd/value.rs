@@ -120,8 +120,13 @@ impl At {
 
     /// Interpolation of a primvar: `constant` (default), `uniform`, `vertex`, `varying` or `faceVarying`.
     pub fn interpolation(&self, name: &str) -> String {
-        let value = self.prim.attribute(name).get_metadata::<Value>("interpolation").ok().flatten();
-        value.and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_else(|| "constant".into())
+        self.metadata(name, "interpolation").unwrap_or_else(|| "constant".into())
+    }
+
+    /// Value of a property's metadata, if it is a token or a string; the property may be a relationship.
+    pub fn metadata(&self, name: &str, key: &str) -> Option<String> {
+        let value = self.prim.attribute(name).get_metadata::<Value>(key).ok().flatten();
+        value.and_then(|value| value.as_str().map(str::to_owned))
     }
 
     /// Targets of a relationship, with forwarding through other relationships resolved; empty if there are none.

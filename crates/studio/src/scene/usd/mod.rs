@@ -270,17 +270,21 @@ impl Writer<'_> {
         self.close();
     }
 
-    /// Writes a pinhole camera with the same vertical field of view; distortion and an off-centre principal point are
-    /// left out.
+    /// Writes a pinhole camera with the same focal lengths and principal point; distortion is left out.
     fn camera(&mut self, camera: &Camera, world_from_camera: &Pose) {
         let seen = &camera.intrinsics;
         let (width, height) = (f64::from(seen.width), f64::from(seen.height));
-        let vertical = APERTURE * height / width;
+        let focal = APERTURE * seen.fx / width;
+        let vertical = focal * height / seen.fy;
+        // Offset of the image's centre from the optical axis: pixel centres are at integers, and y points up.
+        let off = [APERTURE * (0.5 - (seen.cx + 0.5) / width), vertical * ((seen.cy + 0.5) / height - 0.5)];
         self.open("Camera", &camera.name, &[], &[]);
         self.line("float2 clippingRange = (0.01, 20)");
-        self.line(&format!("float focalLength = {}", vertical / 2.0 / (seen.vertical_fov() / 2.0).tan()));
+        self.line(&format!("float focalLength = {focal}"));
         self.line(&format!("float horizontalAperture = {APERTURE}"));
+        self.line(&format!("float horizontalApertureOffset = {}", off[0]));
         self.line(&format!("float verticalAperture = {vertical}"));
+        self.line(&format!("float verticalApertureOffset = {}", off[1]));
         self.placed(&(*world_from_camera * OPTICAL_FROM_USD));
         self.close();
     }
