@@ -276,7 +276,8 @@ impl Columns<'_> {
     /// If the number of rows differs from that of the actions, a number is not finite, or it fits neither a signed
     /// 64-bit integer nor single precision.
     fn numbers(&mut self, key: &str, dataset: &Dataset) -> Result<Option<Feature>, DataError> {
-        let what = format!("{}/{}", self.place, dataset.name());
+        let folder = if key.starts_with("observation.") { "obs/" } else { "" };
+        let what = format!("{}/{folder}{}", self.place, dataset.name());
         let shape = dataset.shape();
         let width = shape.iter().skip(1).product::<u64>();
         let Some(kind) = Kind::of(dataset.dtype()).filter(|_| (1..=MAX_WIDTH).contains(&width)) else {
