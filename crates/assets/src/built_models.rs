@@ -47,7 +47,7 @@ impl BuiltModels {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{AssetSource, Catalogue};
+    use crate::Catalogue;
 
     #[test]
     fn models_beyond_the_last_used_ones_live_as_long_as_they_are_held() {

@@ -248,6 +248,8 @@ fn behind_bridge(
     let settings = ArmSettings { horizon_s: rollout.horizon_s, dry_run: false };
     let mut robot = RealArm::new(client, stage, settings, Rig::default()).map_err(broken)?.with_truth(Rehearsal::truth);
     match run_policy(&mut robot, stage, policy, case.seed, rollout) {
+        // The policy could not even begin, such as one that asks for more than a real camera shows.
+        Err(error @ RolloutError::Robot(_)) if robot.client().tally().commands == 0 => return Err(broken(error)),
         // The arm was stopped for good, by itself: the episode has failed.
         Ok(_) | Err(RolloutError::Robot(_)) => {}
         Err(error) => return Err(broken(error)),

@@ -362,7 +362,7 @@ impl PolicyFactory {
         let known = POLICIES.each_ref().map(|entry| entry.name);
         let entry = POLICIES.iter().find(|entry| entry.name == name);
         let entry = entry.ok_or_else(|| WorkspaceError::unknown("policy", "policies", name, &known))?;
-        let given = Given::parse(entry, arguments)?;
+        let given = Given::parse(entry.name, entry.arguments, arguments)?;
         let prepared = (entry.prepare)(&given)?;
         let (name, label, named_folders) = (entry.name.into(), given.label(), given.named_folders());
         Ok(Self { name, label, needs_record: entry.needs_record, named_folders, prepared })

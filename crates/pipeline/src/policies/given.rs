@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use genmanip_workspace::WorkspaceError;
 
+use super::arguments::PolicyArgument;
 use super::label::{InLabel, label};
-use super::{PolicyArgument, PolicyEntry};
 
 /// Arguments of a policy: the given ones, and defaults for the others.
 pub(super) struct Given {
@@ -17,26 +17,27 @@ pub(super) struct Given {
 }
 
 impl Given {
-    pub(super) fn parse(entry: &PolicyEntry, text: &str) -> Result<Self, WorkspaceError> {
-        let defaults = entry.arguments.iter().map(|argument| (argument.name, argument.default.to_owned(), false));
-        let mut given = Self { policy: entry.name, arguments: entry.arguments, values: defaults.collect() };
+    pub(super) fn parse(
+        policy: &'static str,
+        arguments: &'static [PolicyArgument],
+        text: &str,
+    ) -> Result<Self, WorkspaceError> {
+        let defaults = arguments.iter().map(|argument| (argument.name, argument.default.to_owned(), false));
+        let mut given = Self { policy, arguments, values: defaults.collect() };
         for (place, part) in text.split(',').enumerate().filter(|(_, part)| !part.is_empty()) {
             // Shorthand: `python:MODULE:CLASS` and `learned:FOLDER` need no argument name.
-            if let (0, "python" | "learned", false) = (place, entry.name, part.contains('=')) {
+            if let (0, "python" | "learned", false) = (place, policy, part.contains('=')) {
                 given.values[0] = (given.values[0].0, part.to_owned(), true);
                 continue;
             }
             let Some((key, value)) = part.split_once('=') else {
-                return Err(WorkspaceError::input(format!("`{part}` is no argument of policy {}", entry.name))
-                    .with_hint(format!("expected {}:key=value,key=value", entry.name)));
+                return Err(WorkspaceError::input(format!("`{part}` is no argument of policy {policy}"))
+                    .with_hint(format!("expected {policy}:key=value,key=value")));
             };
-            let known: Vec<&str> = entry.arguments.iter().map(|argument| argument.name).collect();
+            let known: Vec<&str> = arguments.iter().map(|argument| argument.name).collect();
             if known.is_empty() {
-                return Err(WorkspaceError::input(format!(
-                    "policy {} takes no arguments, not even `{key}`",
-                    entry.name
-                ))
-                .with_hint(format!("expected {} alone", entry.name)));
+                return Err(WorkspaceError::input(format!("policy {policy} takes no arguments, not even `{key}`"))
+                    .with_hint(format!("expected {policy} alone")));
             }
             let Some(slot) = given.values.iter_mut().find(|(name, ..)| *name == key) else {
                 return Err(WorkspaceError::unknown("policy argument", "arguments", key, &known));

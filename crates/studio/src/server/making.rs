@@ -15,7 +15,6 @@ use genmanip_core::{AssetUid, Document};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::answer::Refusal;
 use super::requests::{body, work};
 use super::studio::Studio;
 use crate::new_scenario;

@@ -9,7 +9,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
 use genmanip_benchmark::suite_format::Targets;
-use genmanip_workspace::{NoProgress, WorkspaceError, workers};
+use genmanip_workspace::{NoProgress, workers};
 use serde::Deserialize;
 use serde_json::{Value, json};
 

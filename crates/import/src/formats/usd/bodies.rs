@@ -12,6 +12,7 @@ use super::binding::Bindings;
 use super::geometry::{GEOMETRY, Geometry, rigid};
 use super::mass::{self, Collider, StatedMass};
 use super::material::{Bound, Materials};
+use super::units::Units;
 use super::value::At;
 use crate::files::{Files, shortened};
 use crate::raw::{MAX_TRIANGLES, RawLink};
@@ -53,22 +54,6 @@ const KNOWN_SCHEMAS: [&str; 17] = [
     "VisibilityAPI",
     "CollectionAPI",
 ];
-
-/// Units of length and mass of a stage.
-#[derive(Clone, Copy, Debug)]
-pub struct Units {
-    /// Metres per unit.
-    pub metres: f64,
-    /// Kilograms per unit.
-    pub kilograms: f64,
-}
-
-impl Units {
-    /// Density in kg/m³ from one in these units.
-    pub fn density(self, stated: f64) -> f64 {
-        stated * self.kilograms / self.metres.powi(3)
-    }
-}
 
 /// A rigid body, in the world frame.
 #[derive(Default)]

@@ -5,8 +5,8 @@ use genmanip_assets::solid::Moments;
 use genmanip_core::{MassProperties, Pose};
 use glam::{DMat3, DMat4, DVec3};
 
-use super::bodies::Units;
 use super::geometry::rigid;
+use super::units::Units;
 use super::value::At;
 use crate::collision::hull::convex_hull;
 use crate::formats::urdf::combined;

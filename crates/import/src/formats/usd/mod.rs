@@ -13,6 +13,7 @@ mod material;
 mod stage;
 mod text;
 mod tree;
+mod units;
 mod value;
 
 use genmanip_data::panics;
@@ -23,7 +24,8 @@ use crate::ImportError;
 use crate::files::{Files, shortened};
 use crate::raw::{RawLink, RawObject, Unit, Up};
 use crate::units_and_frame::bounds;
-use bodies::{Units, contents};
+use bodies::contents;
+use units::Units;
 
 pub use stage::is_layer;
 

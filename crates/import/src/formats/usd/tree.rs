@@ -6,7 +6,8 @@ use std::collections::{BTreeMap, VecDeque};
 use genmanip_core::{Joint, JointKind, Pose};
 use glam::DVec3;
 
-use super::bodies::{Body, Contents, JointPrim, Units};
+use super::bodies::{Body, Contents, JointPrim};
+use super::units::Units;
 use crate::files::shortened;
 use crate::formats::urdf;
 use crate::raw::{MAX_LINKS, RawLink};
