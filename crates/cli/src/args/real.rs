@@ -35,9 +35,12 @@ pub struct RealSimulateArguments {
     pub world: Option<PathBuf>,
     #[arg(long, value_name = "NAME", help = genmanip_terminal::robot_help("Robot"))]
     pub robot: Option<String>,
-    /// Address to listen at; port 0 chooses a free one
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:4757")]
-    pub listen: SocketAddr,
+    /// IP address and TCP port to listen on; port 0 picks a free one
+    #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:4757")]
+    pub address: SocketAddr,
+    /// Allow an address that other machines can reach: anyone there can then move the arm
+    #[arg(long)]
+    pub allow_others: bool,
     /// Mean delay of messages in each direction, ms
     #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = milliseconds)]
     pub latency_ms: f64,

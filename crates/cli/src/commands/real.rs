@@ -34,6 +34,13 @@ pub fn run(command: &RealCommand, printer: &Printer) -> Result<ExitStatus, Faile
 const SLOW: f64 = 0.1;
 
 fn simulate(arguments: &RealSimulateArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    if !arguments.address.ip().is_loopback() && !arguments.allow_others {
+        return Err(Failed::new(format!(
+            "other machines can reach {}, and nobody is asked who they are",
+            arguments.address
+        ))
+        .hint("listen at 127.0.0.1, or pass --allow-others"));
+    }
     let stage = match &arguments.scenario {
         Some(path) => {
             let stage = scenarios::read_stage(path)?;
@@ -63,9 +70,9 @@ fn simulate(arguments: &RealSimulateArguments, printer: &Printer) -> Result<Exit
     let cameras = arm.cameras(&stage).map_err(|error| Failed::because("the cameras cannot be rendered", &error))?;
     let bridge = Bridge::new(bridge_robot(&stage.robot), settings, arm.reading())
         .ok_or_else(|| Failed::new(format!("robot `{}` has joints without limits", stage.robot.name)))?;
-    let listener = TcpListener::bind(arguments.listen).map_err(|error| {
-        Failed::because(format!("cannot listen at {}", arguments.listen), &error)
-            .hint("another bridge may run there; choose another address with --listen")
+    let listener = TcpListener::bind(arguments.address).map_err(|error| {
+        Failed::because(format!("cannot listen at {}", arguments.address), &error)
+            .hint("another bridge may run there; choose another --address")
     })?;
     let address = listener.local_addr().map_err(|error| Failed::because("cannot listen", &error))?;
     let stop = genmanip_terminal::on_interrupt();

@@ -14,7 +14,7 @@ struct Simulated {
 impl Simulated {
     fn start(options: &[&str]) -> Self {
         let mut command = Command::new(PROGRAM);
-        command.args(["real", "simulate", "--listen", "127.0.0.1:0"]).args(options).stderr(Stdio::piped());
+        command.args(["real", "simulate", "--address", "127.0.0.1:0"]).args(options).stderr(Stdio::piped());
         let mut child = command.stdin(Stdio::null()).spawn().unwrap();
         let said = BufReader::new(child.stderr.take().unwrap());
         let (mut lines, mut url) = (said.lines(), String::new());
@@ -55,6 +55,7 @@ fn a_policy_runs_on_an_arm_in_another_process_and_is_recorded() {
     assert_eq!((second["id"].as_str(), second["success"].as_bool()), (Some("real-0001"), Some(false)), "{second}");
     assert!(second["failures"][0]["evidence"].as_str().unwrap().contains("nobody judged"), "{second}");
     run(&["--out", "run", "--instruction", "another task"]).assert_refused(&["run"]);
+    genmanip(here, &["real", "simulate", "--address", "0.0.0.0:0"]).assert_refused(&["0.0.0.0:0", "--allow-others"]);
     // The existing exporters read what was recorded; what was not cannot be drawn.
     let exported = genmanip(here, &["export", "run", "--to", "mcap", "--json"]).json(0);
     assert!(here.join("run/exports").is_dir(), "{exported}");
