@@ -46,7 +46,8 @@ def main() -> None:
         obs.create_dataset("robot0_eef_quat", data=np.ones((3, 4)))
         obs.create_dataset("robot0_gripper_qpos", data=np.ones((3, 2)))
         obs.create_dataset("object", data=np.arange(30).reshape(3, 10) / 10)
-    # Integers that no double holds, of several widths, and numbers that nothing in a LeRobotDataset holds.
+    # Integers that no double holds, of several widths; and, in a folder of their own, numbers that nothing in a
+    # LeRobotDataset holds.
     stamps = np.array([2**53 + 1, -(2**62) - 1, 2**63 - 1])
     observed = {
         "integers": {
@@ -56,8 +57,8 @@ def main() -> None:
             "short": np.array([-300, 0, 300], np.int16),
             "byte": np.array([0, 127, 255], np.uint8),
         },
-        "unsigned": {"stamp": np.array([[0, 1], [2, 2**63], [3, 4]], np.uint64)},
-        "double": {"force": np.array([0.0, -1e39, 1.0])},
+        "../robomimic_refused/unsigned": {"stamp": np.array([[0, 1], [2, 2**63], [3, 4]], np.uint64)},
+        "../robomimic_refused/double": {"force": np.array([0.0, -1e39, 1.0])},
     }
     for name, columns in observed.items():
         with h5py.File(folder / f"{name}.hdf5", "w") as file:

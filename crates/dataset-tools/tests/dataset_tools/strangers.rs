@@ -99,11 +99,12 @@ fn hdf5_of_robomimic_and_libero_is_imported() {
 /// Integers beyond 2^53, which no double holds, keep their values; numbers that no column can hold are named.
 #[test]
 fn integers_of_hdf5_are_exact_or_named() {
-    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/robomimic");
+    let testdata = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata");
     let folder = tempfile::tempdir().unwrap();
     let import = |name: &str| {
         let out = folder.path().join(name);
-        let file = sources.join(format!("{name}.hdf5"));
+        let source = if name == "integers" { "robomimic" } else { "robomimic_refused" };
+        let file = testdata.join(source).join(format!("{name}.hdf5"));
         import::import(&file, &ImportSettings::default(), &out, &mut |_| {}).map(|_| out)
     };
     let out = import("integers").unwrap();
