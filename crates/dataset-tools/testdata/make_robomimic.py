@@ -60,6 +60,7 @@ def main() -> None:
         "../robomimic_refused/unsigned": {"stamp": np.array([[0, 1], [2, 2**63], [3, 4]], np.uint64)},
         "../robomimic_refused/double": {"force": np.array([0.0, -1e39, 1.0])},
     }
+    (folder / "../robomimic_refused").mkdir(exist_ok=True)
     for name, columns in observed.items():
         with h5py.File(folder / f"{name}.hdf5", "w") as file:
             demo = file.create_group("data/demo_0")
