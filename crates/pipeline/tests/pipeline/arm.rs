@@ -38,7 +38,7 @@ fn arm(
 #[test]
 fn the_expert_solves_a_scene_behind_the_bridge() {
     let suite = Suite::frozen(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../suites/genmanip-200-rc")).unwrap();
-    let case = suite.cases.iter().find(|case| case.scenario.task.kind == TaskKind::PickAndPlace).unwrap();
+    let case = suite.cases.iter().find(|case| case.scenario.task.kind == TaskKind::Spatial).unwrap();
     let planner = worlds::planner(&suite.settings.world, &PlannerSettings::default()).unwrap();
     let stage = Stage::open(Arc::clone(&case.scenario), suite.source(), planner.robot()).unwrap();
     let expert = PolicyFactory::resolve("expert").unwrap();
