@@ -148,7 +148,8 @@ fn episodes_of_a_run_are_listed_with_its_scenarios() {
     let made = Studio::new();
     run(&made, "do_nothing:seconds=1");
     let run = run_folder(&made);
-    let collection = Collection::open(&[run.clone()], &made.folder.path().join("out"), &NoProgress).unwrap();
+    let collection =
+        Collection::open(std::slice::from_ref(&run), &made.folder.path().join("out"), &NoProgress).unwrap();
     let server = serve(made.folder.path(), &[run], None);
     let opened =
         Studio { server, key: made.key.clone(), file: made.file.clone(), folder: tempfile::tempdir().unwrap() };
