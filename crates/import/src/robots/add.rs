@@ -37,7 +37,7 @@ const ACCELERATIONS: [f64; 2] = [1.0, 12.0];
 const JERK_PER_ACCELERATION: f64 = 400.0;
 /// Heights of the tool centre point at which a home configuration is sought, in order of preference, and (`PICK_M`) at
 /// which the reach is measured, m. Chosen by hand.
-const HOME_M: [f64; 7] = [0.45, 0.38, 0.32, 0.25, 0.18, 0.14, 0.11];
+const HOME_M: [f64; 9] = [0.45, 0.38, 0.32, 0.25, 0.18, 0.14, 0.11, 0.09, 0.07];
 const PICK_M: f64 = 0.05;
 /// Step between the tested horizontal distances from the base's z axis, m. Chosen by hand.
 const STEP_M: f64 = 0.025;

@@ -367,8 +367,8 @@ fn links_that_are_always_near_are_not_checked() {
 }
 
 /// Five joints meet every pose that points down, and small tilts nearly; large ones are out of reach.
-#[test]
-fn an_arm_with_five_joints_meets_what_it_can() {
+/// Upright arm with five joints, each so far above the one before, m.
+fn five(up: [f64; 5]) -> String {
     let turn = |name: &str, parent: &str, child: &str, up: f64, axis: &str| {
         format!(
             "<link name='{child}'/><joint name='{name}' type='revolute'><parent link='{parent}'/><child link='{child}'/>\
@@ -376,13 +376,28 @@ fn an_arm_with_five_joints_meets_what_it_can() {
         )
     };
     let joints = [
-        turn("pan", "base", "a", 0.1, "0 0 1"),
-        turn("lift", "a", "b", 0.05, "0 1 0"),
-        turn("elbow", "b", "c", 0.2, "0 1 0"),
-        turn("flex", "c", "d", 0.2, "0 1 0"),
-        turn("roll", "d", "e", 0.05, "0 0 1"),
+        turn("pan", "base", "a", up[0], "0 0 1"),
+        turn("lift", "a", "b", up[1], "0 1 0"),
+        turn("elbow", "b", "c", up[2], "0 1 0"),
+        turn("flex", "c", "d", up[3], "0 1 0"),
+        turn("roll", "d", "e", up[4], "0 0 1"),
     ];
-    let robot = read(&format!("<robot name='five'><link name='base'/>{}</robot>", joints.concat())).unwrap().model;
+    format!("<robot name='five'><link name='base'/>{}</robot>", joints.concat())
+}
+
+/// The gripper of a desk arm points down only near the table: its home lies there.
+#[test]
+fn a_desk_arm_gets_a_home() {
+    let found = add::propose(read(&five([0.04, 0.04, 0.1, 0.1, 0.06])).unwrap(), "desk", None).unwrap();
+    assert!(!found.notes.iter().any(|note| note.contains("no posture")), "{:?}", found.notes);
+    let tool = found.model.tcp_pose(&found.model.home);
+    assert!(tool.position.z > 0.05 && tool.position.z < 0.11, "{tool:?}");
+    assert!(tool.transform_vector(DVec3::Z).z < -0.99, "{tool:?}");
+}
+
+#[test]
+fn an_arm_with_five_joints_meets_what_it_can() {
+    let robot = read(&five([0.1, 0.05, 0.2, 0.2, 0.05])).unwrap().model;
     let planner = Planner::new(Arc::new(robot), PlannerSettings::default()).unwrap();
     let down = DQuat::from_rotation_x(std::f64::consts::PI);
     for (yaw, sideways, reached) in [(0.0, 0.0, true), (1.0, 0.0, true), (0.4, 0.03, true), (0.4, 0.4, false)] {
