@@ -7,11 +7,34 @@ use super::{FeasibleGrasp, GraspRejection, PickQuery};
 use crate::collision::{AllowedCollisions, Attached};
 use crate::path::Path;
 use crate::plan::PlanError;
-use crate::planner::PlanningScene;
+use crate::planner::{Planner, PlanningScene};
 
-/// Maximum joint step between states of an approach checked against the object [rad]: 2 mm of finger motion at the
-/// forearm's length of 0.4 m, mostly along the approach.
+/// Maximum joint step between states of a motion checked against the object [rad]: 2 mm of finger motion at the
+/// forearm's length of 0.4 m, mostly along the motion.
 const APPROACH_STEP_RAD: f64 = 0.005;
+
+/// Straight motion of the open gripper away from an object between its fingers, which is an obstacle in the first scene,
+/// and may be touched by the gripper in the second.
+///
+/// Wide objects leave less clearance than motions keep elsewhere: then `object_clearance_m` suffices. Without a value,
+/// the gripper may touch the object.
+///
+/// # Errors
+/// The planning error, if the line is unreachable or blocked.
+pub(super) fn straight_off(
+    planner: &Planner,
+    [open, beside]: [&PlanningScene; 2],
+    object_clearance_m: Option<f64>,
+    from: &[f64],
+    to: &Pose,
+) -> Result<Path, PlanError> {
+    let Some(clearance_m) = object_clearance_m else { return planner.straight(beside, from, to) };
+    planner.straight(open, from, to).or_else(|problem| {
+        let path = planner.straight(beside, from, to)?;
+        let exact = planner.checker(open, clearance_m);
+        if path.states(APPROACH_STEP_RAD).iter().all(|state| exact.is_free(state)) { Ok(path) } else { Err(problem) }
+    })
+}
 
 /// Motions of one pick, in order; the gripper closes after the second.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,21 +71,8 @@ impl PickQuery<'_> {
         let (no_contact, touching) = (AllowedCollisions::none(), self.with_gripper_touching());
         let open = self.empty_gripper(&no_contact, grasp.opening_m);
         let beside = PlanningScene { allowed: &touching, ..open };
-        let path = match settings.object_clearance_m {
-            None => planner.straight(&beside, &grasp.config, &before)?,
-            // The object itself is an obstacle too: the open fingers must come in around it.
-            // Wide objects leave less clearance than motions keep elsewhere, but must not be touched either.
-            Some(clearance_m) => planner.straight(&open, &grasp.config, &before).or_else(|problem| {
-                let path = planner.straight(&beside, &grasp.config, &before)?;
-                let exact = planner.checker(&open, clearance_m);
-                if path.states(APPROACH_STEP_RAD).iter().all(|state| exact.is_free(state)) {
-                    Ok(path)
-                } else {
-                    Err(problem)
-                }
-            })?,
-        };
-        Ok(path.reversed())
+        // The object itself is an obstacle too: the open fingers must come in around it.
+        Ok(straight_off(planner, [&open, &beside], settings.object_clearance_m, &grasp.config, &before)?.reversed())
     }
 
     /// Free motion to the pre-grasp.

@@ -3,6 +3,7 @@
 use genmanip_core::{Piece, Pose, Seed};
 use glam::DVec3;
 
+use super::motions::straight_off;
 use super::{FeasibilitySettings, PlaceGoal};
 use crate::collision::{AllowedCollisions, Attached, CollisionWorld, GeometryError};
 use crate::path::Path;
@@ -114,12 +115,10 @@ impl PlaceQuery<'_> {
         // After the release the object is an obstacle.
         let mut occupied = self.world.clone();
         occupied.add(self.name, self.pieces, &goal.raised(height_m)).map_err(unusable)?;
-        let leaving = match settings.object_clearance_m {
-            Some(_) => AllowedCollisions::none(),
-            None => AllowedCollisions::none().and_gripper(planner.robot(), self.name),
-        };
+        let touching = AllowedCollisions::none().and_gripper(planner.robot(), self.name);
         let opened =
-            PlanningScene { world: &occupied, attached: None, allowed: &leaving, gripper_width: self.open_width_m };
+            PlanningScene { world: &occupied, attached: None, allowed: &no_contact, gripper_width: self.open_width_m };
+        let beside = PlanningScene { allowed: &touching, ..opened };
         let hand_alone = PlanningScene { world: self.world, ..opened };
         let checker = planner.checker(&hand_alone, settings.clearance_m);
         let back = world_from_release.transform_vector(DVec3::NEG_Z) * settings.approach_m;
@@ -130,7 +129,8 @@ impl PlaceQuery<'_> {
         for config in configs.iter().filter(|config| checker.is_free(config)).take(settings.goal_configurations) {
             let planned = (|| {
                 let lower = planner.straight(&carrying, config, &above)?.reversed();
-                let retreat = planner.straight(&opened, config, &retreated)?;
+                let scenes = [&opened, &beside];
+                let retreat = straight_off(planner, scenes, settings.object_clearance_m, config, &retreated)?;
                 let carry = planner.plan_joint(&carrying, self.arm, &[lower.start().to_vec()], seed.fork("carry"))?;
                 Ok(Release { carry, lower, retreat })
             })();
