@@ -252,6 +252,20 @@ fn motions_lead_from_the_arm_to_the_grasp_and_on_to_the_goal() {
     assert_free("carry", &planner, &carrying, &carry);
     assert_free("lower", &planner, &carrying, &lower);
 
+    // The fingers leave a wide object with the clearance with which they may approach it.
+    let widest_m = |object_clearance_m: f64| {
+        let settings = FeasibilitySettings { object_clearance_m: Some(object_clearance_m), ..settings.clone() };
+        let is_left = |width_m: f64| {
+            let wide = cuboid(DVec3::new(CUBE_M, width_m, CUBE_M) / 2.0);
+            let place =
+                PlaceQuery { pieces: &wide, held_width_m: width_m, open_width_m: 0.08, settings: &settings, ..place };
+            place.first(&goals, Seed::new(1)).is_ok()
+        };
+        (0..100).map(|step| 0.06 + 0.0005 * f64::from(step)).take_while(|width_m| is_left(*width_m)).last().unwrap()
+    };
+    let more_m = widest_m(0.0005) - widest_m(settings.clearance_m);
+    assert!(more_m > 0.004, "{more_m} m");
+
     let high = [PlaceGoal { highest_release_m: 0.0, ..goals[0] }];
     assert_eq!(place.first(&high, Seed::new(1)), Err(None), "no height is allowed");
     let far = goal_at(DVec3::new(1.4, 0.0, 0.025));
