@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use genmanip_benchmark::statistics::{StatisticsSettings, paired_difference};
 use genmanip_core::{Policy, Seed};
 use genmanip_motion::PlannerSettings;
 use genmanip_pipeline::PolicyFactory;
@@ -13,7 +14,7 @@ use genmanip_pipeline::real::arm::{ArmSettings, RealArm};
 use genmanip_pipeline::real::cameras::Rig;
 use genmanip_pipeline::real::rehearsal::Rehearsal;
 use genmanip_pipeline::real::simulated::{SimulatedArmSettings, bridge_robot};
-use genmanip_real::bridge::client::{ArmClient, BridgeError, ClientSettings, Tally, TcpConnection};
+use genmanip_real::bridge::client::{ArmClient, BridgeError, ClientSettings, SLOW, Tally, TcpConnection};
 use genmanip_real::bridge::{
     Bridge, BridgeSettings, Command, JointState, LinkSettings, Motion, Orders, Reading, Reply, Request, StopReason,
 };
@@ -28,8 +29,6 @@ use serde::Serialize;
 use crate::Spread;
 use crate::clock::cpu_clock;
 
-/// Share of the speed in the slow streams.
-const SLOW: f64 = 0.1;
 /// Control periods of a stream.
 const TICKS: usize = 400;
 /// Connection between policy and bridge: 20 ± 10 ms, 1 % of the streamed messages lost.
@@ -223,12 +222,13 @@ pub fn paired(
         if direct.result.success != behind {
             found.different.push(case.id.clone());
         }
-        differences.push(f64::from(u8::from(behind)) - f64::from(u8::from(direct.result.success)));
+        differences.push(vec![i8::from(behind) - i8::from(direct.result.success)]);
         add(&mut found.tally, &tally);
         progress.advance();
     }
     progress.end();
-    found.difference_points = interval(&differences).map(|share| 100.0 * share);
+    let difference = paired_difference(&differences, &StatisticsSettings::default(), Seed::new(0));
+    found.difference_points = [difference.value, difference.low, difference.high].map(|share| 100.0 * share);
     found.cpu_s = clock();
     Ok(found)
 }
@@ -260,15 +260,6 @@ fn behind_bridge(
     let rest = Stage::rest(&truth.objects, truth.grasped, rollout);
     let verdict = judge_goal(&stage.posed(&truth.objects), &stage.goal, &rest, &stage.relations);
     Ok((verdict.success, robot.client().tally().clone()))
-}
-
-/// Mean of paired differences, and its 95 % interval by the normal approximation.
-fn interval(differences: &[f64]) -> [f64; 3] {
-    let count = differences.len().max(2) as f64;
-    let mean = differences.iter().sum::<f64>() / count;
-    let variance = differences.iter().map(|it| (it - mean).powi(2)).sum::<f64>() / (count - 1.0);
-    let half = 1.96 * (variance / count).sqrt();
-    [mean, mean - half, mean + half]
 }
 
 fn add(sum: &mut Tally, tally: &Tally) {

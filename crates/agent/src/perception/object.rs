@@ -11,8 +11,8 @@ const BASE_DIRECTIONS: usize = 16;
 const ON_TABLE_M: f64 = 0.012;
 /// Minimum height of the body of a flat object (m). Chosen by hand.
 const MIN_HEIGHT_M: f64 = 0.004;
-/// Gap between the body and its support (m): measured points are less accurate than that, and a body that touched its support would be in
-/// collision.
+/// Gap between the body and its support (m): measured points are less accurate than that, and a body that touched its
+/// support would be in collision.
 const ABOVE_BASE_M: f64 = 0.002;
 /// Share of points at each end of each axis that are excluded from the extent as outliers: stray pixels at edges.
 const OUTLIER_SHARE: f64 = 0.002;

@@ -14,7 +14,7 @@ use genmanip_pipeline::real::arm::ArmSettings;
 use genmanip_pipeline::real::cameras::Rig;
 use genmanip_pipeline::real::run::{Judgement, Outcome, RealRequest, open_store, run as run_on_arm};
 use genmanip_pipeline::real::simulated::{PacedArm, SimulatedArm, SimulatedArmSettings, bridge_robot};
-use genmanip_real::bridge::client::ClientSettings;
+use genmanip_real::bridge::client::{ClientSettings, SLOW};
 use genmanip_real::bridge::server::{Clock, Flaws, serve};
 use genmanip_real::bridge::{Bridge, BridgeSettings, LinkSettings};
 use genmanip_rollout::Stage;
@@ -29,9 +29,6 @@ pub fn run(command: &RealCommand, printer: &Printer) -> Result<ExitStatus, Faile
         RealCommand::Run(arguments) => run_policy(arguments, printer),
     }
 }
-
-/// Share of the speed in slow mode.
-const SLOW: f64 = 0.1;
 
 fn simulate(arguments: &RealSimulateArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     if !arguments.address.ip().is_loopback() && !arguments.allow_others {

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::{CameraRequest, Frame, Observation, PrivilegedState};
+use genmanip_real::bridge::beyond_m;
 use genmanip_real::bridge::client::{ArmClient, BridgeError, Connection};
 use genmanip_rollout::environment::Step;
 use genmanip_rollout::{RobotInterface, RolloutError, Stage};
@@ -196,9 +197,7 @@ impl<C: Connection> RealArm<C> {
         let limits = &self.client.welcome().joints;
         let is_beyond = arm.iter().zip(limits).any(|(q, limits)| *q < limits.lower - 1e-4 || *q > limits.upper + 1e-4);
         let tool = self.stage.robot.tcp_pose(arm).position.to_array();
-        let is_outside = self.client.settings().workspace_m.is_some_and(|[a, b]| {
-            (0..3).any(|axis| tool[axis] < a[axis].min(b[axis]) || tool[axis] > a[axis].max(b[axis]))
-        });
+        let is_outside = self.client.settings().workspace_m.is_some_and(|workspace| beyond_m(&workspace, &tool) > 0.0);
         self.dry.commands += 1;
         self.dry.beyond_limits += usize::from(is_beyond);
         self.dry.outside_workspace += usize::from(is_outside);

@@ -122,7 +122,7 @@ pub fn run(
     let every = (stage.control_rate_hz() / f64::from(request.fps.max(1))).round() as usize;
     let has_images = request.fps > 0 && !request.arm.dry_run && !stage.scenario.world.cameras.is_empty();
     let recorder = has_images.then(|| Recorder::start(request, stage)).transpose()?;
-    let (arm, recorded) = match recorder {
+    let (mut arm, recorded) = match recorder {
         Some(Recorder { shutter, thread }) => {
             let watched = arm.watched(move |frame| {
                 if frame.is_multiple_of(every.max(1)) {
@@ -134,7 +134,6 @@ pub fn run(
         }
         None => (arm, None),
     };
-    let mut arm = arm;
     let acted = run_policy(&mut arm, stage, actor.as_mut(), request.seed, &settings.rollout);
     let (ending, mut gave_up) = match acted {
         Ok(acted) => acted,

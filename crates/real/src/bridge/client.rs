@@ -17,6 +17,8 @@ use super::server::Clock;
 
 /// Scheme of a bridge's address.
 pub const SCHEME: &str = "tcp://";
+/// Share of the maximum speed in slow mode.
+pub const SLOW: f64 = 0.1;
 /// Time for a connection to be established.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 /// Largest line of a reply, bytes.

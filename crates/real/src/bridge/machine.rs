@@ -292,15 +292,17 @@ impl Bridge {
 
     /// Distance by which a point is outside of a workspace box, m; 0 inside of all.
     fn excess_m(&self, point: &[f64; 3]) -> f64 {
-        let boxes = self.workspaces_m.iter().map(|[a, b]| {
-            let beyond = (0..3).map(|axis| {
-                let (lower, upper) = (a[axis].min(b[axis]), a[axis].max(b[axis]));
-                (lower - point[axis]).max(point[axis] - upper).max(0.0)
-            });
-            beyond.fold(0.0, f64::max)
-        });
-        boxes.fold(0.0, f64::max)
+        self.workspaces_m.iter().map(|workspace| beyond_m(workspace, point)).fold(0.0, f64::max)
     }
+}
+
+/// Largest distance along an axis by which a point is outside of a box with two opposite corners, m; 0 inside.
+pub fn beyond_m([a, b]: &[[f64; 3]; 2], point: &[f64; 3]) -> f64 {
+    let beyond = (0..3).map(|axis| {
+        let (lower, upper) = (a[axis].min(b[axis]), a[axis].max(b[axis]));
+        (lower - point[axis]).max(point[axis] - upper)
+    });
+    beyond.fold(0.0, f64::max)
 }
 
 impl std::fmt::Debug for Bridge {

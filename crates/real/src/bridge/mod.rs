@@ -26,6 +26,6 @@ pub use gripper::{GripperMonitor, GripperSettings, GripperState, GripperWord};
 pub use guard::{Command, Guard, GuardSettings, Mode, Refused, StopReason};
 pub use interpolator::{Interpolator, JointLimits, JointState};
 pub use link::{Link, LinkSettings};
-pub use machine::{Bridge, BridgeRobot, BridgeSettings, Orders, Reading, ToolPosition};
+pub use machine::{Bridge, BridgeRobot, BridgeSettings, Orders, Reading, ToolPosition, beyond_m};
 pub use message::{CameraImage, ImageHead, Motion, PROTOCOL, Recovery, Reply, Request, State, Welcome};
 pub use server::{Driver, DriverError, ImageSource};

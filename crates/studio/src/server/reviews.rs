@@ -111,8 +111,7 @@ async fn certify(State(studio): Shared, Path(key): Path<String>, request: HttpRe
                 Ok(())
             };
             let never = AtomicBool::new(false);
-            let done = review::certify(&[item], &at, workers::workers(None), &NoProgress, &never, keep);
-            done?;
+            review::certify(&[item], &at, workers::workers(None), &NoProgress, &never, keep)?;
             for trials in tried {
                 studio.at_desk(|desk| desk.log_mut().add_trials(trials).map_err(refused))?;
             }

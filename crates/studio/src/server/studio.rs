@@ -298,7 +298,7 @@ impl Studio {
             if !go_on(None) {
                 return Ok(());
             }
-            let problems = inspection.problems(stage).map_err(|error| Refusal::of_error(&error))?;
+            let problems = inspection.problems(stage)?;
             let done = index + 1 == stages.len();
             if !go_on(Some(StageVerdict { revision: now.number, stage, problems, done })) {
                 return Ok(());
