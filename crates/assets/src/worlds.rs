@@ -22,6 +22,39 @@ pub fn default_world() -> Arc<World> {
     Arc::clone(DEFAULT.get_or_init(read))
 }
 
+/// Default world for a robot as a commented TOML file: the workspace and the fixed cameras are scaled to a short reach
+/// ([`RobotModel::reach_scale`]) about the robot's base, so that images show the workspace at the same size.
+pub fn text_for(robot: &RobotModel) -> String {
+    let text = DEFAULT_TEXT.replace("name = \"panda\"", &format!("name = \"{}\"", robot.name));
+    let scale = robot.reach_scale();
+    if scale == 1.0 {
+        return text;
+    }
+    let scaled = |line: &str| {
+        let (key, numbers) = line.split_once(" = [").filter(|(key, _)| SCALED_KEYS.contains(key))?;
+        let metres = numbers.strip_suffix(']')?.split(", ").map(str::parse::<f64>);
+        let metres: Vec<String> =
+            metres.map(|number| Some(format!("{:.3}", number.ok()? * scale))).collect::<Option<_>>()?;
+        Some(format!("{key} = [{}]", metres.join(", ")))
+    };
+    text.lines().map(|line| scaled(line).unwrap_or_else(|| line.to_owned()) + "\n").collect()
+}
+
+/// Lengths of the default world that follow the robot's reach.
+const SCALED_KEYS: [&str; 4] = ["x", "y", "eye_m", "target_m"];
+
+/// Default world for a robot, see [`text_for`].
+///
+/// # Errors
+/// [`AssetError::UnknownRobot`] with near misses; [`AssetError::Data`] if the robot does not suit the world.
+pub fn for_robot(name: &str) -> Result<World, AssetError> {
+    let text = text_for(&*robots::named(name)?);
+    read(&text).map(|(world, _)| world).map_err(|faults| {
+        let faults: Vec<String> = faults.iter().map(ToString::to_string).collect();
+        AssetError::Data { file: format!("the default world for robot {name}"), message: faults.join("; ") }
+    })
+}
+
 /// Parses a world from TOML or JSON text, with its robot from the registry.
 ///
 /// # Errors

@@ -401,6 +401,12 @@ pub struct NewArguments {
     /// Object that the goal of every task involves; only with --designer rules
     #[arg(long, value_name = "UID")]
     pub include: Option<AssetUid>,
+    #[arg(
+        long,
+        value_name = "NAME",
+        help = genmanip_terminal::robot_help("Robot to design for: its reach and what its gripper holds; only with --designer rules")
+    )]
+    pub robot: Option<String>,
     /// World whose further support surfaces tasks may name; only with --designer llm
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,

@@ -147,7 +147,20 @@ pub struct Reach {
     pub from_above_m: [f64; 2],
 }
 
+impl Reach {
+    /// Scale of the workspace relative to the default one, which is made for arms that take objects 0.7 m away; at
+    /// most 1.
+    pub fn scale(&self) -> f64 {
+        (self.from_above_m[1] / 0.7).min(1.0)
+    }
+}
+
 impl RobotModel {
+    /// [`Reach::scale`] of the robot; 1 if its reach is unknown.
+    pub fn reach_scale(&self) -> f64 {
+        self.reach.map_or(1.0, |reach| reach.scale())
+    }
+
     /// Hash of all physics inputs: links, pieces, inertia, joints, gripper, drives.
     /// Appearance and the home position are excluded; the latter is part of the world.
     ///

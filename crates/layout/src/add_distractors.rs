@@ -1,8 +1,8 @@
 //! Adds distractors to a finished scenario without moving its objects.
 
-use genmanip_assets::AssetSource;
+use genmanip_assets::{AssetSource, robots};
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Aabb, InstanceId, ObjectModel, ObjectState, Pose, Scenario, Seed};
+use genmanip_core::{Aabb, InstanceId, ObjectModel, ObjectState, Pose, Scenario, Seed, Workspace};
 use genmanip_relations::{PosedObject, ShapeCache};
 use rand::RngExt;
 
@@ -30,6 +30,8 @@ pub fn add_distractors(
     settings: &LayoutSettings,
 ) -> Result<Option<Scenario>, AuditError> {
     let before: Vec<PosedObject> = posed(scenario, assets, &mut ShapeCache::default())?.objects().cloned().collect();
+    let reach_scale = robots::of_world(&scenario.world)?.reach_scale();
+    let area = settings.area(&scenario.world.workspace, reach_scale, true);
     let mut objects = before.clone();
     let sampled = distractors::sample(&scenario.task, assets.cards(), CANDIDATES_PER_OBJECT * count, seed);
     for (number, asset) in sampled.iter().enumerate() {
@@ -42,7 +44,7 @@ pub fn add_distractors(
             continue;
         }
         let stream = seed.fork("places").fork_index(number as u64);
-        let Some(pose) = place(&objects, &model, stream, scenario, settings) else { continue };
+        let Some(pose) = place(&objects, &model, stream, &area, settings) else { continue };
         let joint_positions = vec![0.0; model.joint_count()];
         let mut with_it = objects.clone();
         with_it.push(PosedObject { id, model, pose, joint_positions });
@@ -64,17 +66,16 @@ pub fn add_distractors(
     Ok(Some(crowded))
 }
 
-/// Samples a pose on the table clear of all other objects; `None` if there is none.
+/// Samples a pose in the area on the table clear of all other objects; `None` if there is none.
 fn place(
     objects: &[PosedObject],
     model: &ObjectModel,
     seed: Seed,
-    scenario: &Scenario,
+    area: &Workspace,
     settings: &LayoutSettings,
 ) -> Option<Pose> {
     let rng = &mut seed.rng();
     let joints = vec![0.0; model.joint_count()];
-    let area = scenario.world.workspace.within(settings.wide_x_m, settings.wide_y_m);
     let bounds_of = |object: &PosedObject| object.model.world_bounds(&object.pose, &object.joint_positions);
     let taken: Vec<Aabb> = objects.iter().map(bounds_of).collect();
     (0..POSES_PER_OBJECT).find_map(|sample| {

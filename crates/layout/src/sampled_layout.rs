@@ -68,7 +68,7 @@ pub(crate) struct Contradiction(pub Vec<usize>);
 
 impl SampledLayout {
     /// Samples all headings and derives all implied bounds (`Network::close`). With `aligned`, yaw is a quarter turn up
-    /// to `ALIGNED_RAD` off, and objects may use the larger area (`wide_x_m`, `wide_y_m`).
+    /// to `ALIGNED_RAD` off, and objects may use the larger area ([`crate::LayoutSettings::area`]).
     ///
     /// # Errors
     /// Indices into the context's edges that contradict each other.
@@ -95,10 +95,7 @@ impl SampledLayout {
     fn bound(&mut self, context: &Context, wide: bool) {
         let settings = context.settings;
         let workspace = context.world.workspace;
-        let table = match wide {
-            true => workspace.within(settings.wide_x_m, settings.wide_y_m),
-            false => workspace.within(settings.x_m, settings.y_m),
-        };
+        let table = settings.area(&workspace, context.robot.reach_scale(), wide);
         let mut both = |a: usize, b: usize, x: [f64; 2], y: [f64; 2], edge: Option<usize>| {
             self.x.bound(a, b, x, edge);
             self.y.bound(a, b, y, edge);

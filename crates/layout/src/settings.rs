@@ -1,5 +1,6 @@
 //! Settings of the layout with their defaults.
 
+use genmanip_core::Workspace;
 use genmanip_motion::FeasibilitySettings;
 use serde::{Deserialize, Serialize};
 
@@ -28,7 +29,8 @@ pub struct LayoutSettings {
     /// Margin of relations at placement (m), and its equivalent in other units (see
     /// [`genmanip_core::Unit::normalise`]); settling may reduce it.
     pub relation_margin_m: f64,
-    /// Object area within the workspace: minimum and maximum x from the robot's base (m).
+    /// Object area within the workspace, for robots with the reach of the default one: minimum and maximum x from the
+    /// robot's base (m).
     pub x_m: [f64; 2],
     /// Object area within the workspace: minimum and maximum y (m).
     pub y_m: [f64; 2],
@@ -60,6 +62,15 @@ pub struct LayoutSettings {
     pub min_pixels: usize,
     /// Minimum visible share of each task object in that camera.
     pub min_visible_share: f64,
+}
+
+impl LayoutSettings {
+    /// Object area on the table, the larger one if `wide`, for a robot with a reach scale
+    /// ([`genmanip_core::RobotModel::reach_scale`]).
+    pub(crate) fn area(&self, workspace: &Workspace, reach_scale: f64, wide: bool) -> Workspace {
+        let (x, y) = if wide { (self.wide_x_m, self.wide_y_m) } else { (self.x_m, self.y_m) };
+        workspace.within(x.map(|metres| metres * reach_scale), y.map(|metres| metres * reach_scale))
+    }
 }
 
 impl Default for LayoutSettings {

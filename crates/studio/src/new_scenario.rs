@@ -10,7 +10,7 @@ use genmanip_assets::worlds::default_world;
 use genmanip_core::{AssetUid, ObjectCard, Seed};
 use genmanip_layout::LayoutSettings;
 use genmanip_pipeline::layouts::{LayoutOutput, lay_out};
-use genmanip_tasks::designer::{SentenceError, phrases_of_sentence};
+use genmanip_tasks::designer::{DesignSettings, SentenceError, phrases_of_sentence};
 use genmanip_workspace::designed_tasks::compose_into;
 use genmanip_workspace::{NoProgress, WorkspaceError, task_files};
 use serde::Serialize;
@@ -80,7 +80,15 @@ pub fn create(sentence: &str, chosen: &BTreeMap<String, AssetUid>, folder: &Path
     let taken = || WorkspaceError::input(format!("{} has too many scenarios of this sentence", folder.display()));
     let mut refused = Vec::new();
     for seed in 0..MAX_SEEDS {
-        let rows = compose_into(&folder.join(TASKS), sentence, 1, &allowed, Seed::new(seed), &NoProgress);
+        let rows = compose_into(
+            &folder.join(TASKS),
+            sentence,
+            1,
+            &allowed,
+            Seed::new(seed),
+            &DesignSettings::default(),
+            &NoProgress,
+        );
         let file = match rows {
             Ok(rows) => rows.into_iter().next().and_then(|row| row.file),
             // The file name is taken by the same words with other objects: try the next seed.

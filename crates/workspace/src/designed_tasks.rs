@@ -88,15 +88,15 @@ pub fn compose_into(
     count: usize,
     cards: &[ObjectCard],
     seed: Seed,
+    settings: &DesignSettings,
     progress: &dyn Progress,
 ) -> Result<Vec<NewTask>, WorkspaceError> {
-    let settings = DesignSettings::default();
     let name = slug(sentence);
     progress.begin("designing", count);
     let tasks: Vec<Task> = (0..count)
         .map(|index| {
             let id = format!("{name}-{seed}-{index:05}");
-            let task = task_from_sentence(sentence, cards, seed.fork_index(index as u64), &id, &settings);
+            let task = task_from_sentence(sentence, cards, seed.fork_index(index as u64), &id, settings);
             progress.advance();
             task.map_err(|error| {
                 let hint = hint_for(&error);

@@ -40,15 +40,19 @@ pub fn read_world(path: Option<&Path>) -> Result<World, WorkspaceError> {
         .with_hint(format!("`genmanip world check {}` lists every fault", path.display())))
 }
 
-/// World in a file, or the default one, optionally with another robot.
+/// World in a file, or the default one, optionally with another robot, whose reach the default one then suits
+/// ([`worlds::text_for`]).
 ///
 /// # Errors
 /// As [`read_world`], and when the robot is unknown.
 pub fn read_world_with(path: Option<&Path>, robot: Option<&str>) -> Result<World, WorkspaceError> {
-    let world = read_world(path)?;
-    let Some(name) = robot else { return Ok(world) };
-    worlds::with_robot(&world, name)
-        .map_err(|error| WorkspaceError::input(format!("robot `{name}` cannot be used")).because(error))
+    let world = match (path, robot) {
+        (_, None) => return read_world(path),
+        (None, Some(name)) => worlds::for_robot(name),
+        (Some(_), Some(name)) => worlds::with_robot(&read_world(path)?, name),
+    };
+    let name = robot.unwrap_or_default();
+    world.map_err(|error| WorkspaceError::input(format!("robot `{name}` cannot be used")).because(error))
 }
 
 /// Rejects a world whose robot differs from the named one.

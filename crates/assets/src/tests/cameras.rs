@@ -4,11 +4,11 @@ use genmanip_core::camera::{CameraPreset, PRESETS};
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::sensor::{SENSORS, SensorPreset};
 use genmanip_core::world::{camera_faults, read_camera};
-use genmanip_core::{Camera, CameraMount, Distortion, Intrinsics};
+use genmanip_core::{Camera, CameraMount, Distortion, Intrinsics, Reach, RobotModel};
 use serde_json::json;
 
 use crate::panda;
-use crate::worlds::default_world;
+use crate::worlds::{DEFAULT_TEXT, default_world, read, text_for};
 
 /// Minimum fraction of the image width that the workspace spans.
 const MIN_WIDTH_SHARE: f64 = 0.70;
@@ -164,4 +164,22 @@ fn invalid_lenses_and_sensors_are_rejected() {
         &|camera| camera.sensor.as_mut().unwrap().color.as_mut().unwrap().jpeg_quality = Some(0),
         "sensor.color.jpeg_quality",
     );
+}
+
+/// A robot of half the reach gets half the workspace, at the same place in every image.
+#[test]
+fn workspace_and_cameras_follow_a_short_reach() {
+    assert_eq!(text_for(&panda()), DEFAULT_TEXT);
+    let short = RobotModel { reach: Some(Reach { max_m: 0.45, from_above_m: [0.12, 0.35] }), ..(*panda()).clone() };
+    let (usual, (small, _)) = (default_world(), read(&text_for(&short)).unwrap());
+    let half = |range: [f64; 2]| range.map(|metres| metres / 2.0);
+    assert_eq!([small.workspace.x, small.workspace.y], [half(usual.workspace.x), half(usual.workspace.y)]);
+    for (before, after) in
+        usual.cameras.iter().zip(&small.cameras).filter(|(before, _)| before.mount == CameraMount::World)
+    {
+        for corner in [DVec3::new(0.2, -0.5, 0.0), DVec3::new(0.9, 0.3, 0.1), DVec3::new(0.5, 0.0, 0.3)] {
+            let moved_px = WorldCamera(before).pixel(corner).distance(WorldCamera(after).pixel(corner / 2.0));
+            assert!(moved_px < 0.5, "{}: {moved_px} px", before.name);
+        }
+    }
 }

@@ -5,13 +5,13 @@ use genmanip_workspace::task_files;
 use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use genmanip_core::limits;
-use genmanip_core::{Document, ObjectCard, Seed, TaskKind};
+use genmanip_core::{Document, ObjectCard, RobotModel, Seed, TaskKind};
 use genmanip_llm::CassetteMode;
 use genmanip_task_writer::{Designed, Designer, GenerationEvent, GenerationOutcome, LlmSettings, Refusal, Round};
-use genmanip_tasks::designer::DesignSettings;
+use genmanip_tasks::designer::{DesignSettings, graspable_by};
 use genmanip_workspace::Progress;
 use genmanip_workspace::designed_tasks::{self, Design, NewTask, design_into};
 use genmanip_workspace::{MAX_ROWS, text_table};
@@ -49,13 +49,17 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
         return Err(Failed::misused(format!("--copies {} is not possible", arguments.copies))
             .hint("expected a share of scenes, 0 to 1, with --designer rules"));
     }
+    if !is_rules && arguments.robot.is_some() {
+        return Err(Failed::misused("--robot is for rules").hint("offer a language model what it can hold: --objects"));
+    }
     if arguments.text.is_some() && !is_rules {
         return Err(Failed::misused("--text is for rules").hint("leave out --designer llm"));
     }
     let rows = match (arguments.designer.as_str(), &arguments.text) {
         ("rules", Some(sentence)) => {
-            let (cards, seed) = (cards(arguments)?, Seed::new(arguments.seed));
-            designed_tasks::compose_into(&arguments.out, sentence, arguments.count, &cards, seed, printer)?
+            let (cards, settings) = (cards(arguments)?, design_settings(arguments)?);
+            let seed = Seed::new(arguments.seed);
+            designed_tasks::compose_into(&arguments.out, sentence, arguments.count, &cards, seed, &settings, printer)?
         }
         ("rules", None) => by_rules(arguments, &kinds, printer)?,
         ("llm", _) => by_language_model(arguments, &kinds, printer)?,
@@ -80,10 +84,28 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
 /// Cards of the objects that tasks may contain: those selected by `--objects`, or the whole catalogue.
 fn cards(arguments: &NewArguments) -> Result<Vec<ObjectCard>, Failed> {
     let catalogue = catalogue(&arguments.catalog);
-    match &arguments.objects {
-        Some(text) => Ok(task_files::select_objects(text, catalogue)?),
-        None => Ok(catalogue.cards().to_vec()),
-    }
+    let cards = match &arguments.objects {
+        Some(text) => task_files::select_objects(text, catalogue)?,
+        None => catalogue.cards().to_vec(),
+    };
+    Ok(match robot(arguments)? {
+        Some(robot) => graspable_by(&robot, &cards),
+        None => cards,
+    })
+}
+
+fn design_settings(arguments: &NewArguments) -> Result<DesignSettings, Failed> {
+    let settings = DesignSettings { copies: arguments.copies, ..DesignSettings::default() };
+    Ok(match robot(arguments)? {
+        Some(robot) => settings.scaled_to(&robot),
+        None => settings,
+    })
+}
+
+/// Robot that the tasks are for, if one was named.
+fn robot(arguments: &NewArguments) -> Result<Option<Arc<RobotModel>>, Failed> {
+    let Some(name) = &arguments.robot else { return Ok(None) };
+    Ok(Some(worlds::robot(&worlds::read_world_with(None, Some(name))?)?))
 }
 
 fn by_rules(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> Result<Vec<NewTask>, Failed> {
@@ -92,7 +114,7 @@ fn by_rules(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> 
         count: arguments.count,
         cards: &cards(arguments)?,
         seed: Seed::new(arguments.seed),
-        settings: DesignSettings { copies: arguments.copies, ..DesignSettings::default() },
+        settings: design_settings(arguments)?,
         fill: arguments.fill,
         include: arguments.include.as_ref(),
     };

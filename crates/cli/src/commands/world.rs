@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use genmanip_assets::worlds::DEFAULT_TEXT;
+use genmanip_assets::worlds::text_for;
 use genmanip_core::glam::DVec3;
 use genmanip_core::sensor::SENSORS;
 use genmanip_core::{Camera, CameraMount, CameraSensor, Document};
@@ -53,9 +53,8 @@ pub fn run_camera(command: &CameraCommand, printer: &Printer) -> Result<ExitStat
 }
 
 fn init(out: Option<&Path>, robot: Option<&str>, printer: &Printer) -> Result<ExitStatus, Failed> {
-    // Fails for an unknown robot; the cameras of the text are mounted where its wrist camera is.
     let world = worlds::read_world_with(None, robot)?;
-    let text = DEFAULT_TEXT.replace("name = \"panda\"", &format!("name = \"{}\"", world.robot.name));
+    let text = text_for(&*worlds::robot(&world)?);
     match out {
         Some(path) if path.exists() => {
             return Err(Failed::new(format!("{} exists", path.display())).hint("choose another --out file"));

@@ -33,6 +33,8 @@ const CASES: [Case; 66] = [
     ("task new --kind cooking --out out", 2, &["unknown kind `cooking`", "kinds are"]),
     ("task check bare.txt --objects 001 --kind cooking", 2, &["unknown kind `cooking`", "kinds are"]),
     ("task new --designer magic --out out", 2, &["unknown designer `magic`", "rules or llm"]),
+    ("task new --robot pandas --out out", 1, &["robot `pandas` cannot be used", "panda"]),
+    ("task new --designer llm --robot panda --out out", 2, &["--robot is for rules", "--objects"]),
     ("task new --designer rules --copies 2 --out out", 2, &["--copies 2", "0 to 1"]),
     ("evaluate run --policy do_nothing:seconds=-0.0", 1, &["seconds=-0.0 is not possible", "from 0 to 600"]),
     ("lab segment --masks banana", 1, &["unknown source of masks `banana`", "oracle, rgbd"]),

@@ -17,6 +17,7 @@ mod choices;
 mod composer;
 mod facts;
 mod gate;
+mod graspable;
 mod kinds;
 mod knowledge;
 mod naming;
@@ -42,6 +43,7 @@ use composer::Composer;
 use sketch::Sketch;
 
 pub use gate::as_answer;
+pub use graspable::graspable_by;
 pub use report::{DesignReport, Occurrence, measure};
 pub use sentence::{SENTENCE, SentenceError, SentencePhrase, phrases_of_sentence, task_from_sentence};
 pub use series::{Missing, Series};

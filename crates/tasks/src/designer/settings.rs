@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_core::Relation;
+use genmanip_core::{Relation, RobotModel};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -53,6 +53,16 @@ impl Default for DesignSettings {
             area_m: [0.47, 0.78],
             gap_m: 0.035,
         }
+    }
+}
+
+impl DesignSettings {
+    /// These settings with the area scaled to the reach of a robot ([`RobotModel::reach_scale`]).
+    #[must_use]
+    pub fn scaled_to(self, robot: &RobotModel) -> Self {
+        let [x, y] = self.area_m;
+        let scale = robot.reach_scale();
+        Self { area_m: [x * scale, y * scale], ..self }
     }
 }
 
