@@ -307,6 +307,19 @@ fn frames_reference_poses_and_layers_are_read() {
     assert!(object.report.repairs.iter().any(|note| note.contains("gone.png")), "{:?}", object.report.repairs);
 }
 
+/// A moving body without mass gets a least one, and a note says so; the others keep theirs.
+#[test]
+fn moving_bodies_without_mass_are_read() {
+    let cabinet = b"<mujoco model='cabinet'><worldbody><body name='cabinet'><geom type='box' size='.1 .1 .1' mass='2'/>
+        <body name='drawer' pos='.12 0 0'><joint type='slide' axis='1 0 0' range='0 .1'/>
+        <geom type='box' size='.01 .08 .05' mass='0'/></body></body></worldbody></mujoco>";
+    let object = import_from(&disk(&[("cabinet.xml", cabinet)]), "cabinet.xml", &Given::default()).unwrap();
+    let [body, drawer] = &object.model.links[..] else { panic!("{} links", object.model.links.len()) };
+    assert!((body.mass.mass_kg - 2.0).abs() < 1e-6 && drawer.mass.mass_kg > 0.0, "{}", drawer.mass.mass_kg);
+    let said = &object.report.repairs;
+    assert!(said.iter().any(|note| note.contains("mass") && note.contains("0.001 kg")), "{said:?}");
+}
+
 /// MuJoCo's own messages, with the line of the original and of an included file.
 #[test]
 fn refusals_of_the_compiler_are_shown_with_their_place() {
@@ -317,9 +330,9 @@ fn refusals_of_the_compiler_are_shown_with_their_place() {
         error.file == "part.xml" && error.to_string().contains("sizze") && error.to_string().contains("line 3"),
         "{error}"
     );
-    let flat = b"<mujoco><worldbody>\n<body><joint/></body></worldbody></mujoco>";
-    let error = refused(&disk(&[("a.xml", flat)]), "a.xml");
-    assert!(error.to_string().contains("MuJoCo") && error.to_string().contains("mass"), "{error}");
+    let wrong = b"<mujoco><worldbody>\n<body><geom type='sphere'/></body></worldbody></mujoco>";
+    let error = refused(&disk(&[("a.xml", wrong)]), "a.xml");
+    assert!(error.to_string().contains("MuJoCo") && error.to_string().contains("size"), "{error}");
     let many = b"<mujoco><worldbody><body><replicate count='1000000'><geom size='.1'/></replicate></body></worldbody></mujoco>";
     assert!(refused(&disk(&[("a.xml", many)]), "a.xml").to_string().contains("replicas"));
 }

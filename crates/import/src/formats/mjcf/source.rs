@@ -8,6 +8,7 @@ use genmanip_core::Texture;
 use genmanip_core::limits::IMPORTED_MESH;
 use genmanip_sim::SimError;
 
+use super::{LEAST_INERTIA, LEAST_MASS_KG};
 use crate::ImportError;
 use crate::files::{Files, beside, shortened};
 use crate::formats::xml::{self, Element};
@@ -84,6 +85,13 @@ impl Source {
             textures: gatherer.textures,
             places,
         })
+    }
+
+    /// Text with a smallest mass and inertia of moving bodies; lines keep their numbers.
+    pub fn with_least_mass(&self) -> String {
+        let bounds = format!("<compiler boundmass=\"{LEAST_MASS_KG}\" boundinertia=\"{LEAST_INERTIA}\"/>");
+        let (head, rest) = self.xml.split_once('\n').unwrap_or((&self.xml, ""));
+        format!("{head}{bounds}\n{rest}")
     }
 
     /// Import error for a rejection by the compiler, with file and line of the original.
