@@ -10,7 +10,8 @@ pub use contract::ActionContract;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Layout of an action vector: motion first, then one gripper value; radians and metres throughout.
+/// Layout of an action vector: motion first, then one gripper value; radians and metres unless the space or the gripper
+/// says otherwise.
 ///
 /// The duration of an action is `1 / rate_hz` of the policy ([`crate::PolicySpec::rate_hz`]); nothing else sets it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -40,6 +41,8 @@ pub struct ActionSpec {
 pub enum ActionSpace {
     /// Absolute joint targets, rad.
     JointPosition,
+    /// Absolute joint targets, degrees, as in LeRobot's drivers of arms with servo motors, such as the SO-101.
+    JointDegrees,
     /// Joint displacement over the action, rad.
     JointDelta,
     /// Joint velocity during the action, rad/s.
@@ -127,6 +130,8 @@ pub enum GripperEncoding {
     OpenFraction,
     /// 0 open to 1 closed, as in DROID.
     ClosedFraction,
+    /// 0 closed to 100 open, as in LeRobot's drivers.
+    OpenPercent,
     /// -1 closed to +1 open.
     PlusOneOpen,
     /// -1 open to +1 closed, as in robosuite and LIBERO.
@@ -229,7 +234,7 @@ impl ActionSpec {
 impl ActionSpace {
     /// True for joint-space motions, false for end-effector motions.
     pub fn is_joint(self) -> bool {
-        matches!(self, Self::JointPosition | Self::JointDelta | Self::JointVelocity)
+        matches!(self, Self::JointPosition | Self::JointDegrees | Self::JointDelta | Self::JointVelocity)
     }
 }
 

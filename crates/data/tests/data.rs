@@ -349,7 +349,7 @@ fn every_action_specification_reproduces_the_recorded_commands() {
                 let target: Vec<f64> = command[..7].iter().map(|&q| f64::from(q)).collect();
                 let (motion, grip) = action.split_at(action.len() - 1);
                 let motion: Vec<f64> = motion.iter().map(|&value| f64::from(value)).collect();
-                assert_eq!(grip[0], command[7]);
+                assert!((spec.gripper.width_m(grip[0], &robot.gripper) - command[7]).abs() < 1e-6);
                 let moved = |share: f64| arm.iter().zip(&motion).map(|(q, v)| q + v * share).collect();
                 let read = |numbers: &[f64]| {
                     let rotation = spec.rotation.decode(&numbers[3..]).unwrap();
@@ -357,6 +357,7 @@ fn every_action_specification_reproduces_the_recorded_commands() {
                 };
                 match spec.space {
                     ActionSpace::JointPosition => arm = motion,
+                    ActionSpace::JointDegrees => arm = motion.iter().map(|degrees| degrees.to_radians()).collect(),
                     ActionSpace::JointDelta => arm = moved(1.0),
                     ActionSpace::JointVelocity => arm = moved(1.0 / f64::from(fps)),
                     ActionSpace::EePose => pose = read(&motion),

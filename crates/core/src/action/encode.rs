@@ -15,6 +15,7 @@ impl ActionSpec {
         let moved = |divisor: f64| arm.iter().zip(reference).map(|(to, from)| (to - from) / divisor).collect();
         let motion: Vec<f64> = match self.space {
             ActionSpace::JointPosition => arm,
+            ActionSpace::JointDegrees => arm.into_iter().map(f64::to_degrees).collect(),
             ActionSpace::JointDelta => moved(1.0),
             ActionSpace::JointVelocity => moved(duration_s),
             ActionSpace::EePose => self.encode_pose(&robot.tcp_pose(&arm)),
@@ -28,8 +29,11 @@ impl ActionSpec {
 
     /// Names of the vector's entries, for an arm with these joints.
     pub fn names(&self, joints: &[&str]) -> Vec<String> {
+        if self.space == ActionSpace::JointDegrees {
+            return joints.iter().chain(&["gripper"]).map(|name| format!("{name}.pos")).collect();
+        }
         let prefix = match self.space {
-            ActionSpace::JointPosition | ActionSpace::EePose => "",
+            ActionSpace::JointPosition | ActionSpace::JointDegrees | ActionSpace::EePose => "",
             ActionSpace::JointDelta | ActionSpace::EeDelta => "delta_",
             ActionSpace::JointVelocity => "velocity_",
         };
@@ -42,6 +46,34 @@ impl ActionSpec {
             _ => "gripper",
         };
         motion.into_iter().map(|name| format!("{prefix}{name}")).chain([gripper.to_owned()]).collect()
+    }
+
+    /// Measured arm joint positions (rad) and opening width (m), in the units of the actions where these are
+    /// [`ActionSpace::JointDegrees`], and unchanged for all other spaces.
+    pub fn encode_state(&self, arm: &[f64], width_m: f64, robot: &RobotModel) -> Vec<f32> {
+        let native = || arm.iter().chain([&width_m]).map(|value| *value as f32).collect::<Vec<f32>>();
+        if self.space == ActionSpace::JointDegrees { self.encode(robot, &native(), arm, 1.0) } else { native() }
+    }
+
+    /// Arm joint positions (rad) and opening width (m) of a state from [`Self::encode_state`].
+    pub fn decode_state(&self, state: &[f64], robot: &RobotModel) -> (Vec<f64>, f64) {
+        let (arm, width) = state.split_at(state.len().saturating_sub(1));
+        let width = width.first().copied().unwrap_or_default();
+        match self.space {
+            ActionSpace::JointDegrees => (
+                arm.iter().map(|degrees| degrees.to_radians()).collect(),
+                f64::from(self.gripper.width_m(width as f32, &robot.gripper)),
+            ),
+            _ => (arm.to_vec(), width),
+        }
+    }
+
+    /// Names of the entries of [`Self::encode_state`].
+    pub fn state_names(&self, joints: &[&str]) -> Vec<String> {
+        match self.space {
+            ActionSpace::JointDegrees => self.names(joints),
+            _ => ActionSpec::native().names(joints),
+        }
     }
 
     fn encode_pose(&self, pose: &Pose) -> Vec<f64> {

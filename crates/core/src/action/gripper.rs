@@ -50,6 +50,7 @@ impl Range {
             GripperEncoding::WidthM => (0.0, max_width),
             GripperEncoding::OpenFraction => (0.0, 1.0),
             GripperEncoding::ClosedFraction => (1.0, 0.0),
+            GripperEncoding::OpenPercent => (0.0, 100.0),
             GripperEncoding::PlusOneOpen => (-1.0, 1.0),
             GripperEncoding::PlusOneClosed => (1.0, -1.0),
             GripperEncoding::Closed255 => (255.0, 0.0),

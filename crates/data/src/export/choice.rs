@@ -5,8 +5,9 @@ use genmanip_core::{ActionSpace, ActionSpec, GripperEncoding, RotationEncoding};
 use super::{ExtraColumns, default_action};
 
 /// Action spaces by their names on the command line.
-pub const ACTIONS: [(&str, ActionSpace); 5] = [
+pub const ACTIONS: [(&str, ActionSpace); 6] = [
     ("joint", ActionSpace::JointPosition),
+    ("joint_degrees", ActionSpace::JointDegrees),
     ("joint_delta", ActionSpace::JointDelta),
     ("joint_velocity", ActionSpace::JointVelocity),
     ("ee", ActionSpace::EePose),
@@ -28,12 +29,14 @@ pub const RATES: [u32; 5] = [10, 15, 20, 30, 60];
 pub const COLUMNS: [(&str, ExtraColumns); 3] =
     [("sim", ExtraColumns::Sim), ("boxes", ExtraColumns::Boxes), ("masks", ExtraColumns::Masks)];
 
-/// Action specification with the gripper opening in metres and linear interpolation between rows.
+/// Action specification with linear interpolation between rows, and the gripper opening in metres, or in percent beside
+/// joint targets in degrees.
 pub fn action(space: ActionSpace, rotation: RotationEncoding) -> ActionSpec {
-    ActionSpec {
-        rotation,
-        ..ActionSpec { between: default_action().between, ..ActionSpec::new(space, GripperEncoding::WidthM) }
-    }
+    let gripper = match space {
+        ActionSpace::JointDegrees => GripperEncoding::OpenPercent,
+        _ => GripperEncoding::WidthM,
+    };
+    ActionSpec { rotation, between: default_action().between, ..ActionSpec::new(space, gripper) }
 }
 
 /// Name of an action, with its rotation for end-effector actions: `joint_delta`, `ee-6d`.

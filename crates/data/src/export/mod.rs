@@ -12,7 +12,9 @@ pub mod steps;
 
 use std::path::{Path, PathBuf};
 
-use genmanip_core::{ActionContract, ActionSpace, ActionSpec, Episode, ExpertStyle, Interpolation, RobotModel};
+use genmanip_core::{
+    ActionContract, ActionSpace, ActionSpec, Episode, ExpertStyle, GripperEncoding, Interpolation, RobotModel,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::atomic_write::{self, AtomicFolder};
@@ -119,6 +121,7 @@ pub fn describe_action(spec: &ActionSpec) -> String {
     let rotation = spec.rotation.description();
     let motion = match spec.space {
         ActionSpace::JointPosition => "absolute arm joint targets (rad)".into(),
+        ActionSpace::JointDegrees => "absolute arm joint targets (degrees)".into(),
         ActionSpace::JointDelta => "changes of the arm joint targets over the row (rad)".into(),
         ActionSpace::JointVelocity => "speeds of the arm joint targets during the row (rad/s)".into(),
         ActionSpace::EePose => format!("absolute tool pose that the joint targets lead to: position (m), {rotation}"),
@@ -133,7 +136,11 @@ pub fn describe_action(spec: &ActionSpec) -> String {
         }
         (_, Interpolation::Hold) => "commanded from the beginning of the row on",
     };
-    format!("{motion}, and opening width (m); what was in force at the end of the row's interval; {between}")
+    let opening = match spec.gripper.encoding {
+        GripperEncoding::OpenPercent => "opening (0 closed to 100 open)",
+        _ => "opening width (m)",
+    };
+    format!("{motion}, and {opening}; what was in force at the end of the row's interval; {between}")
 }
 
 /// Selection of the episodes to export; attempts without recorded frames are never exported.

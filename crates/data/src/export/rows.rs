@@ -36,13 +36,14 @@ pub fn rows(source: &Source, robot: &RobotModel, settings: &ExportSettings) -> R
     check_dimensions(source, robot)?;
     let intervals = intervals(&source.episode.frames, stride);
     let arm: Vec<&str> = robot.arm_joints().map(|joint| joint.name.as_str()).collect();
-    let arm_and_gripper: Vec<&str> = arm.iter().copied().chain(["gripper_width"]).collect();
+    let state_names = settings.action.state_names(&arm);
+    let state_names: Vec<&str> = state_names.iter().map(String::as_str).collect();
     let is_last = |row: usize| row + 1 == intervals.len();
     let home = &source.episode.scenario.world.robot.home;
 
     let mut features = vec![
-        vectors("observation.state", &arm_and_gripper, &intervals, |row| {
-            row.now.joint_position.iter().chain([&row.now.gripper_width]).map(|value| *value as f32).collect()
+        vectors("observation.state", &state_names, &intervals, |row| {
+            settings.action.encode_state(&row.now.joint_position, row.now.gripper_width, robot)
         }),
         actions(&intervals, robot, home, settings),
         vectors("ee.state", &END_EFFECTOR, &intervals, |row| end_effector(&row.now.tcp, row.now.gripper_width)),

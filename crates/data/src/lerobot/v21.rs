@@ -224,7 +224,8 @@ type ModalityEntry = fn(usize, usize, bool, Option<&str>) -> Value;
 fn parts(contract: &ActionContract, dof: usize, entry: ModalityEntry) -> (Option<Value>, Option<Value>) {
     let spec = &contract.action;
     let motion = spec.motion_length(dof);
-    let is_absolute = matches!(spec.space, ActionSpace::JointPosition | ActionSpace::EePose);
+    let is_absolute =
+        matches!(spec.space, ActionSpace::JointPosition | ActionSpace::JointDegrees | ActionSpace::EePose);
     let rotation = match spec.rotation {
         RotationEncoding::QuatWxyz | RotationEncoding::QuatXyzw => "quaternion",
         RotationEncoding::SixD => "rotation_6d",

@@ -1,7 +1,7 @@
 //! Consistency of an episode's states, actions and tool poses.
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{ActionSpace, Pose, RobotModel, RotationEncoding};
+use genmanip_core::{ActionSpace, ActionSpec, Pose, RobotModel, RotationEncoding};
 
 use super::findings::Findings;
 use super::metadata::{EpisodeEntry, Metadata};
@@ -23,7 +23,8 @@ pub(super) fn check(
     findings: &mut Findings,
 ) {
     let columns = EpisodeColumns { episode, rows };
-    let state = columns.state(robot).filter(|_| has_joints(metadata, robot));
+    let spec = metadata.contract.as_ref().map_or_else(ActionSpec::native, |contract| contract.action);
+    let state = columns.state(robot, &spec).filter(|_| has_joints(metadata, robot));
     if let Some((row, key, expected, found)) = state.or_else(|| columns.tool()) {
         findings.add("state", &episode.data, format!("{}, row {row}, {key}", episode.place()), expected, found);
     }
@@ -36,7 +37,10 @@ pub(super) fn check(
 fn has_joints(metadata: &Metadata, robot: &RobotModel) -> bool {
     let state = metadata.info.features.iter().find(|feature| feature.key == "observation.state");
     let names = state.map_or(&[][..], |feature| &feature.names);
-    let is_joint = |name: &String| robot.arm_joints().any(|joint| joint.name == *name);
+    let is_joint = |name: &String| {
+        let name = name.strip_suffix(".pos").unwrap_or(name);
+        robot.arm_joints().any(|joint| joint.name == *name)
+    };
     names.is_empty() || names.iter().any(is_joint) || names.iter().all(|name| name.starts_with("observation.state"))
 }
 
@@ -55,20 +59,20 @@ impl EpisodeColumns<'_> {
     }
 
     /// Checks joint positions against joint limits and the tool pose. `None` if they agree.
-    fn state(&self, robot: &RobotModel) -> Option<Deviation> {
+    fn state(&self, robot: &RobotModel, spec: &ActionSpec) -> Option<Deviation> {
         let dof = robot.arm_dof();
         let state = self.column("observation.state", dof + 1)?;
         let ee = self.column("ee.state", 7);
         for row in 0..state.values.len() / state.width {
-            let (arm, width) = state.row(row).split_at(dof);
-            for (joint, q) in robot.arm_joints().zip(arm) {
+            let (arm, width_m) = spec.decode_state(state.row(row), robot);
+            for (joint, q) in robot.arm_joints().zip(&arm) {
                 if !(joint.lower - BEYOND_RAD..=joint.upper + BEYOND_RAD).contains(q) {
                     let expected = format!("{} between {} and {} rad", joint.name, joint.lower, joint.upper);
                     return Some((row, "observation.state", expected, q.to_string()));
                 }
             }
             if let Some(ee) = ee
-                && let Some((expected, found)) = differ(&robot.tcp_pose(arm), width[0], ee.row(row))
+                && let Some((expected, found)) = differ(&robot.tcp_pose(&arm), width_m, ee.row(row))
             {
                 return Some((
                     row,
@@ -107,7 +111,9 @@ impl EpisodeColumns<'_> {
         let (spec, dof) = (contract.action, robot.arm_dof());
         let action = self.column("action", spec.length(dof))?;
         let home = self.episode.home.as_ref().filter(|home| home.len() == dof);
-        if home.is_none() && !matches!(spec.space, ActionSpace::JointPosition | ActionSpace::EePose) {
+        if home.is_none()
+            && !matches!(spec.space, ActionSpace::JointPosition | ActionSpace::JointDegrees | ActionSpace::EePose)
+        {
             // Relative actions cannot be decoded without the home position.
             return None;
         }
@@ -119,6 +125,7 @@ impl EpisodeColumns<'_> {
             let changed = |by: f64| joints.iter().zip(motion).map(|(q, v)| q + v * by).collect::<Vec<f64>>();
             match spec.space {
                 ActionSpace::JointPosition => joints = motion.to_vec(),
+                ActionSpace::JointDegrees => joints = motion.iter().map(|degrees| degrees.to_radians()).collect(),
                 ActionSpace::JointDelta => joints = changed(1.0),
                 ActionSpace::JointVelocity => joints = changed(1.0 / contract.rate_hz),
                 ActionSpace::EePose | ActionSpace::EeDelta => {}

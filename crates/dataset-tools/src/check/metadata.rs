@@ -383,7 +383,12 @@ fn contract(metadata: &Metadata, findings: &mut Findings) {
         let expected = format!("{length} numbers, the length of {spec}");
         findings.add("contract", CONTRACT, "names", expected, format!("{} names", contract.names.len()));
     }
-    let joints: Vec<&str> = state.into_iter().flat_map(|state| &state.names).map(String::as_str).take(dof).collect();
+    let joints: Vec<&str> = state
+        .into_iter()
+        .flat_map(|state| &state.names)
+        .map(|name| name.strip_suffix(".pos").unwrap_or(name))
+        .take(dof)
+        .collect();
     if contract.names.len() == length && joints.len() == dof && spec.names(&joints) != contract.names {
         findings.require("contract", CONTRACT, "names", &spec.names(&joints), &contract.names);
     }

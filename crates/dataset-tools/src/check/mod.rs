@@ -80,7 +80,7 @@ pub fn check(dataset: &Path, robots: &[Arc<RobotModel>]) -> Result<DatasetCheck,
     totals::check(&metadata, &totals, &mut findings);
     videos::check(&metadata, &mut findings);
     images::check(&metadata, &mut findings);
-    record::check(&metadata, &mut findings);
+    record::check(&metadata, robot, &mut findings);
     depth::check(&metadata, robots, &mut findings)?;
     Ok(finished(dataset, &metadata, totals.rows(), identities, &totals, findings))
 }

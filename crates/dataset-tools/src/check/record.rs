@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use arrow_array::Array;
-use genmanip_core::{Document, limits};
+use genmanip_core::{ActionSpec, Document, RobotModel, limits};
 
 use super::findings::Findings;
 use super::metadata::{EpisodeEntry, Metadata};
@@ -23,7 +23,7 @@ pub(super) fn settings(metadata: &Metadata) -> Option<LerobotSettings> {
     LerobotSettings::from_bytes(&bytes).ok()
 }
 
-pub(super) fn check(metadata: &Metadata, findings: &mut Findings) {
+pub(super) fn check(metadata: &Metadata, robot: Option<&RobotModel>, findings: &mut Findings) {
     let settings = settings(metadata);
     if metadata.is_own && settings.is_none() && metadata.root.join(SETTINGS).exists() {
         findings.add("info", SETTINGS, "", "valid export settings", "something else");
@@ -52,11 +52,11 @@ pub(super) fn check(metadata: &Metadata, findings: &mut Findings) {
                 findings.add("record", RECORD, "", "the native record named in the settings", error);
             }
         }
-        Ok(store) => records(metadata, &store, findings),
+        Ok(store) => records(metadata, robot, &store, findings),
     }
 }
 
-fn records(metadata: &Metadata, store: &EpisodeStore, findings: &mut Findings) {
+fn records(metadata: &Metadata, robot: Option<&RobotModel>, store: &EpisodeStore, findings: &mut Findings) {
     let held: BTreeSet<String> = match store.ids() {
         Ok(ids) => ids.into_iter().collect(),
         Err(error) => return findings.add("record", RECORD, "", "a list of episodes", error),
@@ -75,7 +75,10 @@ fn records(metadata: &Metadata, store: &EpisodeStore, findings: &mut Findings) {
         }
         let compared = store.verify(id).and_then(|()| {
             outcome(episode, store, id, &file, findings)?;
-            if number.is_multiple_of(stride) { states(metadata, episode, store, id, findings) } else { Ok(()) }
+            match robot.filter(|_| number.is_multiple_of(stride)) {
+                Some(robot) => states(metadata, robot, episode, store, id, findings),
+                None => Ok(()),
+            }
         });
         if let Err(error) = compared {
             findings.add("record", &file, episode.place(), "an undamaged record", error);
@@ -113,11 +116,13 @@ fn outcome(
 /// Compares `observation.state` with the recorded joint positions and gripper opening.
 fn states(
     metadata: &Metadata,
+    robot: &RobotModel,
     episode: &EpisodeEntry,
     store: &EpisodeStore,
     id: &str,
     findings: &mut Findings,
 ) -> Result<(), DataError> {
+    let spec = metadata.contract.as_ref().map_or_else(ActionSpec::native, |contract| contract.action);
     let recorded = store.read(id)?;
     let (rows, stride) = sampling(recorded.frames.len(), recorded.result.control_rate_hz, metadata.info.fps as u32)?;
     if i64::try_from(rows).ok() != Some(episode.length) {
@@ -141,12 +146,8 @@ fn states(
                 continue;
             }
             let Some((number, frame)) = frames.next() else { return Ok(()) };
-            let expected: Vec<f64> = frame
-                .joint_position
-                .iter()
-                .chain([&frame.gripper_width])
-                .map(|value| f64::from(*value as f32))
-                .collect();
+            let expected = spec.encode_state(&frame.joint_position, frame.gripper_width, robot);
+            let expected: Vec<f64> = expected.into_iter().map(f64::from).collect();
             if state.row(row) != expected {
                 let place = format!("{}, row {number}, observation.state", episode.place());
                 findings.add(

@@ -173,9 +173,10 @@ impl Adapter {
                 let (reference, kept) = self.reference_pose(from);
                 (Some(self.spec.frame.apply(&self.decode_pose(&motion)?, &reference)), kept)
             }
-            ActionSpace::JointPosition | ActionSpace::JointDelta | ActionSpace::JointVelocity => {
-                (None, Pending::default())
-            }
+            ActionSpace::JointPosition
+            | ActionSpace::JointDegrees
+            | ActionSpace::JointDelta
+            | ActionSpace::JointVelocity => (None, Pending::default()),
         };
         let mut pending = Pending::default();
         let arm = match (self.spec.space, &world_from_tcp) {
@@ -185,6 +186,7 @@ impl Adapter {
                 return Ok(NativeAction { commands, pending: Pending::default() });
             }
             (ActionSpace::JointDelta, _) => moved(1.0),
+            (ActionSpace::JointDegrees, _) => motion.into_iter().map(f64::to_radians).collect(),
             (_, Some(world_from_tcp)) => {
                 let followed;
                 (followed, pending) = self.follow_pose(*world_from_tcp, &reference, kept)?;
@@ -209,9 +211,8 @@ impl Adapter {
     fn reference(&self, from: ArmReference) -> Vec<f64> {
         match (self.spec.space, self.spec.delta_from) {
             // Poses are solved from the command, so that the arm keeps its posture.
-            (ActionSpace::JointPosition | ActionSpace::EePose, _) | (ActionSpace::EeDelta, DeltaFrom::Command) => {
-                from.command.to_vec()
-            }
+            (ActionSpace::JointPosition | ActionSpace::JointDegrees | ActionSpace::EePose, _)
+            | (ActionSpace::EeDelta, DeltaFrom::Command) => from.command.to_vec(),
             (ActionSpace::JointDelta | ActionSpace::JointVelocity, DeltaFrom::Command) => {
                 let lead = |(q, at): (&f64, &f64)| q.clamp(at - MAX_LEAD_JOINT_RAD, at + MAX_LEAD_JOINT_RAD);
                 from.command.iter().zip(from.measured).map(lead).collect()

@@ -12,8 +12,9 @@ use proptest::prelude::*;
 
 use super::{Adapter, AdapterError, ArmReference, Pending};
 
-const SPACES: [ActionSpace; 5] = [
+const SPACES: [ActionSpace; 6] = [
     ActionSpace::JointPosition,
+    ActionSpace::JointDegrees,
     ActionSpace::JointDelta,
     ActionSpace::JointVelocity,
     ActionSpace::EePose,
@@ -27,7 +28,8 @@ const ROTATIONS: [RotationEncoding; 5] = [
     RotationEncoding::FixedXyzEuler,
     RotationEncoding::AxisAngle,
 ];
-const GRIPPERS: [GripperEncoding; 6] = [
+const GRIPPERS: [GripperEncoding; 7] = [
+    GripperEncoding::OpenPercent,
     GripperEncoding::WidthM,
     GripperEncoding::OpenFraction,
     GripperEncoding::ClosedFraction,
@@ -150,6 +152,7 @@ fn grippers_open_and_close_in_the_right_direction() {
         (GripperEncoding::PlusOneClosed, None, [(-1.0, 0.08), (0.0, 0.04), (1.0, 0.0)]),
         (GripperEncoding::PlusOneClosed, Some(0.0), [(-0.01, 0.08), (0.0, 0.08), (0.01, 0.0)]),
         (GripperEncoding::WidthM, Some(0.02), [(0.01, 0.0), (0.02, 0.0), (0.021, 0.08)]),
+        (GripperEncoding::OpenPercent, None, [(0.0, 0.0), (50.0, 0.04), (100.0, 0.08)]),
         (GripperEncoding::Closed255, None, [(0.0, 0.08), (127.5, 0.04), (255.0, 0.0)]),
     ];
     for (encoding, threshold, numbers) in cases {
