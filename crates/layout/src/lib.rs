@@ -251,7 +251,7 @@ fn accept(
     }
     begin(Phase::Reaching);
     let reach = ReachCheck { scene, world, planner, settings, known_grasps, seed };
-    if let Some(reason) = reach.unreachable(goal) {
+    if let Some(reason) = reach.at_home().or_else(|| reach.unreachable(goal)) {
         return Err(reason.into());
     }
     begin(Phase::Seeing);

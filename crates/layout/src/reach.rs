@@ -4,7 +4,10 @@ use std::collections::BTreeMap;
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Goal, Grasp, Pose, Seed, VerifiedGrasp, World};
-use genmanip_motion::{CollisionWorld, FeasibilitySettings, GeometryError, PickQuery, PickedObject, Planner};
+use genmanip_motion::{
+    AllowedCollisions, CollisionWorld, FeasibilitySettings, GeometryError, PickQuery, PickedObject, Planner,
+    PlanningScene,
+};
 use genmanip_relations::PosedScene;
 
 use crate::articulation::{JointSettings, Sweeper, joint_changes};
@@ -34,6 +37,22 @@ pub struct ReachCheck<'a> {
 }
 
 impl ReachCheck<'_> {
+    /// Rejection for an object that the robot touches at its home; `None` if there is none.
+    pub fn at_home(&self) -> Option<Rejection> {
+        let (mut world, allowed) = (CollisionWorld::new(), AllowedCollisions::none());
+        for object in self.scene.objects() {
+            // Poses are finite, and pieces of a built model have volume.
+            let _ = world.add(object.id.as_str(), &object.model.pieces(&object.joint_positions), &object.pose);
+        }
+        let robot = self.planner.robot();
+        let gripper_width = robot.gripper.max_width;
+        let around = PlanningScene { world: &world, attached: None, allowed: &allowed, gripper_width };
+        let report = self.planner.checker(&around, 0.0).check(&robot.home)?;
+        let touched =
+            self.scene.objects().find(|object| [&report.part, &report.other].contains(&&object.id.to_string()));
+        touched.map(|object| Rejection::AtHome(NamedObject::of(object)))
+    }
+
     /// Reason why no goal alternative is feasible; `None` if one is.
     pub fn unreachable(&self, goal: &Goal) -> Option<Rejection> {
         let (mut reason, mut reachable_state) = (None, ReachableStates::new());

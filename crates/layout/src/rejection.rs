@@ -53,6 +53,8 @@ pub enum Rejection {
         /// Goal state that the arm cannot set.
         state: String,
     },
+    /// The robot's home configuration touches an object.
+    AtHome(NamedObject),
     /// No grasp of an object is reachable.
     NoGrasp(NamedObject),
     /// Grasp sampling fails on the object's geometry; the text is its error message.
@@ -148,6 +150,7 @@ impl fmt::Display for Rejection {
             Self::UnreachableState { object, state } => {
                 write!(f, "the arm cannot bring {object} into state {state}")
             }
+            Self::AtHome(object) => write!(f, "{object} touches the robot at its home"),
             Self::NoGrasp(object) => write!(f, "{object} cannot be grasped at its pose"),
             Self::NoGraspGeometry { object, reason } => write!(f, "{object} cannot be grasped: {reason}"),
             Self::Unseen(object) => write!(f, "{object} is not visible to any prompt camera"),

@@ -35,9 +35,15 @@ const PAYLOAD_KG: f64 = 1.5;
 /// acceleration [1/s]. Chosen by hand.
 const ACCELERATIONS: [f64; 2] = [1.0, 12.0];
 const JERK_PER_ACCELERATION: f64 = 400.0;
-/// Heights of the tool centre point at which a home configuration is sought, in order of preference, and (`PICK_M`) at
-/// which the reach is measured, m. Chosen by hand.
-const HOME_M: [f64; 9] = [0.45, 0.38, 0.32, 0.25, 0.18, 0.14, 0.11, 0.09, 0.07];
+/// Heights (m) of the tool centre point and tilts (rad) of the gripper from pointing down at which a home configuration
+/// is sought, in order of preference: an arm that is too short to point down above the objects looks ahead.
+/// Chosen by hand.
+const HOMES: [(&[f64], &[f64]); 3] = [
+    (&[0.45, 0.38, 0.32, 0.25], &[0.0]),
+    (&[0.28, 0.24, 0.2], &[0.5, 0.8, 1.1, 1.4]),
+    (&[0.18, 0.14, 0.11, 0.09, 0.07], &[0.0]),
+];
+/// Height of the tool centre point at which the reach is measured, m. Chosen by hand.
 const PICK_M: f64 = 0.05;
 /// Step between the tested horizontal distances from the base's z axis, m. Chosen by hand.
 const STEP_M: f64 = 0.025;
@@ -506,22 +512,26 @@ impl Reached {
             PlanningScene { world: &world, attached: None, allowed: &allowed, gripper_width: robot.gripper.max_width };
         let checker = planner.checker(&around, NEAR_M);
         let down = DQuat::from_rotation_x(std::f64::consts::PI);
-        let posture = |distance: f64, height: f64, reference: &[f64]| {
+        let posture = |distance: f64, height: f64, tilt: f64, reference: &[f64]| {
             let yaws = [0.0, 0.5, 1.0, 1.5].map(|quarter| quarter * std::f64::consts::PI);
             yaws.into_iter().find_map(|yaw| {
-                let turned = DQuat::from_rotation_z(yaw) * down;
+                let turned = DQuat::from_rotation_y(-tilt) * DQuat::from_rotation_z(yaw) * down;
                 let pose = Pose::new(DVec3::new(distance, 0.0, height), turned);
                 planner.ik(&pose, reference).into_iter().find(|config| checker.is_free(config))
             })
         };
         let stretched: f64 = robot.links.iter().map(|link| link.parent_from_link.position.length()).sum();
         let steps = (1..).map(|step| f64::from(step) * STEP_M).take_while(|distance| *distance < stretched);
-        let reached: Vec<f64> = steps.filter(|distance| posture(*distance, PICK_M, &robot.home).is_some()).collect();
+        let reached: Vec<f64> =
+            steps.filter(|distance| posture(*distance, PICK_M, 0.0, &robot.home).is_some()).collect();
         let from_above_m = longest_run(&reached)?;
         let middle = 0.5 * (from_above_m[0] + from_above_m[1]);
-        let home = HOME_M.into_iter().find_map(|height| {
-            let places = [1.0, 0.85, 1.15, 0.7, 1.3].map(|share| share * middle);
-            places.into_iter().find_map(|distance| posture(distance, height, &robot.home))
+        let home = HOMES.into_iter().find_map(|(heights, tilts)| {
+            let poses = heights.iter().flat_map(|height| tilts.iter().map(move |tilt| (*height, *tilt)));
+            poses.into_iter().find_map(|(height, tilt)| {
+                let places = [1.0, 0.85, 1.15, 0.7, 1.3].map(|share| share * middle);
+                places.into_iter().find_map(|distance| posture(distance, height, tilt, &robot.home))
+            })
         })?;
         Some(Self { home, farthest_m: stretched.min(from_above_m[1] * 1.2), from_above_m })
     }
