@@ -156,7 +156,8 @@ impl<'a> PickQuery<'a> {
     }
 
     fn has_pregrasp(&self, world_from_tcp: &Pose, config: &[f64], checker: &Checker) -> bool {
-        let world_from_pregrasp = *world_from_tcp * Pose::from_position(DVec3::Z * -self.settings.approach_m);
+        let approach_m = self.settings.approach_for_m(self.planner.robot());
+        let world_from_pregrasp = *world_from_tcp * Pose::from_position(DVec3::Z * -approach_m);
         let pregrasp = || self.planner.ik_near(&world_from_pregrasp, config, SAME_BRANCH_RAD);
         !self.settings.tests_pregrasp || pregrasp().is_some_and(|config| checker.is_free(&config))
     }

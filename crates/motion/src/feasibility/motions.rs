@@ -66,7 +66,7 @@ impl PickQuery<'_> {
     pub fn approach(&self, grasp: &FeasibleGrasp) -> Result<Path, PlanError> {
         let (planner, settings) = (self.planner, self.settings);
         let world_from_tcp = planner.tcp_pose(&grasp.config);
-        let back = world_from_tcp.transform_vector(DVec3::Z) * settings.approach_m;
+        let back = world_from_tcp.transform_vector(DVec3::Z) * settings.approach_for_m(planner.robot());
         let before = Pose { position: world_from_tcp.position - back, ..world_from_tcp };
         let (no_contact, touching) = (AllowedCollisions::none(), self.with_gripper_touching());
         let open = self.empty_gripper(&no_contact, grasp.opening_m);
@@ -92,7 +92,8 @@ impl PickQuery<'_> {
     pub fn lift(&self, grasp: &FeasibleGrasp) -> Result<Path, PlanError> {
         let held = &grasp.object_from_tcp;
         let world_from_tcp = self.planner.tcp_pose(&grasp.config);
-        let lifted = Pose { position: world_from_tcp.position + DVec3::Z * self.settings.lift_m, ..world_from_tcp };
+        let rise_m = self.settings.lift_for_m(self.planner.robot());
+        let lifted = Pose { position: world_from_tcp.position + DVec3::Z * rise_m, ..world_from_tcp };
         let attached = Attached::new(self.object.name, self.object.pieces, &held.pose.inverse())
             .map_err(|error| PlanError::Unreachable { what: error.to_string() })?;
         let allowed = self.without_object();

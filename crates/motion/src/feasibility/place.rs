@@ -110,7 +110,7 @@ impl PlaceQuery<'_> {
         };
         let tcp_at = |height_m: f64| goal.raised(height_m) * self.tcp_from_object.inverse();
         let world_from_release = tcp_at(height_m);
-        let above = tcp_at(goal.clear_height_m.max(settings.lift_m));
+        let above = tcp_at(goal.clear_height_m.max(settings.lift_for_m(planner.robot())));
 
         // After the release the object is an obstacle.
         let mut occupied = self.world.clone();
@@ -121,7 +121,7 @@ impl PlaceQuery<'_> {
         let beside = PlanningScene { allowed: &touching, ..opened };
         let hand_alone = PlanningScene { world: self.world, ..opened };
         let checker = planner.checker(&hand_alone, settings.clearance_m);
-        let back = world_from_release.transform_vector(DVec3::NEG_Z) * settings.approach_m;
+        let back = world_from_release.transform_vector(DVec3::NEG_Z) * settings.approach_for_m(planner.robot());
         let retreated = Pose { position: world_from_release.position + back, ..world_from_release };
 
         let mut failure = PlanError::Unreachable { what: "the release pose".into() };

@@ -3,6 +3,7 @@
 //! "Chosen" marks values tuned by hand on demonstrations of the example tasks and kept if failures decreased; not
 //! fitted.
 
+use genmanip_core::RobotModel;
 use serde::{Deserialize, Serialize};
 
 /// Feasibility criteria of grasps.
@@ -27,12 +28,13 @@ pub struct FeasibilitySettings {
     /// Additional opening beyond the grasp width, both sides together (m), if there is space; otherwise, and if `None`,
     /// the opening proposed with the grasp.
     pub finger_room_m: Option<f64>,
-    /// Length of the straight approach and retreat (m).
+    /// Length of the straight approach and retreat (m), for robots with the reach of the default one.
     pub approach_m: f64,
     /// True to check the pre-grasp together with the grasp; the line between them is checked when the motion is
     /// planned.
     pub tests_pregrasp: bool,
-    /// Lift height, and minimum height from which the object is lowered (m).
+    /// Lift height, and minimum height from which the object is lowered (m), for robots with the reach of the default
+    /// one.
     pub lift_m: f64,
     /// Release heights above a goal pose to try (m), lowest first.
     pub release_heights_m: Vec<f64>,
@@ -83,6 +85,17 @@ impl Default for FeasibilitySettings {
 }
 
 impl FeasibilitySettings {
+    /// Length of the straight approach and retreat (m) of a robot. A short arm points down only at small heights, so
+    /// straight lines are scaled to its reach.
+    pub fn approach_for_m(&self, robot: &RobotModel) -> f64 {
+        self.approach_m * robot.reach_scale()
+    }
+
+    /// Lift height (m) of a robot, scaled in the same way.
+    pub fn lift_for_m(&self, robot: &RobotModel) -> f64 {
+        self.lift_m * robot.reach_scale()
+    }
+
     /// Settings that only check reachability of grasp and pre-grasp.
     ///
     /// The search ends with the first grasp.
