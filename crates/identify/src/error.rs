@@ -12,14 +12,6 @@ pub enum IdentifyError {
         /// Expected and actual value.
         message: String,
     },
-    /// No recording shows a parameter that was asked for.
-    #[error("no recording is of kind `{motion}`, which shows {parameter}")]
-    NoMotion {
-        /// Parameter in words.
-        parameter: &'static str,
-        /// Kind of recording.
-        motion: &'static str,
-    },
     /// The model cannot be simulated along the recording, whatever the parameters.
     #[error("the recording cannot be simulated from any start")]
     Start,

@@ -6,16 +6,19 @@ use genmanip_core::{RobotModel, World};
 use serde::Serialize;
 
 use crate::error::IdentifyError;
+use crate::friction;
 use crate::parameters::{Parameter, Values};
 use crate::problem::{Measured, Problem, Unknown};
 use crate::recording::{Motion, Recording};
 use crate::replay::{bare, replay};
-use crate::search::{SearchSettings, Solution, channel_of, coarse, fine, scan};
+use crate::search::{SearchSettings, Solution, channel_of, coarse, fine};
 use crate::structure::{Whiteness, resolution, whiteness};
 use crate::uncertainty::{Uncertainty, WIDEST, Z};
 
 /// Share of every free motion that is used when no recording is held out; the rest is.
 const USED: f64 = 0.75;
+/// Standard deviation, in typical sizes, above which a parameter changes nothing that is measured.
+const INVISIBLE: f64 = 4.0;
 /// Distance from a bound, in typical sizes, below which a value counts as at it.
 const AT_BOUND: f64 = 1e-3;
 
@@ -140,7 +143,7 @@ pub fn identify(
     for (motion, parameter) in [(Motion::Push, Parameter::TableFriction), (Motion::Slip, Parameter::PadFriction)] {
         let shown = of(&[motion]);
         if !shown.is_empty() {
-            friction(world, robot, &shown, parameter, &nominal, settings, &mut found)?;
+            block_friction(world, robot, &shown, parameter, &nominal, settings, &mut found)?;
         }
     }
     for (motion, parameter) in [
@@ -208,7 +211,7 @@ fn arm(
 }
 
 /// One coefficient of friction from the track of the block, with the arm as identified so far.
-fn friction(
+fn block_friction(
     world: &World,
     robot: &RobotModel,
     recordings: &[&Recording],
@@ -218,7 +221,7 @@ fn friction(
     found: &mut Identification,
 ) -> Result<(), IdentifyError> {
     let bare = bare(robot, true);
-    let mut problem = Problem {
+    let problem = Problem {
         recordings: recordings.iter().map(|&recording| (recording, 0..recording.landed())).collect(),
         world,
         robot: &bare,
@@ -228,11 +231,50 @@ fn friction(
         noise: vec![1e-3; 3],
         derivatives: RefCell::default(),
     };
-    let (start, starts_rms) = scan(&problem, settings).ok_or(IdentifyError::Start)?;
-    problem.unknowns[0].start = start;
-    let solution = fine(&mut problem, settings, starts_rms).ok_or(IdentifyError::Start)?;
-    report(&problem, &solution, robot, nominal, found);
+    let fit = friction::fit(&problem, settings).ok_or(IdentifyError::Start)?;
+    let scale = problem.unknowns[0].members[0].1;
+    if Z * fit.sd > WIDEST * fit.value {
+        let reason = match fit.sd < INVISIBLE {
+            true => format!("known to ± {:.2} only", Z * fit.sd * scale),
+            false => "it changes nothing in these recordings".into(),
+        };
+        found.unidentified.push(unidentified(parameter, robot, reason));
+    } else {
+        found.add(problem.unknowns[0].members[0], parameter.name(robot), nominal, fit.value, fit.sd);
+    }
+    found.fits.push(Fit {
+        motions: kinds(&problem),
+        condition_number: 1.0,
+        flat_directions: Vec::new(),
+        channels: fit.channels,
+        starts_rms: fit.starts_rms,
+    });
     Ok(())
+}
+
+/// Kinds of the recordings of a problem.
+fn kinds(problem: &Problem) -> Vec<Motion> {
+    let mut motions: Vec<Motion> = problem.recordings.iter().map(|(recording, _)| recording.motion).collect();
+    motions.sort_unstable();
+    motions.dedup();
+    motions
+}
+
+impl Identification {
+    /// Adds an identified parameter; value and standard deviation are in multiples of its typical size.
+    fn add(&mut self, (parameter, scale): (Parameter, f64), name: String, nominal: &Values, at: f64, sd: f64) {
+        let [low, high] = parameter.bounds();
+        self.parameters.push(Estimate {
+            name,
+            unit: parameter.unit(),
+            before: nominal.get(parameter),
+            value: at * scale,
+            interval: [at - Z * sd, at + Z * sd].map(|end| end.max(0.0) * scale),
+            is_at_bound: at - low < AT_BOUND || high - at < AT_BOUND,
+            parameter,
+        });
+        self.values.set(parameter, at * scale);
+    }
 }
 
 /// Parameters that free motions can show.
@@ -263,7 +305,7 @@ fn report(problem: &Problem, solution: &Solution, robot: &RobotModel, nominal: &
     for (index, &(parameter, scale)) in members.iter().enumerate() {
         let at = solution.point[index];
         let sd = uncertainty.as_ref().map_or(f64::INFINITY, |it| it.sd[index]);
-        let is_dead = solution.evaluation.columns[index].is_empty();
+        let is_dead = solution.evaluation.columns[index].is_empty() || sd > INVISIBLE;
         if is_dead || Z * sd > WIDEST * at.abs().max(1.0) {
             let partners = uncertainty.iter().flat_map(|it| &it.flat).find(|(flat, _)| flat.contains(&index) && flat.len() > 1);
             let reason = match partners {
@@ -277,28 +319,15 @@ fn report(problem: &Problem, solution: &Solution, robot: &RobotModel, nominal: &
             found.unidentified.push(unidentified(parameter, robot, reason));
             continue;
         }
-        let [low, high] = problem.unknowns[index].bounds;
-        found.parameters.push(Estimate {
-            name: name(&index),
-            unit: parameter.unit(),
-            before: nominal.get(parameter),
-            value: at * scale,
-            interval: [at - Z * sd, at + Z * sd].map(|end| end.max(0.0) * scale),
-            is_at_bound: at - low < AT_BOUND || high - at < AT_BOUND,
-            parameter,
-        });
-        found.values.set(parameter, at * scale);
+        found.add((parameter, scale), name(&index), nominal, at, sd);
     }
     let channels = problem.channels();
     let whiteness = (0..channels).map(|channel| {
         let measured = problem.recordings.iter().flat_map(|(recording, rows)| recording.measured(channel, rows));
         whiteness(&channel_of(&solution.evaluation.residuals, channels, channel), resolution(measured))
     });
-    let mut motions: Vec<Motion> = problem.recordings.iter().map(|(recording, _)| recording.motion).collect();
-    motions.sort_unstable();
-    motions.dedup();
     found.fits.push(Fit {
-        motions,
+        motions: kinds(problem),
         condition_number: uncertainty.as_ref().map_or(f64::INFINITY, |it| it.condition_number),
         flat_directions: uncertainty.iter().flat_map(|it| &it.flat).map(|(flat, _)| flat.iter().map(name).collect()).collect(),
         channels: whiteness.collect(),

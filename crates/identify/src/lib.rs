@@ -8,6 +8,7 @@
 mod block;
 mod error;
 mod expected;
+mod friction;
 pub mod identify;
 pub mod motions;
 pub mod parameters;

@@ -128,6 +128,8 @@ fn fade(at: f64) -> f64 {
 
 /// Rate of pushing and slipping motions, Hz.
 const RATE_HZ: f64 = 100.0;
+/// Speed at which the fingers meet the block, m/s.
+const CREEP_M_S: f64 = 0.03;
 /// Height of the tool while it pushes, m.
 const PUSH_HEIGHT_M: f64 = 0.03;
 
@@ -138,17 +140,20 @@ const PUSH_HEIGHT_M: f64 = 0.03;
 pub fn push(planner: &Planner, block: Block, speed_m_s: f64) -> Result<Recording, IdentifyError> {
     // Half the depth of the closed fingers along x, and a gap.
     let start_x = block.base_m[0] - block.size_m[0] / 2.0 - 0.025;
-    let (rest_s, rise_s, cruise_s, brake_s, after_s) = (1.4, 0.3, 0.15, 0.05, 0.7);
+    let (rest_s, creep_s, rise_s, brake_s, after_s) = (1.1, 0.7, 0.35, 0.05, 0.5);
+    // The fingers meet the block slowly, so that it does not bounce, and take it along ever faster.
     let travel = |time: f64| {
         let t = time - rest_s;
-        let rise = t.clamp(0.0, rise_s);
-        let cruise = (t - rise_s).clamp(0.0, cruise_s);
-        let brake = (t - rise_s - cruise_s).clamp(0.0, brake_s);
-        speed_m_s * (0.5 * rise * rise / rise_s + cruise + brake - 0.5 * brake * brake / brake_s)
+        let (creep, rise) = (t.clamp(0.0, creep_s), (t - creep_s).clamp(0.0, rise_s));
+        let brake = (t - creep_s - rise_s).clamp(0.0, brake_s);
+        let faster = speed_m_s - CREEP_M_S;
+        CREEP_M_S * (creep + rise)
+            + 0.5 * faster * rise * rise / rise_s
+            + speed_m_s * (brake - 0.5 * brake * brake / brake_s)
     };
     let y = block.base_m[1];
     let path = |time: f64| DVec3::new(start_x + travel(time), y, PUSH_HEIGHT_M);
-    let duration_s = rest_s + rise_s + cruise_s + brake_s + after_s;
+    let duration_s = rest_s + creep_s + rise_s + brake_s + after_s;
     tool_motion(planner, Motion::Push, block, duration_s, path, |_| 0.0)
 }
 

@@ -17,7 +17,7 @@ use crate::replay::replay;
 const STEP: f64 = 1e-3;
 /// Distance, as a share of the value or of the typical size, within which derivatives are reused (chord method): steps
 /// then converge linearly, but cost one simulation instead of one per unknown.
-const NEARBY: f64 = 0.6;
+const NEARBY: f64 = 1.5;
 /// Standard deviation of the weak prior about the start, in typical sizes: it keeps a search from running away along
 /// directions that the recordings do not show, and takes less than 0.3 % off the distance of an identified parameter
 /// from its start.

@@ -34,8 +34,8 @@ impl Default for SearchSettings {
         Self {
             latencies_s: vec![0.004, 0.015, 0.03, 0.05, 0.075, 0.11, 0.16, 0.23, 0.33],
             starts: vec![[1.0, 1.0, 0.7], [0.7, 2.0, 2.0]],
-            coarse_s: 1.5,
-            coarse: Effort { iterations: 6, gain: 1e-2 },
+            coarse_s: 1.0,
+            coarse: Effort { iterations: 5, gain: 3e-2 },
             fine: Effort { iterations: 10, gain: 1e-5 },
             frictions: ([0.08, 2.0], 10),
             least_noise: 1e-6,
@@ -148,27 +148,6 @@ pub fn fine(problem: &mut Problem, settings: &SearchSettings, starts_rms: Vec<f6
         point = next;
     }
     Some(Solution { point, evaluation: evaluation?, noise: problem.noise.clone(), starts_rms })
-}
-
-/// Best value of a single unknown on a grid, in typical sizes, with the root-mean-square residuals of the grid.
-pub fn scan(problem: &Problem, settings: &SearchSettings) -> Option<(f64, Vec<f64>)> {
-    let ([low, high], count) = settings.frictions;
-    let scale = problem.unknowns.first()?.members.first()?.1;
-    let value = |index: usize| low * (high / low).powf(index as f64 / (count - 1).max(1) as f64) / scale;
-    let rms = |at: f64| {
-        let residuals = problem.residuals(&[at])?;
-        Some((residuals.iter().map(|it| it * it).sum::<f64>() / residuals.len().max(1) as f64).sqrt())
-    };
-    let all: Vec<(f64, f64)> = (0..count).map(value).filter_map(|at| Some((rms(at)?, at))).collect();
-    let mut best = all.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0))?;
-    // Bisection towards the better neighbour, down to a few percent.
-    let mut width = (high / low).powf(1.0 / (count - 1).max(1) as f64);
-    for _ in 0..4 {
-        width = width.sqrt();
-        let beside = [best.1 / width, best.1 * width].into_iter().filter_map(|at| Some((rms(at)?, at)));
-        best = beside.fold(best, |best, next| if next.0 < best.0 { next } else { best });
-    }
-    Some((best.1, all.into_iter().map(|(rms, _)| rms).collect()))
 }
 
 /// Noise of each channel from the differences of its successive residuals.
