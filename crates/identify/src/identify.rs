@@ -33,8 +33,8 @@ pub struct Identification {
     pub fits: Vec<Fit>,
     /// Tracking error of the arm in recordings, or parts of them, that were not used; `None` without free motions.
     pub held_out: Option<HeldOut>,
-    /// True if the residuals have structure that no values of the parameters explain, such as backlash; the intervals
-    /// then do not hold.
+    /// True if the residuals of free motions have structure that no values of the parameters explain, such as backlash;
+    /// the intervals then do not hold. Contacts are too erratic for such a test.
     pub is_structure_wrong: bool,
     /// All values: identified ones, and those of the world elsewhere.
     #[serde(skip)]
@@ -156,7 +156,6 @@ pub fn identify(
             found.unidentified.push(unidentified(parameter, robot, reason));
         }
     }
-    found.is_structure_wrong = found.fits.iter().flat_map(|fit| &fit.channels).any(|channel| channel.is_structured);
     Ok(found)
 }
 
@@ -192,6 +191,7 @@ fn arm(
     let solution = fine(&mut problem, settings, starts_rms).ok_or(IdentifyError::Start)?;
     let best = problem.values(&solution.point);
     report(&problem, &solution, robot, nominal, found);
+    found.is_structure_wrong = found.fits.iter().flat_map(|fit| &fit.channels).any(|channel| channel.is_structured);
     let error = |values: &Values| {
         let pairs = |recording: &Recording, skipped: usize| -> Result<Vec<f64>, IdentifyError> {
             let track = replay(recording, world, &bare, values)?;

@@ -140,20 +140,23 @@ const PUSH_HEIGHT_M: f64 = 0.03;
 pub fn push(planner: &Planner, block: Block, speed_m_s: f64) -> Result<Recording, IdentifyError> {
     // Half the depth of the closed fingers along x, and a gap.
     let start_x = block.base_m[0] - block.size_m[0] / 2.0 - 0.025;
-    let (rest_s, creep_s, rise_s, brake_s, after_s) = (1.1, 0.7, 0.35, 0.05, 0.5);
-    // The fingers meet the block slowly, so that it does not bounce, and take it along ever faster.
-    let travel = |time: f64| {
+    let (rest_s, creep_s, rise_s, cruise_s, brake_s, after_s) = (1.1, 0.7, 0.35, 0.25, 0.05, 0.45);
+    // The fingers meet the block slowly, so that it does not bounce, take it along smoothly, and stop.
+    let speed = |time: f64| {
         let t = time - rest_s;
-        let (creep, rise) = (t.clamp(0.0, creep_s), (t - creep_s).clamp(0.0, rise_s));
-        let brake = (t - creep_s - rise_s).clamp(0.0, brake_s);
-        let faster = speed_m_s - CREEP_M_S;
-        CREEP_M_S * (creep + rise)
-            + 0.5 * faster * rise * rise / rise_s
-            + speed_m_s * (brake - 0.5 * brake * brake / brake_s)
+        let brake = ((t - creep_s - rise_s - cruise_s) / brake_s).clamp(0.0, 1.0);
+        let creep = CREEP_M_S * fade(t / 0.1);
+        (creep + (speed_m_s - CREEP_M_S) * fade((t - creep_s) / rise_s)) * (1.0 - brake)
     };
+    // Integral by the midpoint rule.
+    let mut travelled = vec![0.0];
+    let duration_s = rest_s + creep_s + rise_s + cruise_s + brake_s + after_s;
+    for step in 0..(duration_s * 1e3) as usize {
+        travelled.push(travelled[step] + 1e-3 * speed((step as f64 + 0.5) * 1e-3));
+    }
+    let travel = |time: f64| travelled[((time * 1e3).round() as usize).min(travelled.len() - 1)];
     let y = block.base_m[1];
     let path = |time: f64| DVec3::new(start_x + travel(time), y, PUSH_HEIGHT_M);
-    let duration_s = rest_s + creep_s + rise_s + brake_s + after_s;
     tool_motion(planner, Motion::Push, block, duration_s, path, |_| 0.0)
 }
 

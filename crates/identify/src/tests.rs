@@ -99,8 +99,8 @@ fn frictions_are_identified_from_a_push_and_a_slip() {
     let (world, robot, planner) = setting();
     let hidden = hidden(&world, &robot, SENSORS, Effect::None);
     let known = World { physics: genmanip_core::PhysicsSettings { arm: Some(hidden.values.arm.clone()), ..world.physics.clone() }, ..world.clone() };
-    let block = |size_m: [f64; 3], mass_kg: f64| Block { size_m, mass_kg, base_m: [0.45, 0.0, 0.0], track_m: Vec::new() };
-    let motions = [push(&planner, block([0.06; 3], 0.3), 0.5).unwrap(), slip(&planner, block([0.04, 0.03, 0.08], 0.75)).unwrap()];
+    let block = |size_m: [f64; 3], mass_kg: f64| Block { size_m, mass_kg, base_m: [0.4, 0.0, 0.0], track_m: Vec::new() };
+    let motions = [push(&planner, block([0.08, 0.08, 0.05], 2.0), 0.5).unwrap(), slip(&planner, block([0.04, 0.03, 0.08], 0.75)).unwrap()];
     let recordings: Vec<Recording> =
         motions.iter().map(|motion| record(&hidden, &robot, motion, Seed::new(5)).unwrap()).collect();
     let settings = SearchSettings { frictions: ([0.2, 1.2], 6), ..SearchSettings::default() };

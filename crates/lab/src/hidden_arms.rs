@@ -158,7 +158,7 @@ fn motions(
             base_m: [x, 0.0, 0.0],
             track_m: Vec::new(),
         };
-        let mut pushed = push(planner, block([0.06; 3], 0.3, 0.4), 0.5)?;
+        let mut pushed = push(planner, block([0.08, 0.08, 0.05], 2.0, 0.38), 0.5)?;
         if let (Some(Plant::NoTouch), Some(block)) = (plant, &mut pushed.block) {
             block.base_m[0] += 0.3;
         }

@@ -151,7 +151,7 @@ impl Tally {
 
     fn finish(mut self, report: &mut Report) {
         let share = |part: usize, all: usize| part as f64 / all.max(1) as f64;
-        let mut median = |names: &[&str]| {
+        let median = |names: &[&str]| {
             let all = names.iter().flat_map(|name| self.errors.get(name).cloned().unwrap_or_default());
             Spread::of(all.collect()).median
         };

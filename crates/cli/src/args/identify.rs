@@ -35,7 +35,7 @@ pub enum IdentifyCommand {
     /// Propose a motion that shows parameters: inside the limits, free of collisions, the most informative of several
     #[command(after_help = "Examples:\n  genmanip identify excite --out motion.json\n  \
                       genmanip identify excite --for payload --payload-at 0,0,0.1 --out loaded.json\n  \
-                      genmanip identify excite --for table-friction --block-mm 60,60,60 --block-kg 0.3 --out push.json\n\n\
+                      genmanip identify excite --for table-friction --block-mm 80,80,50 --block-kg 2 --out push.json\n\n\
                       Execute the commands on the arm at their times, and add what was measured to the file.")]
     Excite(ExciteArguments),
     /// Execute a motion on a simulated arm with noisy sensors, to rehearse an identification with known truth
@@ -91,10 +91,10 @@ pub struct ExciteArguments {
     pub block_kg: f64,
     /// Place of the block on the table, m
     #[arg(long, value_name = "X,Y", value_delimiter = ',', allow_hyphen_values = true, value_parser = parse::number,
-          default_value = "0.45,0")]
+          default_value = "0.4,0")]
     pub block_at: Vec<f64>,
     /// Speed of the push, m/s
-    #[arg(long, value_name = "M_S", default_value_t = 0.4, value_parser = parse::number)]
+    #[arg(long, value_name = "M_S", default_value_t = 0.5, value_parser = parse::number)]
     pub speed: f64,
 }
 
