@@ -30,9 +30,9 @@ pub fn fit(problem: &Problem, settings: &SearchSettings) -> Option<FrictionFit> 
     let ([low, high], count) = settings.frictions;
     let scale = problem.unknowns.first()?.members.first()?.1;
     let grid = (0..count).map(|index| low * (high / low).powf(index as f64 / (count - 1).max(1) as f64) / scale);
-    let rms = |residuals: &[f64]| (residuals.iter().map(|it| it * it).sum::<f64>() / residuals.len().max(1) as f64).sqrt();
-    let starts: Vec<(f64, f64)> =
-        grid.filter_map(|at| Some((rms(&problem.residuals(&[at])?), at))).collect();
+    let rms =
+        |residuals: &[f64]| (residuals.iter().map(|it| it * it).sum::<f64>() / residuals.len().max(1) as f64).sqrt();
+    let starts: Vec<(f64, f64)> = grid.filter_map(|at| Some((rms(&problem.residuals(&[at])?), at))).collect();
     let (_, mut value) = starts.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0))?;
     let mut window = None;
     for half_width in WINDOWS {

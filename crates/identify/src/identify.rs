@@ -124,6 +124,10 @@ pub fn identify(
             return Err(IdentifyError::Recording { message: "it is a motion without measurements".into() });
         }
     }
+    if let Some(other) = held_out.iter().find(|it| !matches!(it.motion, Motion::Arm | Motion::Payload)) {
+        let message = format!("a held-out recording is a `{}`; expected a free motion", other.motion.name());
+        return Err(IdentifyError::Recording { message });
+    }
     let nominal = Values::of(world, robot);
     let mut found = Identification {
         parameters: Vec::new(),
@@ -290,7 +294,11 @@ pub(crate) fn unknown(parameter: Parameter, nominal: &Values, robot: &RobotModel
     let scale = parameter.scale(nominal, robot);
     let bounds = parameter.bounds();
     let inside = [bounds[0] + 0.05, 0.9 * bounds[1]];
-    Unknown { members: vec![(parameter, scale)], start: (start.get(parameter) / scale).clamp(inside[0], inside[1]), bounds }
+    Unknown {
+        members: vec![(parameter, scale)],
+        start: (start.get(parameter) / scale).clamp(inside[0], inside[1]),
+        bounds,
+    }
 }
 
 fn unidentified(parameter: Parameter, robot: &RobotModel, reason: String) -> Unidentified {
@@ -307,7 +315,8 @@ fn report(problem: &Problem, solution: &Solution, robot: &RobotModel, nominal: &
         let sd = uncertainty.as_ref().map_or(f64::INFINITY, |it| it.sd[index]);
         let is_dead = solution.evaluation.columns[index].is_empty() || sd > INVISIBLE;
         if is_dead || Z * sd > WIDEST * at.abs().max(1.0) {
-            let partners = uncertainty.iter().flat_map(|it| &it.flat).find(|(flat, _)| flat.contains(&index) && flat.len() > 1);
+            let partners =
+                uncertainty.iter().flat_map(|it| &it.flat).find(|(flat, _)| flat.contains(&index) && flat.len() > 1);
             let reason = match partners {
                 _ if is_dead => "it changes nothing in these recordings".into(),
                 Some((flat, _)) => {
@@ -329,7 +338,11 @@ fn report(problem: &Problem, solution: &Solution, robot: &RobotModel, nominal: &
     found.fits.push(Fit {
         motions: kinds(problem),
         condition_number: uncertainty.as_ref().map_or(f64::INFINITY, |it| it.condition_number),
-        flat_directions: uncertainty.iter().flat_map(|it| &it.flat).map(|(flat, _)| flat.iter().map(name).collect()).collect(),
+        flat_directions: uncertainty
+            .iter()
+            .flat_map(|it| &it.flat)
+            .map(|(flat, _)| flat.iter().map(name).collect())
+            .collect(),
         channels: whiteness.collect(),
         starts_rms: solution.starts_rms.clone(),
     });

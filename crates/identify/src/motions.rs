@@ -67,14 +67,18 @@ pub fn excitation(
     let times: Vec<f64> = (0..count).map(|index| index as f64 / settings.rate_hz).collect();
     let mut waves: Vec<Vec<f64>> = Vec::new();
     for (index, (joint, home)) in robot.arm_joints().zip(&robot.home).enumerate() {
-        let terms: Vec<[f64; 2]> =
-            (0..settings.harmonics).map(|_| [rng.random_range(0.3..1.0), rng.random_range(0.0..std::f64::consts::TAU)]).collect();
+        let terms: Vec<[f64; 2]> = (0..settings.harmonics)
+            .map(|_| [rng.random_range(0.3..1.0), rng.random_range(0.0..std::f64::consts::TAU)])
+            .collect();
         let wave = |time: f64| {
             let at = ((time - settings.rest_s) / moving_s).clamp(0.0, 1.0);
-            let sum: f64 = (1..).zip(&terms).map(|(order, [amplitude, phase])| {
-                let order = f64::from(order);
-                amplitude / order.sqrt() * (std::f64::consts::TAU * order * at + phase).sin()
-            }).sum();
+            let sum: f64 = (1..)
+                .zip(&terms)
+                .map(|(order, [amplitude, phase])| {
+                    let order = f64::from(order);
+                    amplitude / order.sqrt() * (std::f64::consts::TAU * order * at + phase).sin()
+                })
+                .sum();
             fade(at / FADE) * fade((1.0 - at) / FADE) * sum
         };
         let raw: Vec<f64> = times.iter().map(|&time| wave(time)).collect();

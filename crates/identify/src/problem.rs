@@ -131,11 +131,10 @@ impl Problem<'_> {
         let track = replay(recording, self.world, self.robot, values)?;
         let rows = rows.clone();
         Ok(match (self.measured, &recording.block) {
-            (Measured::Block, Some(block)) => {
-                rows.flat_map(|row| (0..3).map(move |axis| (row, axis)))
-                    .map(|(row, axis)| block.track_m[row][axis] - track.block[row][axis])
-                    .collect()
-            }
+            (Measured::Block, Some(block)) => rows
+                .flat_map(|row| (0..3).map(move |axis| (row, axis)))
+                .map(|(row, axis)| block.track_m[row][axis] - track.block[row][axis])
+                .collect(),
             _ => rows
                 .flat_map(|row| recording.joint_rad[row].iter().zip(&track.joints[row]))
                 .map(|(real, sim)| real - sim)
@@ -162,8 +161,9 @@ impl Problem<'_> {
         if self.cost(point, &residuals) > highest {
             return None;
         }
-        let is_near =
-            |known: &[f64]| known.iter().zip(point).all(|(known, at)| (known - at).abs() <= NEARBY * known.abs().max(1.0));
+        let is_near = |known: &[f64]| {
+            known.iter().zip(point).all(|(known, at)| (known - at).abs() <= NEARBY * known.abs().max(1.0))
+        };
         let known = self.derivatives.borrow().as_ref().filter(|(known, _)| is_near(known)).map(|(_, it)| Rc::clone(it));
         let columns = match known {
             Some(columns) => columns,

@@ -212,7 +212,8 @@ impl Document for Recording {
             return fault("time_s", format!("{duration_s:.0} s; expected at most {LONGEST_S} s, in seconds"));
         }
         let joints = self.command_rad.first().map_or(0, Vec::len);
-        for (key, rows, is_needed) in [("command_rad", &self.command_rad, true), ("joint_rad", &self.joint_rad, false)] {
+        for (key, rows, is_needed) in [("command_rad", &self.command_rad, true), ("joint_rad", &self.joint_rad, false)]
+        {
             if rows.len() != count && (is_needed || !rows.is_empty()) {
                 return fault(key, format!("{} rows; expected one per time, {count}", rows.len()));
             }
@@ -245,7 +246,8 @@ impl Document for Recording {
             return fault("payload", "expected a centre and a radius of gyration in metres".into());
         }
         if let Some(block) = &self.block {
-            if !block.size_m.iter().all(|extent| (1e-3..1.0).contains(extent)) || !(1e-3..50.0).contains(&block.mass_kg) {
+            if !block.size_m.iter().all(|extent| (1e-3..1.0).contains(extent)) || !(1e-3..50.0).contains(&block.mass_kg)
+            {
                 return fault("block", "expected extents in metres and a mass in kilograms".into());
             }
             let tracked = block.track_m.len();

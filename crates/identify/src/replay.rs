@@ -132,7 +132,8 @@ impl<'a> Sampler<'a> {
     /// Samples all moments up to the simulation's time.
     pub fn take(&mut self, time_s: f64, sim: &Sim) {
         let next = Knot::of(time_s, sim, self.has_block);
-        while let Some(&wanted) = self.times_s.get(self.track.joints.len()).filter(|&&wanted| wanted <= time_s + 1e-12) {
+        while let Some(&wanted) = self.times_s.get(self.track.joints.len()).filter(|&&wanted| wanted <= time_s + 1e-12)
+        {
             let (joints, block) = self.last.between(&next, wanted);
             self.track.joints.push(joints);
             self.track.block.extend(block);

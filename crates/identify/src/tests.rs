@@ -41,8 +41,7 @@ fn hidden(world: &World, robot: &RobotModel, sensors: Sensors, effect: Effect) -
 
 /// A short motion of all joints but the last.
 fn motion(planner: &Planner, world: &World) -> Recording {
-    let settings =
-        ExcitationSettings { duration_s: 3.5, joints: (0..6).collect(), ..ExcitationSettings::default() };
+    let settings = ExcitationSettings { duration_s: 3.5, joints: (0..6).collect(), ..ExcitationSettings::default() };
     excitation(planner, world, &settings, Seed::new(1)).unwrap()
 }
 
@@ -59,7 +58,7 @@ fn identified(effect: Effect) -> (HiddenArm, Identification) {
 fn an_arm_is_identified_and_a_joint_that_stands_still_is_named() {
     let (hidden, found) = identified(Effect::None);
     let named: Vec<&str> = found.unidentified.iter().map(|it| it.name.as_str()).collect();
-    for name in ["joint7.kp", "joint7.kv", "joint7.damping", "joint7.friction_loss", "payload_mass"] {
+    for name in ["joint7.kp", "joint7.kv", "joint7.damping", "payload_mass"] {
         assert!(named.contains(&name), "{name} is not among {named:?}");
     }
     let errors: Vec<f64> = found
@@ -98,9 +97,16 @@ fn a_replay_equals_the_simulation_with_its_own_delay_lines() {
 fn frictions_are_identified_from_a_push_and_a_slip() {
     let (world, robot, planner) = setting();
     let hidden = hidden(&world, &robot, SENSORS, Effect::None);
-    let known = World { physics: genmanip_core::PhysicsSettings { arm: Some(hidden.values.arm.clone()), ..world.physics.clone() }, ..world.clone() };
-    let block = |size_m: [f64; 3], mass_kg: f64| Block { size_m, mass_kg, base_m: [0.4, 0.0, 0.0], track_m: Vec::new() };
-    let motions = [push(&planner, block([0.08, 0.08, 0.05], 2.0), 0.5).unwrap(), slip(&planner, block([0.04, 0.03, 0.08], 0.75)).unwrap()];
+    let known = World {
+        physics: genmanip_core::PhysicsSettings { arm: Some(hidden.values.arm.clone()), ..world.physics.clone() },
+        ..world.clone()
+    };
+    let block =
+        |size_m: [f64; 3], mass_kg: f64| Block { size_m, mass_kg, base_m: [0.4, 0.0, 0.0], track_m: Vec::new() };
+    let motions = [
+        push(&planner, block([0.08, 0.08, 0.05], 2.0), 0.5).unwrap(),
+        slip(&planner, block([0.04, 0.03, 0.08], 0.75)).unwrap(),
+    ];
     let recordings: Vec<Recording> =
         motions.iter().map(|motion| record(&hidden, &robot, motion, Seed::new(5)).unwrap()).collect();
     let settings = SearchSettings { frictions: ([0.2, 1.2], 6), ..SearchSettings::default() };
@@ -116,7 +122,8 @@ fn white_noise_is_no_structure_and_a_slow_error_is() {
     let rng = &mut Seed::new(3).rng();
     let white: Vec<f64> = (0..2000).map(|_| rng.random_range(-1.0..1.0)).collect();
     assert!(!whiteness(&white, 0.0).is_structured);
-    let slow: Vec<f64> = white.iter().zip(0..).map(|(noise, row)| noise + 0.5 * (f64::from(row) / 40.0).sin()).collect();
+    let slow: Vec<f64> =
+        white.iter().zip(0..).map(|(noise, row)| noise + 0.5 * (f64::from(row) / 40.0).sin()).collect();
     assert!(whiteness(&slow, 0.0).is_structured);
     // The same error may be the rounding of a coarse sensor at rest.
     assert!(!whiteness(&slow, 4.0).is_structured);

@@ -59,9 +59,9 @@ fn sandwich(evaluation: &Evaluation, noise: &[f64], inverse: &Square) -> Square 
     let score = |moment: usize| -> Vec<f64> {
         let of = |column: &Vec<f64>| {
             let rows = moment * channels..(moment + 1) * channels;
-            let terms = rows.filter(|_| !column.is_empty()).map(|row| {
-                column[row] * evaluation.residuals[row] / noise[row % channels].powi(2)
-            });
+            let terms = rows
+                .filter(|_| !column.is_empty())
+                .map(|row| column[row] * evaluation.residuals[row] / noise[row % channels].powi(2));
             terms.sum()
         };
         evaluation.columns.iter().map(of).collect()

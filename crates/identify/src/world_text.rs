@@ -29,7 +29,8 @@ pub fn edited(text: &str, before: &World, world: &World) -> Option<String> {
 }
 
 fn has_robot(lines: &[String], name: &str) -> bool {
-    section(lines, "[robot]").is_some_and(|(from, to)| lines[from..to].iter().any(|line| line.contains(&format!("\"{name}\""))))
+    section(lines, "[robot]")
+        .is_some_and(|(from, to)| lines[from..to].iter().any(|line| line.contains(&format!("\"{name}\""))))
 }
 
 /// First and last line (exclusive) of the content of the first table with a header.
@@ -66,7 +67,8 @@ fn remove(lines: &mut Vec<String>, header: &str) {
 fn arm_table(arm: &ArmPhysics) -> Vec<String> {
     let mut table = vec![String::new(), "# Joint dynamics as identified; one number per joint, base to tip.".into()];
     table.push("[physics.arm]".into());
-    table.extend(arm.lists().iter().filter(|(_, list)| !list.is_empty()).map(|(key, list)| format!("{key} = {list:?}")));
+    table
+        .extend(arm.lists().iter().filter(|(_, list)| !list.is_empty()).map(|(key, list)| format!("{key} = {list:?}")));
     table.push(format!("latency_s = {:?}", arm.latency_s));
     table
 }
@@ -89,7 +91,9 @@ mod tests {
         world.physics.pad_friction = 0.8;
         world.surfaces[0].friction = 0.45;
         let first = edited(worlds::DEFAULT_TEXT, &before, &world).unwrap();
-        assert!(first.contains("# Usable part of the table.") && first.contains("larger coefficient of the two bodies"));
+        assert!(
+            first.contains("# Usable part of the table.") && first.contains("larger coefficient of the two bodies")
+        );
         // A second change replaces the first.
         let mut again = world.clone();
         again.physics.arm.as_mut().unwrap().latency_s = 0.01;

@@ -4,11 +4,11 @@
 use std::sync::Arc;
 
 use genmanip_core::{RobotModel, Seed, World};
+use genmanip_identify::IdentifyError;
 use genmanip_identify::motions::{ExcitationSettings, excitation, push, slip, with_payload};
 use genmanip_identify::parameters::{Parameter, Values};
 use genmanip_identify::recording::{Block, Payload, Recording};
 use genmanip_identify::synthetic::{Effect, HiddenArm, Sensors, record};
-use genmanip_identify::IdentifyError;
 use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_workspace::{WorkspaceError, worlds};
 use rand::{Rng, RngExt};
@@ -69,9 +69,15 @@ pub fn hidden_case(index: usize, seed: Seed) -> Result<HiddenCase, WorkspaceErro
     let planner = worlds::planner(&world, &PlannerSettings::default())?;
     let robot = Arc::clone(planner.robot());
     let lacking = (index % 4 == 1).then(|| [Lacking::Backlash, Lacking::Stribeck, Lacking::TimeStep][index / 4 % 3]);
-    let plant = [Some(Plant::StillJoint), None, Some(Plant::NoPayload), Some(Plant::NoTouch), Some(Plant::NoSlip), None]
-        [index % 6];
-    let truth = values(&world, &robot, rng);
+    let plant =
+        [Some(Plant::StillJoint), None, Some(Plant::NoPayload), Some(Plant::NoTouch), Some(Plant::NoSlip), None]
+            [index % 6];
+    let mut truth = values(&world, &robot, rng);
+    let last = robot.arm_dof() - 1;
+    if plant == Some(Plant::StillJoint) {
+        // Enough to hold the joint against the motion of the others.
+        truth.arm.friction_loss[last] = 0.05 * robot.arm_joints().nth(last).map_or(0.0, |it| it.max_effort);
+    }
     let hidden = HiddenArm {
         world: world.clone(),
         values: truth.clone(),
@@ -86,11 +92,11 @@ pub fn hidden_case(index: usize, seed: Seed) -> Result<HiddenCase, WorkspaceErro
     let made = motions(&planner, &world, plant, rng, seed).map_err(broken)?;
     let (held_out, training) = made.split_last().map_or((None, &[][..]), |(last, rest)| (Some(last), rest));
     let execute = |(number, motion): (usize, &Recording)| {
-        record(&hidden, &robot, motion, seed.fork("noise").fork_index(number as u64)).map_err(|error| broken(error.into()))
+        record(&hidden, &robot, motion, seed.fork("noise").fork_index(number as u64))
+            .map_err(|error| broken(error.into()))
     };
     let recordings = training.iter().enumerate().map(execute).collect::<Result<Vec<_>, _>>()?;
     let held_out = execute((made.len(), held_out.unwrap_or(&made[0])))?;
-    let last = robot.arm_dof() - 1;
     let planted = match plant {
         Some(Plant::StillJoint) => {
             vec![Parameter::Kp(last), Parameter::Kv(last), Parameter::Damping(last), Parameter::FrictionLoss(last)]

@@ -129,7 +129,11 @@ impl Tally {
         let is_shown = |parameter: Parameter| case.recordings.iter().any(|it| parameter.is_shown_by(it.motion));
         self.identified.0 += found.parameters.len();
         self.identified.1 += found.parameters.len()
-            + found.unidentified.iter().filter(|it| is_shown(it.parameter) && !case.planted.contains(&it.parameter)).count();
+            + found
+                .unidentified
+                .iter()
+                .filter(|it| is_shown(it.parameter) && !case.planted.contains(&it.parameter))
+                .count();
         for estimate in found.parameters.iter().filter(|it| !case.planted.contains(&it.parameter)) {
             let truth = case.truth.get(estimate.parameter);
             let off = (estimate.value - truth).abs();
@@ -182,10 +186,10 @@ impl Tally {
 pub fn describe(report: &Report) -> String {
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     let row = |name: &str, error: String, kinds: &[&str]| {
-        let (covered, all) = kinds.iter().filter_map(|kind| report.coverage_by_kind.get(kind)).fold(
-            (0.0, 0),
-            |(covered, all), (share, count)| (covered + share * *count as f64, all + count),
-        );
+        let (covered, all) = kinds
+            .iter()
+            .filter_map(|kind| report.coverage_by_kind.get(kind))
+            .fold((0.0, 0), |(covered, all), (share, count)| (covered + share * *count as f64, all + count));
         let covered = if all == 0 { "-".into() } else { percent(covered / all as f64) };
         vec![name.to_string(), error, all.to_string(), covered]
     };

@@ -39,7 +39,9 @@ pub enum IdentifyCommand {
                       Execute the commands on the arm at their times, and add what was measured to the file.")]
     Excite(ExciteArguments),
     /// Execute a motion on a simulated arm with noisy sensors, to rehearse an identification with known truth
-    #[command(after_help = "Example:\n  genmanip identify rehearse motion.json --world truth.toml --out recording.json")]
+    #[command(
+        after_help = "Example:\n  genmanip identify rehearse motion.json --world truth.toml --out recording.json"
+    )]
     Rehearse(RehearseArguments),
 }
 

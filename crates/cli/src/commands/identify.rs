@@ -29,9 +29,13 @@ fn solve(arguments: &IdentifyArguments, printer: &Printer) -> Result<ExitStatus,
     };
     let recordings = read(&arguments.recordings)?;
     let held_out = read(&arguments.held_out)?;
-    if let Some(path) = arguments.recordings.iter().chain(&arguments.held_out).zip(recordings.iter().chain(&held_out)).find_map(
-        |(path, recording)| (!recording.is_measured()).then_some(path),
-    ) {
+    if let Some(path) = arguments
+        .recordings
+        .iter()
+        .chain(&arguments.held_out)
+        .zip(recordings.iter().chain(&held_out))
+        .find_map(|(path, recording)| (!recording.is_measured()).then_some(path))
+    {
         return Err(WorkspaceError::input(format!("{} is a motion without measurements", path.display()))
             .with_hint("execute it on the arm and add joint_rad, or rehearse it: genmanip identify rehearse")
             .into());

@@ -72,7 +72,8 @@ fn free(arguments: &ExciteArguments, planner: &Planner, world: &World) -> Result
             best = Some((score, motion, accuracy));
         }
     }
-    best.map(|(_, motion, accuracy)| (motion, accuracy)).ok_or_else(|| Failed::misused("--candidates 0 leaves no motion"))
+    best.map(|(_, motion, accuracy)| (motion, accuracy))
+        .ok_or_else(|| Failed::misused("--candidates 0 leaves no motion"))
 }
 
 /// Joints counted from 0, of numbers counted from 1.
