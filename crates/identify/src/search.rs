@@ -9,6 +9,10 @@ use crate::parameters::{Parameter, Values};
 use crate::problem::{Evaluation, Problem, Unknown};
 use crate::recording::Recording;
 use crate::structure;
+use crate::uncertainty::{WIDEST, Z};
+
+/// Distance, as a share of the value or of the typical size, beyond which a pass with fresh derivatives follows.
+const MOVED: f64 = 0.1;
 
 /// Settings of the search.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,8 +25,10 @@ pub struct SearchSettings {
     pub coarse_s: f64,
     /// Effort of the coarse search from each start.
     pub coarse: Effort,
-    /// Effort of the search for all parameters.
+    /// Effort of each pass of the search for all parameters.
     pub fine: Effort,
+    /// Maximum number of passes.
+    pub passes: usize,
     /// Values of a friction coefficient that are tried, geometrically spaced between the first and the second.
     pub frictions: ([f64; 2], usize),
     /// Smallest noise that is assumed, rad or m: below it the simulator's own rounding counts.
@@ -37,6 +43,7 @@ impl Default for SearchSettings {
             coarse_s: 1.0,
             coarse: Effort { iterations: 5, gain: 3e-2 },
             fine: Effort { iterations: 10, gain: 1e-5 },
+            passes: 5,
             frictions: ([0.08, 2.0], 10),
             least_noise: 1e-6,
         }
@@ -134,20 +141,36 @@ pub fn fine(problem: &mut Problem, settings: &SearchSettings, starts_rms: Vec<f6
     // The first residuals weigh the channels; the second, near the minimum, are noise alone if the model is right.
     problem.noise = noise_of(&problem.residuals(&start)?, problem.channels(), settings.least_noise);
     let mut point = start;
-    let mut evaluation = None;
-    for effort in [settings.fine, Effort { iterations: 5, ..settings.fine }] {
+    for pass in 1.. {
+        // Every pass starts with derivatives of its own.
         problem.derivatives.take();
         let (next, found) = minimise_within(
-            point,
-            effort,
+            point.clone(),
+            settings.fine,
             |point, highest| problem.evaluate(point, highest),
             |point, change| problem.moved(point, change),
         )?;
         problem.noise = noise_of(&found.residuals, problem.channels(), settings.least_noise);
-        evaluation = Some(problem.weighed(&next, found));
+        let evaluation = problem.weighed(&next, found);
+        let is_settled = pass > 1 && !has_moved(&evaluation, &point, &next);
         point = next;
+        if is_settled || pass >= settings.passes {
+            return Some(Solution { point, evaluation, noise: problem.noise.clone(), starts_rms });
+        }
     }
-    Some(Solution { point, evaluation: evaluation?, noise: problem.noise.clone(), starts_rms })
+    None
+}
+
+/// True if an unknown that can be identified moved so far that derivatives from before no longer hold.
+fn has_moved(evaluation: &Evaluation, from: &[f64], to: &[f64]) -> bool {
+    let Some(factor) = evaluation.normal.hessian.cholesky() else { return false };
+    let covariance = factor.inverse_block(to.len());
+    let is_far = |index: usize| {
+        let size = to[index].abs().max(1.0);
+        let is_known = Z * covariance.get(index, index).sqrt() < WIDEST * size;
+        is_known && (to[index] - from[index]).abs() > MOVED * size
+    };
+    (0..to.len()).any(is_far)
 }
 
 /// Noise of each channel from the differences of its successive residuals.

@@ -1,13 +1,14 @@
 //! `genmanip identify`: parameters of the simulator from recordings of an arm.
 
+mod files;
 mod motion;
 
 use std::path::Path;
 
 use genmanip_assets::worlds::DEFAULT_TEXT;
 use genmanip_core::{Document, World, limits};
-use genmanip_identify::recording::{RECORDING, Recording};
-use genmanip_identify::{Identification, IdentifyError, SearchSettings, identify, world_text};
+use genmanip_identify::recording::Recording;
+use genmanip_identify::{Identification, SearchSettings, identify, world_text};
 use genmanip_terminal::{ExitStatus, Failed, Printer};
 use genmanip_workspace::{WorkspaceError, documents, text_table, worlds};
 
@@ -25,7 +26,7 @@ fn solve(arguments: &IdentifyArguments, printer: &Printer) -> Result<ExitStatus,
     let world = worlds::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
     let robot = worlds::robot(&world)?;
     let read = |paths: &[std::path::PathBuf]| -> Result<Vec<Recording>, Failed> {
-        paths.iter().map(|path| read_recording(path, &robot)).collect()
+        paths.iter().map(|path| files::read(path, &robot)).collect()
     };
     let recordings = read(&arguments.recordings)?;
     let held_out = read(&arguments.held_out)?;
@@ -48,21 +49,6 @@ fn solve(arguments: &IdentifyArguments, printer: &Printer) -> Result<ExitStatus,
     }
     printer.data(&found, &describe(&found));
     Ok(ExitStatus::Done)
-}
-
-/// Recording in a file, checked against the robot.
-fn read_recording(path: &Path, robot: &genmanip_core::RobotModel) -> Result<Recording, Failed> {
-    let recording: Recording = documents::read_document(path, RECORDING)?;
-    recording.check_robot(robot).map_err(|error: IdentifyError| {
-        WorkspaceError::input(format!("{} cannot be used", path.display()))
-            .because(error)
-            .with_hint("docs/formats/recording.md describes a recording; --robot names another robot")
-    })?;
-    Ok(recording)
-}
-
-fn write_recording(path: &Path, recording: &Recording) -> Result<(), WorkspaceError> {
-    documents::write_file(path, recording.to_json().as_bytes())
 }
 
 /// Writes the identified world: as TOML with the comments of its source, or as JSON if that is one or the name ends so.

@@ -11,7 +11,7 @@ use genmanip_terminal::{ExitStatus, Failed, Printer};
 use genmanip_workspace::{WorkspaceError, text_table, worlds};
 use serde_json::json;
 
-use super::{read_recording, write_recording};
+use super::files;
 use crate::args::{ExciteArguments, RehearseArguments};
 
 pub fn excite(arguments: &ExciteArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
@@ -26,7 +26,7 @@ pub fn excite(arguments: &ExciteArguments, printer: &Printer) -> Result<ExitStat
         }
         _ => (slip(&planner, block(arguments)?).map_err(refused)?, Vec::new()),
     };
-    write_recording(&arguments.out, &motion)?;
+    files::write(&arguments.out, &motion)?;
     printer.say(format!("wrote {}", arguments.out.display()));
     let duration_s = motion.time_s.last().copied().unwrap_or_default();
     printer.data(
@@ -123,7 +123,7 @@ fn describe(motion: &Recording, duration_s: f64, accuracy: &[Expected]) -> Strin
 pub fn rehearse(arguments: &RehearseArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let world = worlds::read_world(arguments.world.as_deref())?;
     let robot = worlds::robot(&world)?;
-    let motion = read_recording(&arguments.motion, &robot)?;
+    let motion = files::read(&arguments.motion, &robot)?;
     let payload_kg = match motion.motion {
         Motion::Payload => positive("--payload-kg", arguments.payload_kg)?,
         _ => 0.0,
@@ -137,7 +137,7 @@ pub fn rehearse(arguments: &RehearseArguments, printer: &Printer) -> Result<Exit
     let hidden = HiddenArm { world, values, effect: Effect::None, sensors };
     let recording = record(&hidden, &robot, &motion, Seed::new(arguments.seed))
         .map_err(|error| WorkspaceError::broken("the motion cannot be simulated", error))?;
-    write_recording(&arguments.out, &recording)?;
+    files::write(&arguments.out, &recording)?;
     printer.say(format!("wrote {}", arguments.out.display()));
     printer.data(&json!({"out": arguments.out, "moments": recording.len()}), "");
     Ok(ExitStatus::Done)
