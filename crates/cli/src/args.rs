@@ -18,6 +18,7 @@ pub use data::*;
 pub use edit::*;
 pub use evaluate::*;
 pub use export::*;
+pub use identify::*;
 pub use launch::*;
 pub use plan::*;
 pub use real::*;
@@ -38,6 +39,7 @@ mod data;
 mod edit;
 mod evaluate;
 mod export;
+mod identify;
 mod launch;
 mod parse_values;
 mod plan;
@@ -248,6 +250,13 @@ pub enum Command {
                       Views are paired by id. Sets that cannot determine the pose are refused with the motion that is\n\
                       missing. docs/guides/calibrate-a-camera.md has the file and the frames.")]
     Calibrate(CalibrateArguments),
+    /// Identify parameters of the simulated arm from recorded commands and joint positions
+    #[command(after_help = "Examples:\n  genmanip identify excite --out motion.json\n  \
+                      genmanip identify rehearse motion.json --world truth.toml --out recording.json\n  \
+                      genmanip identify recording.json --out world.toml\n\n\
+                      Gains, damping, dry friction, latency, payload, friction of pads and table: what the recordings\n\
+                      do not show is named, with a motion that would. docs/guides/identify-your-arm.md")]
+    Identify(IdentifyArguments),
     /// Run policies on a real arm behind a bridge, or on a simulated one in its place
     Real {
         /// Subcommand

@@ -67,6 +67,7 @@ fn run(arguments: &Arguments, printer: &Printer) -> Result<ExitStatus, Failed> {
         Command::Review(arguments) => commands::review::run(arguments, printer),
         Command::Camera { command } => commands::world::run_camera(command, printer),
         Command::Calibrate(arguments) => commands::calibrate::run(arguments, printer),
+        Command::Identify(arguments) => commands::identify::run(arguments, printer),
         Command::Lab { .. } => Err(Failed::misused("`genmanip lab` is the program `genmanip-lab` now")
             .hint("cargo run --release -p genmanip-lab -- SUBCOMMAND, or genmanip-lab SUBCOMMAND once installed")),
         Command::Real { command } => commands::real::run(command, printer),

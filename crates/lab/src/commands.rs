@@ -26,8 +26,8 @@ use genmanip_lab::studio::StudioArguments;
 use genmanip_lab::teleop::TeleopArguments;
 use genmanip_lab::{
     agent, answers, assets, batch, blame, bridge, data, design, environment, expert, fit, grasp, hand_eye, hostile,
-    layout, learn, learned_controls, motion, readers, relations, render, rendered, scale, segment, statistics,
-    strangers, studio, suite, teleop, wording,
+    identification, layout, learn, learned_controls, motion, readers, relations, render, rendered, scale, segment,
+    statistics, strangers, studio, suite, teleop, wording,
 };
 use genmanip_workspace::WorkspaceError;
 
@@ -85,6 +85,10 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let args::LabCalibrateArguments { count, rendered, seed, .. } = *arguments;
             let measured = hand_eye::measure(count, rendered, arguments.out.as_deref(), Seed::new(seed))?;
             printer.data(&measured, &hand_eye::describe(&measured));
+        }
+        LabCommand::Identify(arguments) => {
+            let measured = identification::measure(arguments.count, Seed::new(arguments.seed))?;
+            printer.data(&measured, &identification::describe(&measured));
         }
         LabCommand::Bridge(arguments) => {
             let seed = Seed::new(arguments.seed);

@@ -5,10 +5,24 @@ use genmanip_core::glam::{DQuat, DVec3};
 
 use crate::linear::Square;
 
-/// Maximum number of iterations; from the closed-form starts five to ten suffice.
-const ITERATIONS: usize = 60;
+/// Bounds on the effort of [`minimise_within`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Effort {
+    /// Maximum number of iterations, each of which evaluates the problem once.
+    pub iterations: usize,
+    /// Relative reduction of the cost by an iteration at which the search ends.
+    pub gain: f64,
+}
+
+impl Default for Effort {
+    /// For cheap problems: from closed-form starts five to ten iterations suffice.
+    fn default() -> Self {
+        Self { iterations: 60, gain: 1e-12 }
+    }
+}
 
 /// Normal equations at a point: cost, half its gradient, and the Gauss–Newton approximation of half its Hessian.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Normal {
     /// Sum of squared, weighted residuals.
     pub cost: f64,
@@ -36,6 +50,12 @@ impl Normal {
     }
 }
 
+impl AsRef<Self> for Normal {
+    fn as_ref(&self) -> &Self {
+        self
+    }
+}
+
 /// Minimum of a sum of squares from a start, with the normal equations there; `evaluate` returns `None` outside the
 /// domain. `None` if the start lies outside.
 pub fn minimise<S>(
@@ -43,10 +63,22 @@ pub fn minimise<S>(
     evaluate: impl Fn(&S) -> Option<Normal>,
     step: impl Fn(&S, &[f64]) -> S,
 ) -> Option<(S, Normal)> {
+    minimise_within(start, Effort::default(), |state, _| evaluate(state), step)
+}
+
+/// As [`minimise`], with bounded effort, for problems whose derivatives cost much more than their cost: `evaluate`
+/// also gets the lowest cost so far, and may return `None` without derivatives above it.
+pub fn minimise_within<S, E: AsRef<Normal>>(
+    start: S,
+    effort: Effort,
+    evaluate: impl Fn(&S, f64) -> Option<E>,
+    step: impl Fn(&S, &[f64]) -> S,
+) -> Option<(S, E)> {
     let mut state = start;
-    let mut normal = evaluate(&state)?;
+    let mut found = evaluate(&state, f64::INFINITY)?;
     let mut damping = 1e-4;
-    for _ in 0..ITERATIONS {
+    for _ in 0..effort.iterations {
+        let normal = found.as_ref();
         let mut damped = normal.hessian.clone();
         (0..damped.size())
             .for_each(|index| damped.add(index, index, damping * normal.hessian.get(index, index) + 1e-15));
@@ -54,13 +86,14 @@ pub fn minimise<S>(
             let change: Vec<f64> = factor.solve(&normal.gradient).iter().map(|change| -change).collect();
             step(&state, &change)
         });
-        let better = proposal.and_then(|state| evaluate(&state).map(|normal| (state, normal)));
-        match better.filter(|(_, next)| next.cost <= normal.cost) {
+        let lowest = normal.cost;
+        let better = proposal.and_then(|state| evaluate(&state, lowest).map(|next| (state, next)));
+        match better.filter(|(_, next)| next.as_ref().cost <= lowest) {
             Some((next_state, next)) => {
-                let gain = normal.cost - next.cost;
-                (state, normal) = (next_state, next);
+                let cost = next.as_ref().cost;
+                (state, found) = (next_state, next);
                 damping = (damping / 10.0).max(1e-12);
-                if gain <= 1e-12 * normal.cost || normal.cost < 1e-24 {
+                if lowest - cost <= effort.gain * cost || cost < 1e-24 {
                     break;
                 }
             }
@@ -72,7 +105,7 @@ pub fn minimise<S>(
             }
         }
     }
-    Some((state, normal))
+    Some((state, found))
 }
 
 /// Pose changed in its own frame by a rotation vector (rad), then a translation (m).

@@ -258,7 +258,7 @@ fn turn(rng: &mut impl Rng, most: f64) -> DQuat {
 }
 
 /// Standard normal variate (Box–Muller).
-fn normal(rng: &mut impl Rng) -> f64 {
+pub fn normal(rng: &mut impl Rng) -> f64 {
     let (u, v): (f64, f64) = (rng.random_range(f64::MIN_POSITIVE..1.0), rng.random_range(0.0..1.0));
     (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }

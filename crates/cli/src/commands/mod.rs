@@ -13,6 +13,7 @@ pub mod edit;
 pub mod evaluate;
 pub mod export;
 pub mod grasps;
+pub mod identify;
 pub mod launch;
 pub mod layout;
 pub mod leaderboard;

@@ -12,6 +12,7 @@ mod editing;
 mod full_disk;
 mod help;
 mod hostile;
+mod identifying;
 mod importing;
 mod interrupted;
 mod labels;

@@ -77,6 +77,11 @@ pub enum LabCommand {
                       genmanip-lab calibrate --seed 7 --count 1 --rendered 20 --out sets\n\n\
                       COUNT sets of 15 to 20 views for each mounting and noise, and as many degenerate ones of all kinds.")]
     Calibrate(LabCalibrateArguments),
+    /// Identify hidden simulated arms from noisy recordings: errors, coverage, what cannot be identified, wrong models
+    #[command(after_help = "Example:\n  genmanip-lab identify --seed 7 --count 200 --json\n\n\
+                      A quarter of the hidden arms has an effect that the model lacks: backlash, Stribeck friction or\n\
+                      another time step. Joint sensors have noise of 0.02 to 0.2 mrad and steps of 0.01 to 0.1 mrad.")]
+    Identify(LabIdentifyArguments),
     /// Send random streams of commands to the bridge of an arm, and run policies behind it and directly
     #[command(after_help = "Examples:\n  genmanip-lab bridge --seed 7 --count 10000 --json\n  \
                       genmanip-lab bridge --count 0 --suite suites/genmanip-200-rc --scenes 50 --policy expert\n\n\

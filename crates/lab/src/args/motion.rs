@@ -85,6 +85,17 @@ pub struct BridgeArguments {
     pub motions: usize,
 }
 
+/// Arguments of `genmanip-lab identify`.
+#[derive(Debug, Args)]
+pub struct LabIdentifyArguments {
+    /// Seed of hidden arms, motions and noise
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
+    pub seed: u64,
+    /// Number of hidden arms
+    #[arg(long, default_value_t = 20, value_parser = parse::count)]
+    pub count: usize,
+}
+
 /// Arguments of `genmanip-lab calibrate`.
 #[derive(Debug, Args)]
 pub struct LabCalibrateArguments {
