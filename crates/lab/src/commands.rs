@@ -26,7 +26,7 @@ use genmanip_lab::studio::StudioArguments;
 use genmanip_lab::teleop::TeleopArguments;
 use genmanip_lab::{
     agent, answers, assets, batch, blame, bridge, data, design, environment, expert, fit, grasp, hand_eye, hostile,
-    layout, learn, learned_controls, motion, readers, relations, render, rendered, scale, segment, statistics,
+    layout, learn, learned_controls, matching, motion, readers, relations, render, rendered, scale, segment, statistics,
     strangers, studio, suite, teleop, wording,
 };
 use genmanip_workspace::WorkspaceError;
@@ -85,6 +85,11 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let args::LabCalibrateArguments { count, rendered, seed, .. } = *arguments;
             let measured = hand_eye::measure(count, rendered, arguments.out.as_deref(), Seed::new(seed))?;
             printer.data(&measured, &hand_eye::describe(&measured));
+        }
+        LabCommand::Match(arguments) => {
+            let seed = Seed::new(arguments.seed);
+            let measured = matching::measure(arguments.count, seed, arguments.out.as_deref(), printer)?;
+            printer.data(&measured, &matching::describe(&measured));
         }
         LabCommand::Bridge(arguments) => {
             let seed = Seed::new(arguments.seed);

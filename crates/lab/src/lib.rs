@@ -26,6 +26,7 @@ pub mod hostile;
 pub mod layout;
 pub mod learn;
 pub mod learned_controls;
+pub mod matching;
 pub mod motion;
 mod program;
 mod quantile;

@@ -9,9 +9,9 @@
 pub mod boards;
 pub mod bridge;
 pub mod calibrate;
-mod homography;
-mod least_squares;
-mod linear;
+pub mod homography;
+pub mod least_squares;
+pub mod linear;
 pub mod synthetic;
 
 pub use calibrate::{BoardViews, Calibration, CalibrationError, CalibrationSettings, calibrate};

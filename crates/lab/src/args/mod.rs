@@ -77,6 +77,12 @@ pub enum LabCommand {
                       genmanip-lab calibrate --seed 7 --count 1 --rendered 20 --out sets\n\n\
                       COUNT sets of 15 to 20 views for each mounting and noise, and as many degenerate ones of all kinds.")]
     Calibrate(LabCalibrateArguments),
+    /// Match worlds to photographs of hidden worlds with known truth: response, light, held-out views
+    #[command(after_help = "Examples:\n  genmanip-lab match --seed 7 --count 30 --json\n  \
+                      genmanip-lab match --count 3 --out images\n\n\
+                      One thread. Of ten worlds, two hold nothing that throws a shadow, one of them without a colour chart;\n\
+                      every third is path-traced, with a tone curve that the matched response cannot have.")]
+    Match(LabMatchArguments),
     /// Send random streams of commands to the bridge of an arm, and run policies behind it and directly
     #[command(after_help = "Examples:\n  genmanip-lab bridge --seed 7 --count 10000 --json\n  \
                       genmanip-lab bridge --count 0 --suite suites/genmanip-200-rc --scenes 50 --policy expert\n\n\
