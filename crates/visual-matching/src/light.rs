@@ -23,8 +23,8 @@ const RADIUS_RAD: f64 = 0.06;
 const RADII_RAD: [f64; 2] = [0.004, 0.35];
 /// Lowest elevation of the key light, sine.
 const LOWEST: f64 = 0.15;
-/// First and last step of the fine search, degrees.
-const STEPS_DEG: [f64; 2] = [9.0, 0.3];
+/// First step of the search at a lower resolution, first and last step of the fine one, degrees.
+const STEPS_DEG: [f64; 3] = [8.0, 2.0, 0.4];
 /// Number of neighbouring pixels whose residuals are taken as one: texture and rendering errors are correlated.
 const CORRELATED: f64 = 40.0;
 /// Largest standard deviation of a direction that counts as identified, degrees, and smallest part of the key light.
@@ -88,11 +88,6 @@ impl Observation {
         Self { scene, before: before_scene, pixels, values, is_unknown: false, is_calibrated }
     }
 
-    /// True for two photographs, with and without objects.
-    pub fn is_pair(&self) -> bool {
-        !self.is_unknown
-    }
-
     fn lit(&self, light: &KeyLight) -> Result<Lit<'_>, MatchError> {
         let pick = |shares: &Shares| -> Vec<[f64; 2]> {
             self.pixels.iter().map(|&at| [f64::from(shares.key[at]), f64::from(shares.ambient[at])]).collect()
@@ -137,20 +132,18 @@ impl Lit<'_> {
     }
 }
 
-/// Light that explains the observations best; `None` without any compared pixel.
+/// Light that explains the observations best; `coarse` are the same ones at a lower resolution, for the first search.
+/// `None` without any compared pixel.
 ///
 /// # Errors
 /// When a camera cannot be rendered.
-pub fn estimate(observations: &[Observation]) -> Result<Option<LightEstimate>, MatchError> {
-    let count: usize = observations.iter().map(|observation| observation.pixels.len()).sum();
+pub fn estimate(coarse: &[Observation], fine: &[Observation]) -> Result<Option<LightEstimate>, MatchError> {
+    let count: usize = fine.iter().map(|observation| observation.pixels.len()).sum();
     if count == 0 {
         return Ok(None);
     }
-    let grey: &dyn Fn(Vec3A) -> f64 = &|color| f64::from(color.element_sum() / 3.0);
-    let cost_of = |light: &KeyLight| -> Result<f64, MatchError> {
-        let lit = observations.iter().map(|observation| observation.lit(light)).collect::<Result<Vec<_>, _>>()?;
-        Ok(best_part(&lit, grey).1)
-    };
+    let coarse_cost = |light: &KeyLight| cost_of(coarse, light);
+    let cost_of = |light: &KeyLight| cost_of(fine, light);
     let mut best: Vec<(f64, KeyLight)> = Vec::new();
     for (elevation, around) in ELEVATIONS {
         for index in 0..around {
@@ -158,20 +151,21 @@ pub fn estimate(observations: &[Observation]) -> Result<Option<LightEstimate>, M
             let (sine, cosine) = elevation.to_radians().sin_cos();
             let direction = DVec3::new(azimuth.cos() * cosine, azimuth.sin() * cosine, sine);
             let light = KeyLight { direction, radius_rad: RADIUS_RAD };
-            best.push((cost_of(&light)?, light));
+            best.push((coarse_cost(&light)?, light));
         }
     }
     best.sort_by(|a, b| a.0.total_cmp(&b.0));
-    best.truncate(2);
+    best.truncate(3);
     for entry in &mut best {
-        *entry = refined(*entry, &cost_of)?;
+        *entry = refined(*entry, [STEPS_DEG[0], STEPS_DEG[1]], &coarse_cost)?;
     }
     best.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let (cost, light) = best[0];
+    let start = best[0].1;
+    let (cost, light) = refined((cost_of(&start)?, start), [STEPS_DEG[1], STEPS_DEG[2]], &cost_of)?;
     // The contrast of shadows depends on the tone curve: only cameras whose curve is known tell it, if there are any.
-    let trusted: Vec<&Observation> = match observations.iter().any(|it| it.is_calibrated) {
-        true => observations.iter().filter(|it| it.is_calibrated).collect(),
-        false => observations.iter().collect(),
+    let trusted: Vec<&Observation> = match fine.iter().any(|it| it.is_calibrated) {
+        true => fine.iter().filter(|it| it.is_calibrated).collect(),
+        false => fine.iter().collect(),
     };
     let lit = trusted.into_iter().map(|observation| observation.lit(&light)).collect::<Result<Vec<_>, _>>()?;
     let part = [0, 1, 2].map(|channel| best_part(&lit, &|color: Vec3A| f64::from(color[channel])).0);
@@ -182,13 +176,20 @@ pub fn estimate(observations: &[Observation]) -> Result<Option<LightEstimate>, M
     Ok(Some(LightEstimate { light, part, direction_sd_deg, has_radius: worse > noise }))
 }
 
-/// Compass search over direction and angular radius.
+/// Cost of a candidate light with its best part of the key light, over grey values.
+fn cost_of(observations: &[Observation], light: &KeyLight) -> Result<f64, MatchError> {
+    let lit = observations.iter().map(|observation| observation.lit(light)).collect::<Result<Vec<_>, _>>()?;
+    Ok(best_part(&lit, &|color: Vec3A| f64::from(color.element_sum() / 3.0)).1)
+}
+
+/// Compass search over direction and angular radius, with steps between two lengths (degrees).
 fn refined(
     (mut cost, mut light): (f64, KeyLight),
+    [first, last]: [f64; 2],
     cost_of: &dyn Fn(&KeyLight) -> Result<f64, MatchError>,
 ) -> Result<(f64, KeyLight), MatchError> {
-    let mut step = STEPS_DEG[0];
-    while step >= STEPS_DEG[1] {
+    let mut step = first;
+    while step >= last {
         let [east, north] = tangents(light.direction);
         let turned = |axis: DVec3, degrees: f64| {
             let direction = (light.direction + axis * degrees.to_radians().tan()).normalize();

@@ -23,6 +23,8 @@ use crate::{MatchError, chart};
 
 /// Width of the images in which shadows are compared, px: full width divided by a whole number, at least this.
 const FIT_WIDTH_PX: u32 = 180;
+/// Largest width of the images of the first search, which are rendered with coarser shadows.
+const COARSE_WIDTH_PX: u32 = 128;
 /// Codes of 8-bit sRGB outside of which a channel counts as clipped.
 const USABLE: [u8; 2] = [4, 251];
 /// Fewest table pixels for a mean colour.
@@ -265,44 +267,45 @@ fn mean_table(scene: &Scenes, view: &View<'_>) -> Result<[f64; 3], MatchError> {
 }
 
 /// Light from the shadows of objects and arm; `None` if nothing known throws one.
-fn light(
+fn light(request: &MatchRequest, scene: &Scenes, views: &[View<'_>]) -> Result<Option<LightEstimate>, MatchError> {
+    let (mut coarse, mut fine) = (Vec::new(), Vec::new());
+    for view in views {
+        let width = view.photo.width;
+        coarse.extend(observations(request, scene, view, width.div_ceil(COARSE_WIDTH_PX))?);
+        fine.extend(observations(request, scene, view, (width / FIT_WIDTH_PX).max(1))?);
+    }
+    estimate(&coarse, &fine)
+}
+
+/// What a camera shows of shadows, in images reduced by a whole factor: those of objects, in which the texture of the
+/// table cancels, and those of the arm.
+fn observations(
     request: &MatchRequest,
     scene: &Scenes,
-    views: &[View<'_>],
-) -> Result<Option<LightEstimate>, MatchError> {
-    let mut observations = Vec::new();
-    for view in views {
-        let factor = (view.photo.width / FIT_WIDTH_PX).max(1);
-        let camera = reduced(view.camera, factor);
-        let width = view.photo.width;
-        let small = |values: &[Vec3A]| block_means(values, width, factor);
-        let clean = |photo: &Photo| {
-            let flags: Vec<Vec3A> = usable(photo).iter().map(|usable| Vec3A::splat(f32::from(u8::from(*usable)))).collect();
-            small(&flags).iter().map(|share| share.x > 0.999).collect::<Vec<bool>>()
-        };
-        let is_clean = clean(view.photo);
-        let with_objects = request.objects.iter().flat_map(|it| &it.photos).find(|it| it.camera == view.camera.name);
-        let empty = small(&radiance(view));
-        match (with_objects, &scene.objects) {
-            (Some(photo), Some(posed)) => {
-                let after = small(&linear(&view.found.response, photo));
-                let both: Vec<bool> = is_clean.iter().zip(clean(photo)).map(|(a, b)| *a && b).collect();
-                let before = scene.has_arm.then(|| Scenes::seen(&scene.empty, &camera)).transpose()?;
-                let posed = Scenes::seen(posed, &camera)?;
-                observations.push(Observation::pair(posed, before, [&after, &empty], &both, view.has_chart));
-            }
-            _ if scene.has_arm => {
-                let posed = Scenes::seen(&scene.empty, &camera)?;
-                observations.push(Observation::alone(posed, &empty, &is_clean, view.has_chart));
-            }
-            _ => {}
-        }
+    view: &View<'_>,
+    factor: u32,
+) -> Result<Vec<Observation>, MatchError> {
+    let camera = reduced(view.camera, factor);
+    let small = |values: &[Vec3A]| block_means(values, view.photo.width, factor);
+    let clean = |photo: &Photo| {
+        let flags: Vec<Vec3A> = usable(photo).iter().map(|usable| Vec3A::splat(f32::from(u8::from(*usable)))).collect();
+        small(&flags).iter().map(|share| share.x > 0.999).collect::<Vec<bool>>()
+    };
+    let (is_clean, empty) = (clean(view.photo), small(&radiance(view)));
+    let with_objects = request.objects.iter().flat_map(|it| &it.photos).find(|it| it.camera == view.camera.name);
+    let mut found = Vec::new();
+    if let (Some(photo), Some(posed)) = (with_objects, &scene.objects) {
+        let after = small(&linear(&view.found.response, photo));
+        let both: Vec<bool> = is_clean.iter().zip(clean(photo)).map(|(a, b)| *a && b).collect();
+        let before = scene.has_arm.then(|| Scenes::seen(&scene.empty, &camera)).transpose()?;
+        let posed = Scenes::seen(posed, &camera)?;
+        found.push(Observation::pair(posed, before, [&after, &empty], &both, view.has_chart));
     }
-    // A pair is free of the table's texture: single photographs would only add it.
-    if observations.iter().any(Observation::is_pair) {
-        observations.retain(Observation::is_pair);
+    if scene.has_arm {
+        let posed = Scenes::seen(&scene.empty, &camera)?;
+        found.push(Observation::alone(posed, &empty, &is_clean, view.has_chart));
     }
-    estimate(&observations)
+    Ok(found)
 }
 
 /// The light to write: the estimate, or the default light in place of what it leaves open, which is named.
