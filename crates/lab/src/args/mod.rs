@@ -81,7 +81,7 @@ pub enum LabCommand {
     #[command(after_help = "Examples:\n  genmanip-lab match --seed 7 --count 30 --json\n  \
                       genmanip-lab match --count 3 --out images\n\n\
                       One thread. Of ten worlds, two hold nothing that throws a shadow, one of them without a colour chart;\n\
-                      every third is path-traced, with a tone curve that the matched response cannot have.")]
+                      every fifth is path-traced, with a tone curve that the matched response cannot have.")]
     Match(LabMatchArguments),
     /// Send random streams of commands to the bridge of an arm, and run policies behind it and directly
     #[command(after_help = "Examples:\n  genmanip-lab bridge --seed 7 --count 10000 --json\n  \

@@ -26,7 +26,7 @@ use rand::RngExt;
 /// Width and height of the photographs, px.
 pub const SIZE_PX: [u32; 2] = [384, 216];
 /// Light paths per pixel of path-traced photographs.
-const PATHS: u32 = 48;
+const PATHS: u32 = 24;
 /// Side of a patch of the chart, its border, and its thickness, m.
 const PATCH_M: f64 = 0.042;
 const BORDER_M: f64 = 0.006;
@@ -51,7 +51,7 @@ pub struct Kind {
 
 impl Kind {
     /// Kind of the world with this number: of ten, five have arm and objects, two the arm alone, one objects alone, and
-    /// two nothing that throws a shadow, one of them without a chart; every third is path-traced.
+    /// two nothing that throws a shadow, one of them without a chart; every fifth is path-traced.
     pub fn of(index: usize) -> Self {
         let (arm, objects, chart) = match index % 10 {
             0..=4 => (true, true, true),
@@ -60,7 +60,7 @@ impl Kind {
             8 => (false, false, true),
             _ => (false, false, false),
         };
-        Self { arm, objects, chart, traced: index % 3 == 2 }
+        Self { arm, objects, chart, traced: index % 5 == 2 }
     }
 }
 

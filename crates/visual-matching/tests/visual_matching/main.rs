@@ -97,7 +97,8 @@ fn shadows_tell_the_light_and_images_come_nearer() {
     assert!(degrees < 8.0 && found.has_direction(), "{degrees} degrees: {found:?}");
     assert!(matched.unidentified.iter().all(|it| it.what != names::DIRECTION && it.what != names::EXPOSURE));
     let balance = matched.cameras[0].response.white_balance;
-    assert!((balance[0] / balance[2] / (1.15 / 0.85 * found_warmth()) - 1.0).abs() < 0.04, "{balance:?}");
+    let expected = 1.15 / 0.85 * warmth_of_hidden_light();
+    assert!((balance[0] / balance[2] / expected - 1.0).abs() < 0.04, "{balance:?}, expected {expected}");
     for view in reports(&request, &matched).unwrap() {
         let (before, after) = (&view.before[0], &view.after[0]);
         assert!(after.delta_e < 0.5 * before.delta_e && after.delta_e < 3.0, "{before:?} {after:?}");
@@ -107,7 +108,7 @@ fn shadows_tell_the_light_and_images_come_nearer() {
 }
 
 /// Red over blue of the hidden light on the open table.
-fn found_warmth() -> f64 {
+fn warmth_of_hidden_light() -> f64 {
     let lighting = genmanip_render::internals::Lighting::new(&hidden(), None);
     let light = lighting.key * lighting.to_light.z + lighting.around(glam::Vec3A::Z);
     f64::from(light.x / light.z)
@@ -139,7 +140,7 @@ fn unsuitable_photographs_are_refused() {
     };
     assert!(matches!(match_workspace(&request(world.clone(), Vec::new())), Err(MatchError::NoPhotograph)));
     let unknown = other(&|photo| photo.camera = "statik".into());
-    assert!(unknown.to_string().contains("static, left"), "{unknown}");
+    assert!(unknown.to_string().contains("left, static"), "{unknown}");
     let small = other(&|photo| (photo.width, photo.height) = (72, 128));
     assert!(small.to_string().contains("128×72"), "{small}");
     assert!(matches!(other(&|photo| photo.rgb.fill(255)), MatchError::NoTable { .. }));
