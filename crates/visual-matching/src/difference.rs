@@ -39,8 +39,8 @@ pub fn delta_e_2000([l1, a1, b1]: [f64; 3], [l2, a2, b2]: [f64; 3]) -> f64 {
     };
     let (light, chroma) = (0.5 * (l1 + l2), 0.5 * (c1 + c2));
     let cosine = |factor: f64, offset: f64| (factor * hue + offset).to_radians().cos();
-    let t = 1.0 - 0.17 * cosine(1.0, -30.0) + 0.24 * cosine(2.0, 0.0) + 0.32 * cosine(3.0, 6.0)
-        - 0.20 * cosine(4.0, -63.0);
+    let t =
+        1.0 - 0.17 * cosine(1.0, -30.0) + 0.24 * cosine(2.0, 0.0) + 0.32 * cosine(3.0, 6.0) - 0.20 * cosine(4.0, -63.0);
     let off = (light - 50.0).powi(2);
     let (weight_l, weight_c, weight_h) =
         (1.0 + 0.015 * off / (20.0 + off).sqrt(), 1.0 + 0.045 * chroma, 1.0 + 0.015 * chroma * t);

@@ -46,9 +46,8 @@ fn widened(mask: &[bool], width: usize) -> Vec<bool> {
     let near = |at: usize| {
         let (column, row) = (at % width, at / width);
         let rows = row.saturating_sub(2)..(row + 3).min(height);
-        rows.into_iter().any(|row| {
-            (column.saturating_sub(2)..(column + 3).min(width)).any(|column| mask[row * width + column])
-        })
+        rows.into_iter()
+            .any(|row| (column.saturating_sub(2)..(column + 3).min(width)).any(|column| mask[row * width + column]))
     };
     (0..mask.len()).map(near).collect()
 }
@@ -78,7 +77,8 @@ fn spread(values: &[Vec3A], known: &[bool], width: usize) -> Vec<Vec3A> {
             let low = at.floor().clamp(0.0, last as f32);
             (low as usize, (low as usize + 1).min(last), (at - low).clamp(0.0, 1.0))
         };
-        let ((x, next_x, share_x), (y, next_y, share_y)) = (place(at % width, columns - 1), place(at / width, rows - 1));
+        let ((x, next_x, share_x), (y, next_y, share_y)) =
+            (place(at % width, columns - 1), place(at / width, rows - 1));
         let row = |y: usize| coarse[y * columns + x].lerp(coarse[y * columns + next_x], share_x);
         row(y).lerp(row(next_y), share_y)
     };
@@ -97,7 +97,8 @@ mod tests {
         let is_arm: Vec<bool> =
             (0..width * height).map(|at| (10..14).contains(&(at % width)) && at / width < 20).collect();
         let shadow = |at: usize| is_table[at] && (14..22).contains(&(at % width));
-        let light: Vec<Vec3A> = (0..width * height).map(|at| Vec3A::splat(if shadow(at) { 0.5 } else { 1.0 })).collect();
+        let light: Vec<Vec3A> =
+            (0..width * height).map(|at| Vec3A::splat(if shadow(at) { 0.5 } else { 1.0 })).collect();
         let truth = |at: usize| Vec3A::splat(if is_table[at] { 0.4 } else { 0.9 });
         let photo: Vec<Vec3A> =
             (0..width * height).map(|at| if is_arm[at] { Vec3A::ZERO } else { truth(at) * light[at] }).collect();

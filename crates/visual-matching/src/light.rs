@@ -9,7 +9,7 @@
 use genmanip_core::glam::DVec3;
 use glam::Vec3A;
 
-use crate::MatchError;
+use crate::error::MatchError;
 use crate::scene::{KeyLight, SeenScene, Shares};
 
 /// Residual beyond which a pixel counts less and less, relative to a table in the open: texture and gloss.

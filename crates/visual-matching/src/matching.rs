@@ -3,38 +3,28 @@
 use std::sync::Arc;
 
 use base64::Engine;
-use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::{
-    Camera, CameraAppearance, CameraResponse, Photograph, Pose, Projection, World, WorkspaceAppearance, WorkspaceLight,
-};
-use genmanip_render::{
-    Channels, FrameState, LinearPhotograph, ROBOT, RenderAssets, RenderError, RenderVariation, Renderer, Response,
-    color::srgb8_from_linear, encode,
-};
+use genmanip_core::glam::DVec3;
+use genmanip_core::{CameraAppearance, Photograph, WorkspaceAppearance, WorkspaceLight, World};
+use genmanip_render::{Channels, ROBOT, RenderVariation, Renderer, Response, color::srgb8_from_linear, encode};
 use glam::Vec3A;
-use serde::Serialize;
 
+use crate::cameras::{TABLE_COLOR, responses};
 use crate::empty::{Layers, emptied};
+use crate::error::MatchError;
 use crate::light::{LightEstimate, Observation, estimate};
 use crate::request::{MatchRequest, Photo};
-use crate::response::{from_chart, from_color, with_gains};
+use crate::response::with_gains;
 use crate::scene::{KeyLight, SeenScene, block_means, pictured, reduced};
-use crate::{MatchError, chart};
+use crate::unidentified::{Unidentified, names};
+use crate::views::{MatchedCamera, Scenes, View, linear, radiance, usable};
 
 /// Width of the images in which shadows are compared, px: full width divided by a whole number, at least this.
 const FIT_WIDTH_PX: u32 = 180;
 /// Largest width of the images of the first search, which are rendered with coarser shadows.
 const COARSE_WIDTH_PX: u32 = 128;
-/// Codes of 8-bit sRGB outside of which a channel counts as clipped.
-const USABLE: [u8; 2] = [4, 251];
-/// Fewest table pixels for a mean colour.
-const FEWEST_PIXELS: usize = 30;
 /// JPEG qualities of backgrounds: the first with which all fit into a world file, and their bytes in base64 together.
 const QUALITIES: [u8; 4] = [95, 90, 80, 65];
 const ALL_BYTES: usize = 1_700_000;
-/// Base colour assumed for a table of unknown colour, linear RGB: light wood.
-const TABLE_COLOR: [f64; 3] = [0.45, 0.40, 0.33];
-
 /// Result of a match.
 #[derive(Clone, Debug)]
 pub struct Matched {
@@ -46,48 +36,6 @@ pub struct Matched {
     pub cameras: Vec<MatchedCamera>,
     /// What the photographs do not tell.
     pub unidentified: Vec<Unidentified>,
-}
-
-/// Response of a camera, and how it was found.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct MatchedCamera {
-    /// Name of the camera.
-    pub camera: String,
-    /// Response.
-    pub response: CameraResponse,
-    /// Source of the response.
-    pub source: &'static str,
-    /// Root mean square of the chart's residuals, in steps of 8-bit sRGB; `None` without a chart.
-    pub chart_rms: Option<f64>,
-}
-
-/// A property that the photographs do not tell.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Unidentified {
-    /// Name of the property, as `light direction`; cameras are named where it is one camera's.
-    pub what: String,
-    /// Reason.
-    pub why: String,
-    /// Photograph that would tell it.
-    pub remedy: String,
-}
-
-/// Names of properties in [`Unidentified::what`].
-pub mod names {
-    /// Direction of the key light.
-    pub const DIRECTION: &str = "light direction";
-    /// Width of the key light.
-    pub const SOFTNESS: &str = "softness of the light";
-    /// Exposure and white balance apart from the table's colour.
-    pub const EXPOSURE: &str = "exposure and white balance";
-}
-
-/// A camera's photographs while it is matched.
-struct View<'a> {
-    camera: &'a Camera,
-    photo: &'a Photo,
-    found: MatchedCamera,
-    has_chart: bool,
 }
 
 /// Finds responses, light, table colour and backgrounds of a workspace.
@@ -112,158 +60,6 @@ pub fn match_workspace(request: &MatchRequest) -> Result<Matched, MatchError> {
     let world = World { appearance: Some(appearance), ..request.world.clone() };
     let cameras = views.into_iter().map(|view| view.found).collect();
     Ok(Matched { world, light: estimate, cameras, unidentified })
-}
-
-/// Posed assets of the photographs.
-struct Scenes {
-    empty: (Arc<RenderAssets>, FrameState),
-    /// Table alone.
-    open: (Arc<RenderAssets>, FrameState),
-    objects: Option<(Arc<RenderAssets>, FrameState)>,
-    has_arm: bool,
-}
-
-impl Scenes {
-    fn new(request: &MatchRequest) -> Result<Self, MatchError> {
-        let world = Some(&request.world);
-        let drawn = |source: RenderError| MatchError::NotDrawn { camera: request.empty[0].camera.clone(), source };
-        let posed = |models: &[_], poses: &[(Pose, Vec<f64>)]| {
-            let poses = poses.iter().map(|(pose, joints)| (*pose, joints.as_slice()));
-            let (arm, gripper) = request.arm.as_ref().map_or((&[][..], 0.0), |(arm, gripper)| (&arm[..], *gripper));
-            let assets = match request.arm {
-                Some(_) => RenderAssets::new(Arc::clone(&request.robot), models, world),
-                None => RenderAssets::without_robot(models, world),
-            };
-            let assets = assets.map_err(drawn)?;
-            let state = assets.frame_state(arm, gripper, poses).map_err(drawn)?;
-            Ok::<_, MatchError>((assets, state))
-        };
-        let open = RenderAssets::without_robot(&[], world).map_err(drawn)?;
-        let state = open.frame_state(&[], 0.0, []).map_err(drawn)?;
-        Ok(Self {
-            empty: posed(&[], &[])?,
-            open: (open, state),
-            objects: request.objects.as_ref().map(|it| posed(&it.models, &it.poses)).transpose()?,
-            has_arm: request.arm.is_some(),
-        })
-    }
-
-    fn seen((assets, frame): &(Arc<RenderAssets>, FrameState), camera: &Camera) -> Result<SeenScene, MatchError> {
-        SeenScene::new(assets, frame.clone(), camera)
-    }
-}
-
-/// Responses of all cameras: from their chart, else from a camera with a chart that sees the same table, else from the
-/// table's colour.
-fn responses<'a>(
-    request: &'a MatchRequest,
-    scene: &Scenes,
-    unidentified: &mut Vec<Unidentified>,
-) -> Result<Vec<View<'a>>, MatchError> {
-    let mut views = Vec::new();
-    for photo in &request.empty {
-        let camera = request.camera(&photo.camera)?;
-        let own = request.charts.iter().find(|chart| chart.photo.camera == photo.camera);
-        let bad = |problem: &str| MatchError::BadChart { camera: camera.name.clone(), problem: problem.into() };
-        let found = match own {
-            Some(own) => {
-                let seen = chart::read(&own.photo.rgb, own.photo.width as usize, own.corners_px)
-                    .ok_or_else(|| bad("its four corners do not span a quadrilateral"))?;
-                let (response, rms) = from_chart(&seen)
-                    .ok_or_else(|| bad("fewer than 12 patches lie inside the image and are not overexposed"))?;
-                MatchedCamera {
-                    camera: camera.name.clone(),
-                    response,
-                    source: "its photograph of the colour chart",
-                    chart_rms: Some(255.0 * rms),
-                }
-            }
-            None => MatchedCamera {
-                camera: camera.name.clone(),
-                response: CameraResponse::default(),
-                source: "the table",
-                chart_rms: None,
-            },
-        };
-        views.push(View { camera, photo, found, has_chart: own.is_some() });
-    }
-    let reference = views.iter().position(|view| view.has_chart);
-    if reference.is_none() && request.table_color.is_none() {
-        unidentified.push(Unidentified {
-            what: names::EXPOSURE.into(),
-            why: "only their product with the colour of the table is seen, which is taken as light wood".into(),
-            remedy: "photograph a colour chart on the table (--chart), or state the table's colour (--table-color)".into(),
-        });
-    }
-    for index in (0..views.len()).filter(|&index| !views[index].has_chart).collect::<Vec<_>>() {
-        let view = &views[index];
-        let camera = &view.camera.name;
-        unidentified.push(Unidentified {
-            what: format!("colour matrix and tone curve of camera {camera}"),
-            why: "one colour tells neither; they are taken as ideal".into(),
-            remedy: format!("photograph a colour chart with camera {camera} (--chart)"),
-        });
-        let gains = match reference.map(|reference| &views[reference]).filter(|_| index != reference.unwrap_or(index)) {
-            Some(reference) => relative_gains(scene, view, reference)?,
-            None => None,
-        };
-        let response = match gains {
-            Some(gains) => with_gains(gains, CameraResponse::default()),
-            None => {
-                let seen = mean_table(scene, view)?;
-                from_color(request.table_color.unwrap_or(TABLE_COLOR), seen)
-            }
-        };
-        views[index].found.response = response;
-        if gains.is_some() {
-            views[index].found.source = "the table, as seen by a camera with a colour chart";
-        }
-    }
-    Ok(views)
-}
-
-/// Gains of a camera from table points that another camera, whose response is known, sees too; `None` without any.
-fn relative_gains(scene: &Scenes, view: &View<'_>, reference: &View<'_>) -> Result<Option<[f64; 3]>, MatchError> {
-    let Some(other) = LinearPhotograph::new(reference.camera, radiance(reference)) else { return Ok(None) };
-    let seen = Scenes::seen(&scene.empty, view.camera)?;
-    let hidden = Scenes::seen(&scene.empty, reference.camera)?;
-    let own = display(view);
-    let projections = [view.camera, reference.camera].map(|camera| Projection::of(camera, &Pose::IDENTITY));
-    let usable = usable(view.photo);
-    let (mut shown, mut light, mut count) = (Vec3A::ZERO, Vec3A::ZERO, 0);
-    let width = view.photo.width as usize;
-    for at in (0..own.len()).filter(|&at| seen.is_table[at] && usable[at]) {
-        let pixel = DVec2::new((at % width) as f64, (at / width) as f64);
-        let Some(point) = projections[0].view_ray(pixel).and_then(|(eye, ray)| on_table(eye, ray)) else { continue };
-        let Some((there, _)) = projections[1].pixel(point) else { continue };
-        let (column, row) = (there.x.round(), there.y.round());
-        let inside = column >= 0.0 && row >= 0.0 && column < f64::from(reference.photo.width);
-        let place = row as usize * reference.photo.width as usize + column as usize;
-        if !inside || !hidden.is_table.get(place).copied().unwrap_or(false) {
-            continue;
-        }
-        if let Some(radiance) = other.at(point.as_vec3a()) {
-            (shown, light, count) = (shown + own[at], light + radiance, count + 1);
-        }
-    }
-    let gains = (shown / light.max(Vec3A::splat(1e-6))).max(Vec3A::splat(1e-3));
-    Ok((count >= FEWEST_PIXELS).then(|| gains.to_array().map(f64::from)))
-}
-
-/// Point of the table's plane on a ray.
-fn on_table(eye: DVec3, ray: DVec3) -> Option<DVec3> {
-    (ray.z < -1e-6).then(|| eye - ray * (eye.z / ray.z))
-}
-
-/// Mean linear display colour of the table.
-fn mean_table(scene: &Scenes, view: &View<'_>) -> Result<[f64; 3], MatchError> {
-    let seen = Scenes::seen(&scene.empty, view.camera)?;
-    let (own, usable) = (display(view), usable(view.photo));
-    let on: Vec<Vec3A> = (0..own.len()).filter(|&at| seen.is_table[at] && usable[at]).map(|at| own[at]).collect();
-    if on.len() < FEWEST_PIXELS {
-        return Err(MatchError::NoTable { camera: view.camera.name.clone() });
-    }
-    Ok((on.iter().sum::<Vec3A>() / on.len() as f32).to_array().map(f64::from))
 }
 
 /// Light from the shadows of objects and arm; `None` if nothing known throws one.
@@ -429,24 +225,4 @@ fn background(
         }
     }
     Ok(Photograph { jpeg })
-}
-
-/// Radiance of the pixels of a camera's photograph of the empty workspace.
-fn radiance(view: &View<'_>) -> Vec<Vec3A> {
-    linear(&view.found.response, view.photo)
-}
-
-fn linear(response: &CameraResponse, photo: &Photo) -> Vec<Vec3A> {
-    Response::new(response).map_or_else(Vec::new, |response| response.radiance(&photo.rgb))
-}
-
-/// Linear display colours of a camera's photograph.
-fn display(view: &View<'_>) -> Vec<Vec3A> {
-    linear(&CameraResponse::default(), view.photo)
-}
-
-/// Pixels without a clipped channel.
-fn usable(photo: &Photo) -> Vec<bool> {
-    let fits = |rgb: &[u8]| rgb.iter().all(|value| (USABLE[0]..=USABLE[1]).contains(value));
-    photo.rgb.chunks_exact(3).map(fits).collect()
 }

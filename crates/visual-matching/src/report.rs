@@ -7,10 +7,11 @@ use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderError, RenderV
 use serde::Serialize;
 
 use crate::compare::{RegionDifference, by_region};
+use crate::error::MatchError;
 use crate::flip::{PIXELS_PER_DEGREE, flip};
+use crate::matching::Matched;
 use crate::request::{MatchRequest, Photo};
 use crate::scene::pictured;
-use crate::{MatchError, Matched};
 
 /// A photograph compared with renderings of the same scene.
 #[derive(Clone, Debug, Serialize)]
@@ -38,9 +39,8 @@ impl ViewReport {
     /// The four images side by side: width, height and 8-bit sRGB.
     pub fn sheet(&self) -> (u32, u32, Vec<u8>) {
         let row_bytes = 3 * self.width as usize;
-        let rows = (0..self.height as usize).flat_map(|row| {
-            self.images.iter().map(move |image| &image[row * row_bytes..][..row_bytes])
-        });
+        let rows = (0..self.height as usize)
+            .flat_map(|row| self.images.iter().map(move |image| &image[row * row_bytes..][..row_bytes]));
         (4 * self.width, self.height, rows.flatten().copied().collect())
     }
 }
@@ -79,12 +79,7 @@ fn compared(
     })
 }
 
-fn drawn(
-    request: &MatchRequest,
-    world: &World,
-    photo: &Photo,
-    has_objects: bool,
-) -> Result<FrameBuffers, MatchError> {
+fn drawn(request: &MatchRequest, world: &World, photo: &Photo, has_objects: bool) -> Result<FrameBuffers, MatchError> {
     let failed = |source: RenderError| MatchError::NotDrawn { camera: photo.camera.clone(), source };
     let objects = request.objects.as_ref().filter(|_| has_objects);
     let models = objects.map_or(&[][..], |objects| &objects.models);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use genmanip_core::glam::DVec2;
 use genmanip_core::{Camera, CameraMount, ObjectModel, Pose, RobotModel, World};
 
-use crate::MatchError;
+use crate::error::MatchError;
 
 /// Image by a fixed camera of the world, with fixed exposure and white balance; one camera's photographs share them.
 #[derive(Clone, Debug, PartialEq)]

@@ -9,7 +9,7 @@ use genmanip_render::{
 };
 use glam::Vec3A;
 
-use crate::MatchError;
+use crate::error::MatchError;
 
 /// Base colour of the table in these images: that of a light table, which matters in corners only.
 const BASE: f32 = 0.5;
@@ -149,9 +149,7 @@ fn table_top(geometry: &FrameBuffers, camera: &Camera, world_from_hand: &genmani
         let at = row * width + column;
         let pixel = glam::DVec2::new(column as f64, row as f64);
         geometry.instance[at] == TABLE
-            && projection
-                .point(pixel, f64::from(geometry.depth_m[at]))
-                .is_some_and(|point| point.z.abs() < ON_TOP_M)
+            && projection.point(pixel, f64::from(geometry.depth_m[at])).is_some_and(|point| point.z.abs() < ON_TOP_M)
     };
     let alone: Vec<bool> = (0..width * height).map(|at| shows(at % width, at / width)).collect();
     let inner = |at: usize| {

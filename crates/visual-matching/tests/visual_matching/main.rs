@@ -6,9 +6,7 @@ use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, panda};
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, CameraResponse, ObjectModel, Pose, World};
-use genmanip_render::{
-    CameraLook, Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, Response, ViewJob,
-};
+use genmanip_render::{CameraLook, Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, Response, ViewJob};
 use genmanip_visual_matching::report::reports;
 use genmanip_visual_matching::{MatchError, MatchRequest, ObjectScene, Photo, match_workspace, names};
 
