@@ -94,6 +94,7 @@ pub use sensor::{CameraSensor, ColorSensor, DepthSensor};
 pub use task::{Atom, Goal, GraphEdge, GraphNode, NamedSurface, SceneGraph, SharedCards, Task, TaskKind};
 pub use verdict::{AtomVerdict, GoalVerdict, Measurement, Unit};
 pub use world::{
-    ArmPhysics, BetweenReading, Board, PhysicsSettings, RelationSettings, SupportSurface, Workspace, World,
-    WorldDifference, WorldFault, WorldFile, WorldHashes, WorldPart, WorldRobot,
+    ArmPhysics, BetweenReading, Board, CameraAppearance, CameraResponse, Photograph, PhysicsSettings, RelationSettings,
+    SupportSurface, ToneCurve, Workspace, WorkspaceAppearance, WorkspaceLight, World, WorldDifference, WorldFault, WorldFile,
+    WorldHashes, WorldPart, WorldRobot,
 };

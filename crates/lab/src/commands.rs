@@ -26,7 +26,7 @@ use genmanip_lab::studio::StudioArguments;
 use genmanip_lab::teleop::TeleopArguments;
 use genmanip_lab::{
     agent, answers, assets, batch, blame, bridge, data, design, environment, expert, fit, grasp, hand_eye, hostile,
-    identification, layout, learn, learned_controls, motion, readers, relations, render, rendered, scale, segment,
+    identification, layout, learn, learned_controls, matching, motion, readers, relations, render, rendered, scale, segment,
     statistics, strangers, studio, suite, teleop, wording,
 };
 use genmanip_workspace::WorkspaceError;
@@ -89,6 +89,11 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
         LabCommand::Identify(arguments) => {
             let measured = identification::measure(arguments.count, Seed::new(arguments.seed))?;
             printer.data(&measured, &identification::describe(&measured));
+        }
+        LabCommand::Match(arguments) => {
+            let seed = Seed::new(arguments.seed);
+            let measured = matching::measure(arguments.count, seed, arguments.out.as_deref(), printer)?;
+            printer.data(&measured, &matching::describe(&measured));
         }
         LabCommand::Bridge(arguments) => {
             let seed = Seed::new(arguments.seed);

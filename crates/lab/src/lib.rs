@@ -28,6 +28,7 @@ pub mod identification;
 pub mod layout;
 pub mod learn;
 pub mod learned_controls;
+pub mod matching;
 pub mod motion;
 mod program;
 mod quantile;

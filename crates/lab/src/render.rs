@@ -4,7 +4,6 @@
 //! about a nanometre per frame, as they do in a simulation.
 
 mod baselines;
-mod flip;
 mod judge;
 
 use std::collections::BTreeMap;

@@ -10,7 +10,7 @@
 pub mod boards;
 pub mod bridge;
 pub mod calibrate;
-mod homography;
+pub mod homography;
 pub mod least_squares;
 pub mod linear;
 pub mod synthetic;

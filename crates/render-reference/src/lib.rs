@@ -1,6 +1,6 @@
 //! Path tracer: slow reference images for the rasteriser.
 //!
-//! Meshes, materials and lights are the rasteriser's. Paths are sampled from a seed with next-event estimation and
+//! Meshes, materials, lights and camera responses are the rasteriser's; photographs of workspaces are not shown. Paths are sampled from a seed with next-event estimation and
 //! multiple importance sampling. Intended differences from the rasteriser: full global illumination, shadows of
 //! everything on everything, and refraction by transparent objects.
 
@@ -26,7 +26,7 @@ use rand::RngExt;
 use bvh::{Bvh, Triangle};
 use genmanip_render::color::{linear_from_srgb8, luminance, srgb8_from_linear};
 use genmanip_render::internals::{Backdrop, CameraView, Lighting, rotation, tone_map};
-use genmanip_render::{RenderAssets, RenderError, RenderVariation, ViewJob};
+use genmanip_render::{CameraLook, RenderAssets, RenderError, RenderVariation, ViewJob};
 use lamps::Lamps;
 use samples::Samples;
 use scene::{Body, Brought, Reference};
@@ -50,6 +50,8 @@ pub struct ReferenceSettings {
 pub struct Exposed {
     width: usize,
     exposure: f32,
+    /// Response of the camera if the variation has one, in place of tone mapping.
+    look: Option<CameraLook>,
     pixels: Vec<Brought>,
 }
 
@@ -97,7 +99,8 @@ pub fn trace(
             });
         }
     });
-    Ok(Exposed { width: camera.width, exposure: variation.exposure, pixels })
+    let look = variation.looks.iter().find(|look| look.camera == job.camera.name).cloned();
+    Ok(Exposed { width: camera.width, exposure: variation.exposure, look, pixels })
 }
 
 impl Exposed {
@@ -120,6 +123,11 @@ impl Exposed {
         (low * high).sqrt()
     }
 
+    /// Radiance (linear RGB, without exposure) of all pixels, row by row; the background is black.
+    pub fn radiance(&self) -> Vec<[f32; 3]> {
+        self.pixels.iter().map(|pixel| pixel.radiance.to_array()).collect()
+    }
+
     /// Width of the image (px).
     pub fn width(&self) -> usize {
         self.width
@@ -129,7 +137,12 @@ impl Exposed {
         // The background is an image colour, not light: surfaces are tone-mapped as if they filled the pixel.
         let covered = 1.0 - luminance(pixel.behind);
         let color = if covered > 1e-3 {
-            Vec3A::from_array(tone_map((pixel.radiance * (self.exposure * exposure / covered)).to_array())) * covered
+            let radiance = pixel.radiance * (self.exposure * exposure / covered);
+            let shown = match &self.look {
+                Some(look) => look.response.display(radiance),
+                None => Vec3A::from_array(tone_map(radiance.to_array())),
+            };
+            shown * covered
         } else {
             Vec3A::ZERO
         };

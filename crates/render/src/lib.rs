@@ -24,6 +24,7 @@ mod frame;
 mod gbuffer;
 mod light_buffer;
 mod lights;
+mod matched;
 mod raster;
 mod render_scene;
 mod resolve;
@@ -36,7 +37,7 @@ mod transparency;
 /// Colour conversions.
 pub mod color {
     pub use crate::lights::sky::luminance;
-    pub use crate::scene::texture::{linear_from_srgb, linear_from_srgb8, srgb8_from_linear};
+    pub use crate::scene::texture::{linear_from_srgb, linear_from_srgb8, srgb_from_linear, srgb8_from_linear};
 }
 
 /// Meshes, materials and lights for the path tracer of `genmanip-render-reference` and for the files of
@@ -62,6 +63,9 @@ pub use error::RenderError;
 pub use frame::encode;
 pub use frame::renderer::Renderer;
 pub use genmanip_core::{AppearanceFactor, AppearanceRandomisation};
+pub use matched::look::CameraLook;
+pub use matched::photograph::{LinearPhotograph, decoded as decoded_photograph};
+pub use matched::response::Response;
 pub use job::{Channels, FIRST_OBJECT, FrameBuffers, FrameState, NOTHING, ROBOT, TABLE, ViewJob, object_of_instance};
 pub use scene::assets::RenderAssets;
 pub use scene::sampling;

@@ -87,9 +87,9 @@ impl StageRenderer {
     /// Renderer with the appearance given by the world.
     ///
     /// # Errors
-    /// If a mesh is invalid.
+    /// If a mesh or the world's measured appearance is invalid.
     pub fn new(stage: &Stage) -> Result<Self, RolloutError> {
-        Self::with_appearance(stage, usual_variation(stage))
+        Self::with_appearance(stage, usual_variation(stage)?)
     }
 
     /// Renderer with another appearance.
@@ -249,9 +249,11 @@ impl StageRenderer {
 }
 
 /// Appearance of a stage according to its world.
-pub fn usual_variation(stage: &Stage) -> RenderVariation {
-    let usual = RenderVariation::default();
-    stage.scenario.world.look.as_ref().map_or_else(|| usual.clone(), |look| sampling::varied(&usual, look))
+///
+/// # Errors
+/// As [`RenderVariation::of_world`].
+pub fn usual_variation(stage: &Stage) -> Result<RenderVariation, RolloutError> {
+    RenderVariation::of_world(&stage.scenario.world).map_err(|error| failed(&stage.scenario.id, error))
 }
 
 /// Seed of the sensor noise at a frame (control step) of an episode; equal in the loop, in a data set and when rendered
@@ -278,7 +280,7 @@ pub fn render_tracks(
         .map(|camera| TrackRecorder::new(camera, settings.fps, &settings.video))
         .collect::<Result<Vec<_>, _>>()?;
     let look = AppearanceRandomisation::new(seed, vary.clone());
-    let mut renderer = StageRenderer::with_appearance(stage, sampling::varied(&usual_variation(stage), &look))?;
+    let mut renderer = StageRenderer::with_appearance(stage, sampling::varied(&usual_variation(stage)?, &look))?;
     let views: Vec<_> = cameras.iter().map(|camera| (camera, ImageChannels::RGBD)).collect();
     render_frames(&mut renderer, episode, settings.fps, &views, &mut |view, image| Ok(tracks[view].push(image)?))?;
     Ok(tracks.into_iter().map(TrackRecorder::finish).collect::<Result<Vec<_>, _>>()?)

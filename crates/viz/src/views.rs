@@ -123,7 +123,8 @@ pub fn draw(
     let pinholes = cameras.iter().map(sensor::pinhole).collect::<Result<Vec<_>, _>>().map_err(not_drawn)?;
     let jobs: Vec<ViewJob> = pinholes.iter().map(|camera| ViewJob::new(&state, camera, Channels::RGB)).collect();
     let mut pictures = vec![FrameBuffers::default(); jobs.len()];
-    let mut renderer = Renderer::new(assets, RenderVariation::default());
+    let variation = RenderVariation::of_world(setting.world()).map_err(not_drawn)?;
+    let mut renderer = Renderer::new(assets, variation);
     renderer.render(&jobs, &mut pictures).map_err(not_drawn)?;
     let developed = |(camera, picture)| sensor::developed(&renderer, camera, Channels::RGB, picture, Seed::new(0));
     cameras.iter().zip(pictures).map(developed).collect::<Result<_, _>>().map_err(not_drawn)

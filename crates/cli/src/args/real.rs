@@ -23,6 +23,63 @@ pub enum RealCommand {
                       Enter and Ctrl-C stop the arm. docs/guides/from-here-to-your-arm.md has the way to the first motion."
     )]
     Run(RealRunArguments),
+    /// Match a world to photographs of the real workspace: light, camera response, background
+    #[command(after_help = "Examples:\n  genmanip real match photos --world world.toml --out matched\n  \
+                      genmanip real match static=empty.png --world world.toml --out matched \\\n    \
+                      --chart static=chart.png:112,80,200,82,198,140,110,138 \\\n    \
+                      --scenario cups.json --objects static=cups.png\n\n\
+                      docs/guides/match-your-workspace.md says which photographs to take.")]
+    Match(RealMatchArguments),
+}
+
+/// Arguments of `real match`.
+#[derive(Debug, Args)]
+pub struct RealMatchArguments {
+    /// Photographs of the empty workspace: CAMERA=FILE, or a folder with CAMERA.png or CAMERA.jpg
+    #[arg(required = true, value_name = "PHOTO")]
+    pub photos: Vec<String>,
+    /// World with the calibrated cameras: TOML or JSON [default: the built-in one]
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
+    /// Photograph with a 24-patch colour chart flat on the table, and the pixels of the centres of its corner patches: dark
+    /// skin, bluish green, black, white
+    #[arg(long = "chart", value_name = "CAMERA=FILE:U,V,U,V,U,V,U,V", value_parser = chart)]
+    pub charts: Vec<ChartArgument>,
+    /// Scenario with the known objects of the photographs with --objects
+    #[arg(long, value_name = "FILE", requires = "objects")]
+    pub scenario: Option<PathBuf>,
+    /// Photograph with the scenario's objects, otherwise as that of the empty workspace: CAMERA=FILE or a folder
+    #[arg(long, value_name = "PHOTO", requires = "scenario")]
+    pub objects: Vec<String>,
+    /// Mean colour of the table, 8-bit sRGB, if no colour chart is at hand
+    #[arg(long, value_name = "R,G,B", value_parser = color)]
+    pub table_color: Option<[u8; 3]>,
+    /// Joint positions of the arm in all photographs, rad [default: where the world's episodes start]
+    #[arg(long, value_name = "J,…", allow_hyphen_values = true, value_parser = joints, conflicts_with = "no_arm")]
+    pub arm: Option<Joints>,
+    /// Opening of the gripper in all photographs, m [default: wide open]
+    #[arg(long, value_name = "M", value_parser = parse::number, conflicts_with = "no_arm")]
+    pub gripper: Option<f64>,
+    /// The robot is in none of the photographs
+    #[arg(long)]
+    pub no_arm: bool,
+    /// Folder for the matched world, the backgrounds and the comparison
+    #[arg(long, value_name = "FOLDER")]
+    pub out: PathBuf,
+}
+
+/// Joint positions, rad or m.
+pub type Joints = std::sync::Arc<[f64]>;
+
+/// Value of `--chart`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChartArgument {
+    /// Name of the camera.
+    pub camera: String,
+    /// Photograph.
+    pub file: PathBuf,
+    /// Pixels of the four corners.
+    pub corners_px: [[f64; 2]; 4],
 }
 
 /// Arguments of `real simulate`.
@@ -149,5 +206,44 @@ fn corners(text: &str) -> Result<[[f64; 3]; 2], String> {
     match numbers[..] {
         [x1, y1, z1, x2, y2, z2] => Ok([[x1, y1, z1], [x2, y2, z2]]),
         _ => Err("expected two corners of a box, X1,Y1,Z1,X2,Y2,Z2".into()),
+    }
+}
+
+fn numbers(text: &str) -> Result<Vec<f64>, String> {
+    text.split(',').map(parse::number).collect()
+}
+
+fn joints(text: &str) -> Result<Joints, String> {
+    numbers(text).map(Into::into)
+}
+
+fn color(text: &str) -> Result<[u8; 3], String> {
+    let values = text.split(',').map(|value| value.trim().parse()).collect::<Result<Vec<u8>, _>>();
+    values.ok().and_then(|values| values.try_into().ok()).ok_or_else(|| "expected R,G,B, each 0 to 255".into())
+}
+
+fn chart(text: &str) -> Result<ChartArgument, String> {
+    let expected = || "expected CAMERA=FILE:U,V,U,V,U,V,U,V".to_owned();
+    let (camera, rest) = text.split_once('=').ok_or_else(expected)?;
+    let (file, corners) = rest.rsplit_once(':').ok_or_else(expected)?;
+    let [a, b, c, d, e, f, g, h] = numbers(corners)?[..] else { return Err(expected()) };
+    let corners_px = [[a, b], [c, d], [e, f], [g, h]];
+    Ok(ChartArgument { camera: camera.into(), file: file.into(), corners_px })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn charts_name_camera_file_and_corners() {
+        let read = chart("static=C:/a=b.png:1,2,3,4,5,6,7,8.5").unwrap();
+        assert_eq!((read.camera.as_str(), read.file.to_str()), ("static", Some("C:/a=b.png")));
+        assert_eq!(read.corners_px[3], [7.0, 8.5]);
+        for wrong in ["static.png:1,2,3,4,5,6,7,8", "static=a.png", "static=a.png:1,2,3", "static=a.png:1,2,3,4,5,6,7,x"] {
+            assert!(chart(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(color("250, 240,0"), Ok([250, 240, 0]));
+        assert!(color("250,240").is_err() && color("256,0,0").is_err());
     }
 }

@@ -1,4 +1,7 @@
-//! `genmanip real`: policies on an arm behind a bridge, and a simulated arm in its place.
+//! `genmanip real`: policies on an arm behind a bridge, a simulated arm in its place, and worlds that look like the real
+//! workspace.
+
+mod matched;
 
 use std::io::{IsTerminal, stdin};
 use std::net::TcpListener;
@@ -27,6 +30,7 @@ pub fn run(command: &RealCommand, printer: &Printer) -> Result<ExitStatus, Faile
     match command {
         RealCommand::Simulate(arguments) => simulate(arguments, printer),
         RealCommand::Run(arguments) => run_policy(arguments, printer),
+        RealCommand::Match(arguments) => matched::run(arguments, printer),
     }
 }
 

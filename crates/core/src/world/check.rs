@@ -57,6 +57,7 @@ impl World {
         self.check_robot(robot, &mut faults);
         check_parts(&self.cameras, Some(&self.physics), Some(&self.relations), &mut faults);
         faults.extend(self.look.as_ref().and_then(fault_of_look));
+        faults.extend(self.appearance.iter().flat_map(|appearance| appearance.faults(&self.cameras)));
         faults
     }
 
@@ -68,6 +69,7 @@ impl World {
         }
         check_parts(&self.cameras, Some(&self.physics), Some(&self.relations), &mut faults);
         faults.extend(self.look.as_ref().and_then(fault_of_look));
+        faults.extend(self.appearance.iter().flat_map(|appearance| appearance.faults(&self.cameras)));
         faults
     }
 

@@ -97,7 +97,7 @@ impl World {
         let (ours, theirs) = (self.fields(), other.fields());
         let fields: std::collections::BTreeSet<&String> = ours.keys().chain(theirs.keys()).collect();
         let text = |side: &BTreeMap<String, String>, field: &String| {
-            side.get(field).cloned().unwrap_or_else(|| "nothing".into())
+            side.get(field).map_or_else(|| "nothing".into(), |value| shortened(value))
         };
         fields
             .into_iter()
@@ -122,6 +122,15 @@ impl World {
         let mut fields = BTreeMap::new();
         collect(&serde_json::to_value(self).unwrap_or_default(), String::new(), &mut fields);
         fields
+    }
+}
+
+/// Text of a value, cut if it is long, as that of a photograph.
+fn shortened(value: &str) -> String {
+    const LONGEST: usize = 200;
+    match value.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}… ({} bytes)", &value[..end], value.len()),
+        None => value.to_owned(),
     }
 }
 

@@ -22,7 +22,8 @@ pub struct WorldFile {
 }
 
 /// Top-level keys, in the order of the file.
-const KEYS: [&str; 8] = ["surfaces", "floor_z_m", "workspace", "robot", "cameras", "physics", "relations", "look"];
+const KEYS: [&str; 9] =
+    ["surfaces", "floor_z_m", "workspace", "robot", "cameras", "physics", "relations", "look", "appearance"];
 
 /// Keys of a camera in the file after [`read_camera`] has replaced the shorthands.
 const CAMERA_KEYS: [&str; 6] = ["name", "mount", "mount_from_camera", "intrinsics", "distortion", "sensor"];
@@ -115,6 +116,7 @@ impl WorldFile {
         let physics: Option<PhysicsSettings> = self.section("physics", &mut faults);
         let relations: Option<RelationSettings> = self.section("relations", &mut faults);
         let look = self.body.contains_key("look").then(|| self.section("look", &mut faults)).flatten();
+        let appearance = self.body.contains_key("appearance").then(|| self.section("appearance", &mut faults)).flatten();
         if floor_z_m.is_none() || workspace.is_none() || named.is_none() || physics.is_none() || relations.is_none() {
             // Validate the sections that could be read.
             check_parts(&cameras, physics.as_ref(), relations.as_ref(), &mut faults);
@@ -124,7 +126,7 @@ impl WorldFile {
         else {
             return Err(faults);
         };
-        let world = World { surfaces, floor_z_m, workspace, robot: named, cameras, physics, relations, look };
+        let world = World { surfaces, floor_z_m, workspace, robot: named, cameras, physics, relations, look, appearance };
         faults.extend(world.faults(robot));
         if faults.is_empty() { Ok(world) } else { Err(faults) }
     }

@@ -7,6 +7,7 @@
 //! A world has three parts with a hash each ([`WorldPart`]): *physics* and *judging* decide the outcome, so a replay
 //! in a world that differs there is refused; *looks* only affects appearance, so differences are merely reported.
 
+mod appearance;
 mod check;
 mod compare;
 mod file;
@@ -17,6 +18,9 @@ mod workspace;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use appearance::{
+    CameraAppearance, CameraResponse, MIDDLE_GREY, Photograph, ToneCurve, WorkspaceAppearance, WorkspaceLight,
+};
 pub use check::{WorldFault, camera_faults};
 pub use compare::{WorldDifference, WorldHashes, WorldPart};
 pub use file::{WorldFile, read_camera};
@@ -47,6 +51,9 @@ pub struct World {
     /// Appearance randomisation: light, background, table top, object paint; `None` for the default appearance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub look: Option<AppearanceRandomisation>,
+    /// Appearance measured from photographs of the real workspace; `None` for the default appearance.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub appearance: Option<WorkspaceAppearance>,
 }
 
 impl Document for World {

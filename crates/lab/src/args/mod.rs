@@ -82,6 +82,12 @@ pub enum LabCommand {
                       A quarter of the hidden arms has an effect that the model lacks: backlash, Stribeck friction or\n\
                       another time step. Joint sensors have noise of 0.02 to 0.2 mrad and steps of 0.01 to 0.1 mrad.")]
     Identify(LabIdentifyArguments),
+    /// Match worlds to photographs of hidden worlds with known truth: response, light, held-out views
+    #[command(after_help = "Examples:\n  genmanip-lab match --seed 7 --count 30 --json\n  \
+                      genmanip-lab match --count 3 --out images\n\n\
+                      One thread. Of ten worlds, two hold nothing that throws a shadow, one of them without a colour chart;\n\
+                      every fifth is path-traced, with a tone curve that the matched response cannot have.")]
+    Match(LabMatchArguments),
     /// Send random streams of commands to the bridge of an arm, and run policies behind it and directly
     #[command(after_help = "Examples:\n  genmanip-lab bridge --seed 7 --count 10000 --json\n  \
                       genmanip-lab bridge --count 0 --suite suites/genmanip-200-rc --scenes 50 --policy expert\n\n\

@@ -114,3 +114,17 @@ pub struct LabCalibrateArguments {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
+
+/// Arguments of `genmanip-lab match`.
+#[derive(Debug, Args)]
+pub struct LabMatchArguments {
+    /// Seed of the hidden worlds
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
+    pub seed: u64,
+    /// Number of hidden worlds; every fifth is path-traced, which takes most of the time
+    #[arg(long, default_value_t = 30, value_parser = parse::count)]
+    pub count: usize,
+    /// Folder for images of the held-out views: truth, default world, matched world
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}

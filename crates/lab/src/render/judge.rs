@@ -13,7 +13,7 @@ use genmanip_render_reference::{ReferenceSettings, trace};
 use genmanip_workspace::Progress;
 use serde::Serialize;
 
-use super::flip::mean_flip;
+use genmanip_visual_matching::flip::mean_flip;
 use super::{CHANNELS, GRID, OBJECTS, episode, objects, render_failed, sized};
 use crate::LabError;
 

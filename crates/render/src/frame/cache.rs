@@ -166,7 +166,8 @@ impl FrameCache {
     /// Shades the pixel centres of tiles, background included.
     fn shade(&mut self, scene: &RenderScene<'_>, tiles: &[usize]) {
         let camera = &self.view.camera;
-        let constant = scene.backdrop.plain().map(|color| (color, srgb8_from_linear(color)));
+        let plain = scene.backdrop.plain().filter(|_| scene.look.is_none());
+        let constant = plain.map(|color| (color, srgb8_from_linear(color)));
         for &tile in tiles.iter().filter(|&&tile| self.light_buffer.may_be_empty(tile)) {
             let [columns, rows] = self.light_buffer.pixels_of(tile);
             for row in rows {
@@ -176,8 +177,7 @@ impl FrameCache {
                         continue;
                     }
                     let (color, bytes) = constant.unwrap_or_else(|| {
-                        let point = camera.point_at(Vec2::new(column as f32, row as f32), 1.0);
-                        let color = scene.backdrop.color(camera.viewpoint, point - camera.viewpoint);
+                        let color = scene.background(camera, Vec2::new(column as f32, row as f32));
                         (color, srgb8_from_linear(color))
                     });
                     self.colors[pixel] = color;

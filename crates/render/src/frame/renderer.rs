@@ -12,6 +12,7 @@ use crate::frame::cache::{FrameCache, write_geometry};
 use crate::gbuffer::view::{CameraView, View};
 use crate::job::{Channels, FIRST_OBJECT, FrameBuffers, FrameState, ViewJob};
 use crate::lights::lighting::Lighting;
+use crate::matched::look::Look;
 use crate::raster::VisibilityBuffer;
 use crate::render_scene::RenderScene;
 use crate::scene::assets::RenderAssets;
@@ -61,6 +62,8 @@ struct CacheKey {
     mount: CameraMount,
     mount_from_camera: Pose,
     intrinsics: Intrinsics,
+    /// Index of the camera's look, which its name selects.
+    look: Option<usize>,
 }
 
 impl Renderer {
@@ -193,7 +196,9 @@ impl Renderer {
         let irradiance_grids =
             &mut self.irradiance_grids[usize::from(is_small)][usize::from(job.camera.mount == CameraMount::Hand)];
         irradiance_grids.update(&self.proxies, &self.variation, &self.lighting, &camera);
-        let key = CacheKey { mount: job.camera.mount, mount_from_camera: job.camera.mount_from_camera, intrinsics };
+        let own_look = self.variation.looks.iter().position(|look| look.camera == job.camera.name);
+        let (mount, mount_from_camera) = (job.camera.mount, job.camera.mount_from_camera);
+        let key = CacheKey { mount, mount_from_camera, intrinsics, look: own_look };
         let (key, mut cache) = match self.kept.iter().position(|(known, _)| *known == key) {
             Some(index) => self.kept.remove(index),
             None => (key, FrameCache::default()),
@@ -201,7 +206,10 @@ impl Renderer {
         let (assets, materials) = (&*self.assets, &*self.materials);
         let (variation, lighting, backdrop) = (&self.variation, &self.lighting, &self.backdrop);
         let (proxies, irradiance_grids) = (&self.proxies, &*irradiance_grids);
-        let scene = RenderScene { assets, materials, variation, lighting, backdrop, shadow, proxies, irradiance_grids };
+        let look = Look::of(&variation.looks, job.camera);
+        let look = look.as_ref();
+        let scene =
+            RenderScene { assets, materials, variation, lighting, backdrop, look, shadow, proxies, irradiance_grids };
         cache.draw(&scene, frame, camera);
         cache.write(&self.assets, job.channels, image_size, out);
         self.shaded_pixels = cache.shaded_pixels;

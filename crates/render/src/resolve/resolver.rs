@@ -77,8 +77,7 @@ impl Resolver {
     fn shade_unmatched(&mut self, scene: &RenderScene<'_>, view: &View) {
         let (camera, EdgePixels { pixels, unmatched, .. }) = (&view.camera, &mut self.edges);
         for UnmatchedSample { point, edge_pixel, share, .. } in unmatched.iter().filter(|sample| sample.point.id == 0) {
-            let ray = camera.point_at(Vec2::new(point.x, point.y), 1.0) - camera.viewpoint;
-            pixels[*edge_pixel as usize].1 += scene.backdrop.color(camera.viewpoint, ray) * *share;
+            pixels[*edge_pixel as usize].1 += scene.background(camera, Vec2::new(point.x, point.y)) * *share;
         }
         unmatched.retain(|sample| sample.point.id != 0);
         let surface = |sample: &UnmatchedSample| surface_of(sample.point.id);

@@ -68,6 +68,11 @@ impl Material {
         (self.opacity * self.opacity).max(2.0 * (self.roughness - 0.1)).clamp(0.0, 1.0)
     }
 
+    /// Rough dielectric of a linear base colour, without texture.
+    pub fn matt(base: Vec3A) -> Self {
+        Self { base, roughness: 0.8, metallic: 0.0, opacity: 1.0, reflectance: 0.04, texture: None }
+    }
+
     /// Material of a visual part, with values clamped to their valid ranges.
     pub fn new(material: &genmanip_core::Material) -> Self {
         let ior = material.ior.max(1.0);

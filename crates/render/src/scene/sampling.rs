@@ -42,6 +42,7 @@ pub fn varied(usual: &RenderVariation, look: &AppearanceRandomisation) -> Render
                 variation.background = [0, 1, 2].map(|channel| mixed(channel) as u8);
                 // A room cannot be interpolated.
                 variation.room = if share > 0.0 { room(rng) } else { usual.room };
+                forget_photographs(&mut variation, share);
             }
             AppearanceFactor::Material => {
                 let index = rng.random_range(0..TableTop::all().len());
@@ -49,6 +50,8 @@ pub fn varied(usual: &RenderVariation, look: &AppearanceRandomisation) -> Render
                 // A material cannot be interpolated.
                 variation.table_top = if share > 0.0 { drawn } else { usual.table_top };
                 variation.table_color = usual.table_color.map(|channel| mix(channel, between(rng, 0.9, 1.0), share));
+                variation.table_base = variation.table_base.filter(|_| share == 0.0);
+                forget_photographs(&mut variation, share);
             }
             AppearanceFactor::Objects => {
                 let (tint, roughness, metallic) = PAINT.map(|most| share * most).into();
@@ -92,6 +95,13 @@ fn light(variation: &mut RenderVariation, share: f32, rng: &mut impl Rng) {
     variation.sky_color = mixed(usual.sky_color, lamp(between(rng, 4500.0, 9000.0)));
     variation.ambient_intensity = mix(usual.ambient_intensity, between(rng, 0.28, 0.52), share);
     variation.exposure = mix(usual.exposure, between(rng, 0.9, 1.2), share);
+}
+
+/// Removes the photographs, which show another background and table than the sampled ones.
+fn forget_photographs(variation: &mut RenderVariation, share: f32) {
+    if share > 0.0 {
+        variation.looks.iter_mut().for_each(|look| look.photograph = None);
+    }
 }
 
 /// Linear interpolation, exact at 0 and 1.

@@ -274,6 +274,12 @@ pub fn linear_from_srgb(rgb: [f32; 3]) -> Vec3A {
     }))
 }
 
+/// sRGB value, 0-1, of a linear value.
+pub fn srgb_from_linear(linear: f32) -> f32 {
+    let linear = linear.clamp(0.0, 1.0);
+    if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
 /// Linear values of 8-bit sRGB codes.
 fn linear_table() -> &'static [f32; 256] {
     static TABLE: OnceLock<[f32; 256]> = OnceLock::new();
@@ -286,8 +292,7 @@ pub(crate) fn srgb_table() -> &'static [u8; 4096] {
     TABLE.get_or_init(|| {
         std::array::from_fn(|index| {
             let linear = index as f32 / 4095.0;
-            let srgb = if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
-            (srgb * 255.0 + 0.5) as u8
+            (srgb_from_linear(linear) * 255.0 + 0.5) as u8
         })
     })
 }

@@ -6,6 +6,7 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use crate::job::FIRST_OBJECT;
+use crate::matched::look::CameraLook;
 use crate::scene::assets::RenderAssets;
 use crate::scene::material::Material;
 use crate::scene::table_tops::TableTop;
@@ -40,6 +41,9 @@ pub struct RenderVariation {
     pub table_top: TableTop,
     /// Tint that multiplies the texture of the first support surface.
     pub table_color: [f32; 3],
+    /// Base colour of the first support surface, linear RGB, in place of its material; `None` for the material.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub table_base: Option<[f32; 3]>,
     /// Variation of the objects' paint; `None` for the original paint.
     pub objects: Option<ObjectVariation>,
     /// Radius within which surfaces occlude ambient light (m); 0 switches ambient occlusion off.
@@ -52,6 +56,9 @@ pub struct RenderVariation {
     pub shadow_center: [f32; 3],
     /// Radius of that sphere (m).
     pub shadow_radius_m: f32,
+    /// Responses and photographs of real cameras; images of other cameras get the usual exposure and tone mapping.
+    #[serde(skip)]
+    pub looks: Vec<CameraLook>,
 }
 
 /// Variation of the objects' paint, sampled once per object for all of its parts.
@@ -77,7 +84,10 @@ impl RenderVariation {
             assets.parts.iter().map(|part| self.painted(part.instance, &part.material)).collect();
         if let Some(first) = assets.supports().first() {
             let top = Material::new(&self.table_top.material());
-            materials[first.part] = Material { base: top.base * linear_from_srgb(self.table_color), ..top };
+            materials[first.part] = match self.table_base {
+                Some(base) => Material::matt(Vec3A::from_array(base)),
+                None => Material { base: top.base * linear_from_srgb(self.table_color), ..top },
+            };
         }
         materials
     }
@@ -114,12 +124,14 @@ impl Default for RenderVariation {
             room: None,                         // the background colour
             table_top: TableTop::default(),     // a calm light wood
             table_color: [1.0, 1.0, 1.0],       // the texture as it is
+            table_base: None,                   // the material
             objects: None,                      // as they are
             occlusion_radius_m: 0.09,           // shadows around hand-sized things
             occlusion_strength: 1.4,            // corners as dark as in path-traced images
             shadow_resolution: 1024,            // 2 mm per texel, finer than a pixel of the default cameras
             shadow_center: [0.4, 0.0, 0.3],     // between the arm and its usable area
             shadow_radius_m: 1.0,               // the ball holds the arm and its usable area
+            looks: Vec::new(),                  // no real cameras
         }
     }
 }

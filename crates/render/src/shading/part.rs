@@ -7,6 +7,7 @@ use crate::ambient::proxies::Proxy;
 use crate::gbuffer::view::{CameraView, PartView, View};
 use crate::lights::lighting::Lighting;
 use crate::lights::sky::Glossy;
+use crate::matched::look::Look;
 use crate::render_scene::RenderScene;
 use crate::scene::material::Material;
 use crate::scene::mesh::Face;
@@ -26,6 +27,10 @@ pub(crate) struct ShadedPart<'a> {
     pub placed: &'a PartView,
     pub camera: &'a CameraView,
     pub light: PartLight<'a>,
+    /// Response and photographs of the image; `None` for the usual tone mapping.
+    pub look: Option<&'a Look<'a>>,
+    /// True for a fixture, which photographs of the empty workspace show.
+    pub is_fixture: bool,
 }
 
 /// Incoming light of a part.
@@ -68,6 +73,7 @@ impl<'a> ShadedPart<'a> {
             bounce: part.body.map_or(1.0, |body| scene.proxies.bounce_of(body)),
         };
         let viewpoint = (!part.hides_back(mesh)).then_some(placed.viewpoint_in_body);
-        Self { faces: &mesh.faces, viewpoint, material, placed, camera: &view.camera, light }
+        let (look, is_fixture) = (scene.look, part.body.is_none());
+        Self { faces: &mesh.faces, viewpoint, material, placed, camera: &view.camera, light, look, is_fixture }
     }
 }

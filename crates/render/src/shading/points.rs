@@ -29,6 +29,8 @@ pub(super) struct ShadingPoints {
     /// Texture area per surface area (1/m²), later replaced by texels per pixel.
     pub texels: BatchColumn,
     pub base: [BatchColumn; 3],
+    /// 1 where the base colour is photographed, else 0.
+    pub photographed: BatchColumn,
 }
 
 impl ShadingPoints {

@@ -23,7 +23,7 @@ const CORNER_KEY: f32 = 0.845;
 const CORNER_SHADE: f32 = 1.0;
 const CORNER_OPEN: f32 = 2.0;
 
-/// Computes the tone-mapped reflected radiance of a batch of points.
+/// Computes the reflected radiance of a batch of points, tone-mapped unless the part has a look of its own.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn reflect(points: &ShadingPoints, part: &ShadedPart<'_>, out: &mut ShadingTerms) {
     if points.pixels.count <= REGISTER {
@@ -46,12 +46,29 @@ fn reflect_chunk<const LANES: usize>(points: &ShadingPoints, part: &ShadedPart<'
         irradiance_grid.apply(points.pixels.count, &points.place, &mut out.around);
     }
     find_highlights::<LANES>(material.roughness, light.lighting, out);
+    if part.look.is_some() {
+        remove_gloss::<LANES>(&points.photographed, out);
+    }
     apply_shadow::<LANES>(&points.shadow, light.with_key(), out);
     sum_terms::<LANES>(points, material, light, out);
     if let Some(cavity) = light.cavity {
         cavity_term::<LANES>(cavity, points, material, light.lighting, out);
     }
-    tone_map_all::<LANES>(material.opacity < 1.0, out);
+    if part.look.is_none() {
+        tone_map_all::<LANES>(material.opacity < 1.0, out);
+    }
+}
+
+/// Removes specular reflection where a surface has a photographed colour, which contains it.
+#[inline(always)]
+fn remove_gloss<const LANES: usize>(photographed: &BatchColumn, out: &mut ShadingTerms) {
+    for i in 0..LANES {
+        let kept = 1.0 - photographed[i];
+        out.lobe[i] *= kept;
+        for axis in 0..3 {
+            out.mirrored[axis][i] *= kept;
+        }
+    }
 }
 
 /// Computes unit normals, unit directions to the viewer, and the cosines between them.
@@ -259,7 +276,8 @@ mod tests {
                 bounce,
             };
             let (material, placed, camera) = (&material, &PartView::default(), &camera);
-            let part = ShadedPart { faces: &[], viewpoint: None, material, placed, camera, light };
+            let (look, is_fixture) = (None, false);
+            let part = ShadedPart { faces: &[], viewpoint: None, material, placed, camera, light, look, is_fixture };
             let [mut wide, mut plain] = [ShadingTerms::default(), ShadingTerms::default()];
             let bits = |lanes: &[BatchColumn; 3]| lanes.map(|channel| channel.map(f32::to_bits));
             shading.pixels.count = CHUNK;

@@ -10,6 +10,7 @@ use super::reflect::reflect;
 use super::terms::ShadingTerms;
 use crate::gbuffer::points::TRIANGLE;
 use crate::light_buffer::LightBuffer;
+use crate::matched::look::Photographed;
 use crate::scene::texture::{Samples, find_codes, srgb_table};
 use crate::simd::{BatchColumn, CHUNK, Column, REGISTER};
 
@@ -82,8 +83,7 @@ impl Shading {
     /// Linear display colour of point number `point`, after [`Shading::shade`].
     #[inline(always)]
     pub fn color_of(&self, point: usize) -> Vec3A {
-        let [r, g, b] = &self.reflected.color;
-        Vec3A::new(r[point], g[point], b[point])
+        self.reflected.color_at(point)
     }
 
     /// Linear display colours of all points, after [`Shading::shade`].
@@ -117,7 +117,30 @@ impl Shading {
             find_footprints::<CHUNK>(points, placed, camera, texture.texels());
         }
         points.paint(material, samples);
+        let Some(look) = part.look else { return reflect(points, part, reflected) };
+        let count = points.pixels.count;
+        points.photographed = BatchColumn::default();
+        let mut as_seen = [None; CHUNK];
+        if part.is_fixture {
+            // Fixtures stand in the world: the frame of the body is that of the world.
+            for i in 0..count {
+                let at = |axes: &[BatchColumn; 3]| Vec3A::new(axes[0][i], axes[1][i], axes[2][i]);
+                let (place, normal) = (at(&points.place), at(&points.normal).normalize_or_zero());
+                match look.surface(place, normal, part.light.lighting) {
+                    Some(Photographed::Base(base)) => {
+                        (0..3).for_each(|channel| points.base[channel][i] = base[channel]);
+                        points.photographed[i] = 1.0;
+                    }
+                    Some(Photographed::AsSeen(radiance)) => as_seen[i] = Some(radiance),
+                    None => {}
+                }
+            }
+        }
         reflect(points, part, reflected);
+        for i in 0..count {
+            let color = look.display(as_seen[i].unwrap_or_else(|| reflected.color_at(i)));
+            (0..3).for_each(|channel| reflected.color[channel][i] = color[channel]);
+        }
     }
 }
 

@@ -1,5 +1,7 @@
 //! Terms of the reflected radiance of a batch of points.
 
+use glam::Vec3A;
+
 use crate::simd::BatchColumn;
 
 /// Intermediate terms and result of [`super::reflect::reflect`], by point.
@@ -27,6 +29,14 @@ pub(super) struct ShadingTerms {
     pub(super) lobe: BatchColumn,
     pub(super) weight: BatchColumn,
     pub color: [BatchColumn; 3],
+}
+
+impl ShadingTerms {
+    /// Resulting colour of a point.
+    #[inline(always)]
+    pub(super) fn color_at(&self, point: usize) -> Vec3A {
+        Vec3A::new(self.color[0][point], self.color[1][point], self.color[2][point])
+    }
 }
 
 /// Direction to the viewer reflected about the normal (both unit vectors); `twice` is twice their dot product.

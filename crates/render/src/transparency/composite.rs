@@ -118,7 +118,7 @@ impl Work {
         self.rays.are_bent = far == near && self.sides[1].is_solid;
         if self.rays.are_bent {
             let index_of_refraction = scene.materials[near as usize - 1].index_of_refraction();
-            refract(&self.sides, index_of_refraction, &view.camera, scene.lighting, &mut self.rays);
+            refract(&self.sides, index_of_refraction, &view.camera, scene.lighting, scene.look, &mut self.rays);
         }
     }
 

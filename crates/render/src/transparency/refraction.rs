@@ -8,6 +8,7 @@ use super::interface::Interface;
 use crate::gbuffer::static_layer::TILE;
 use crate::gbuffer::view::CameraView;
 use crate::lights::lighting::Lighting;
+use crate::matched::look::Look;
 use crate::shading::tone_map::tone_map;
 use crate::simd::{BatchColumn, CHUNK, Column, dot, nearest_integer, within};
 
@@ -40,6 +41,7 @@ pub(super) fn refract(
     index_of_refraction: f32,
     camera: &CameraView,
     lighting: &Lighting,
+    look: Option<&Look<'_>>,
     out: &mut RefractedRays,
 ) {
     let lanes = [BatchColumn::default(); 3];
@@ -95,7 +97,11 @@ pub(super) fn refract(
         for i in 0..CHUNK {
             let light = glossy.at(at(&leaving, i));
             let exposed = [light[0] * lighting.exposure, light[1] * lighting.exposure, light[2] * lighting.exposure];
-            put(&mut out.around, i, tone_map(exposed));
+            let shown = match look {
+                Some(look) => look.display(exposed.into()).to_array(),
+                None => tone_map(exposed),
+            };
+            put(&mut out.around, i, shown);
         }
     }
 }

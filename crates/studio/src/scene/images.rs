@@ -7,7 +7,7 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, Frame, InstanceId, Intrinsics, ObjectModel, Pose, RobotModel, Scenario, World};
 use genmanip_render::encode::jpeg_rgb;
 use genmanip_render::{
-    Channels, FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance, sampling,
+    Channels, FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance,
     sensor,
 };
 use genmanip_workspace::WorkspaceError;
@@ -111,8 +111,7 @@ impl Painter {
     fn new(Drawn { key: _, scenario, models, robot }: Drawn) -> Result<Self, WorkspaceError> {
         let world = &scenario.world;
         let assets = RenderAssets::new(Arc::clone(robot), models, Some(world)).map_err(not_drawn)?;
-        let usual = RenderVariation::default();
-        let variation = world.look.as_ref().map_or_else(|| usual.clone(), |look| sampling::varied(&usual, look));
+        let variation = RenderVariation::of_world(world).map_err(not_drawn)?;
         Ok(Self {
             models: models.to_vec(),
             world: world.clone(),
@@ -129,8 +128,8 @@ impl Painter {
         let same_models =
             self.models.len() == models.len() && self.models.iter().zip(models).all(|(old, new)| Arc::ptr_eq(old, new));
         same_models
-            && (&old.surfaces, &old.look, &old.robot, old.floor_z_m)
-                == (&new.surfaces, &new.look, &new.robot, new.floor_z_m)
+            && (&old.surfaces, &old.look, &old.appearance, &old.robot, old.floor_z_m)
+                == (&new.surfaces, &new.look, &new.appearance, &new.robot, new.floor_z_m)
     }
 
     fn draw(&mut self, scenario: &Scenario, name: &str) -> Result<CameraImage, WorkspaceError> {

@@ -129,7 +129,7 @@ fn draw(
     let (id, seed) = episode.map_or((&scenario.id, scenario.seed), |it| (&it.result.id, it.result.seed));
     let folder = out.join(id);
     let look = options.look.as_ref().map(|look| (look.seed.of(id, seed), &look.vary[..]));
-    let usual = usual_variation(stage);
+    let usual = usual_variation(stage).map_err(|error| not_drawn(id, error))?;
     let variation = look.map_or_else(
         || usual.clone(),
         |(seed, vary)| sampling::varied(&usual, &genmanip_core::AppearanceRandomisation::new(seed, vary.to_vec())),

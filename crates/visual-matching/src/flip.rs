@@ -23,7 +23,7 @@ const VALUE_BEND: f32 = 0.95;
 const FEATURE_DEGREES: f32 = 0.082;
 const FEATURE_EXPONENT: f32 = 0.5;
 /// White point D65 in CIE XYZ.
-const WHITE: Vec3A = Vec3A::new(0.950_428_5, 1.0, 1.088_900_3);
+pub(crate) const WHITE: Vec3A = Vec3A::new(0.950_428_5, 1.0, 1.088_900_3);
 
 /// Difference per pixel, 0 to 1, between two 8-bit sRGB images with `width` pixels per row; `None` if their sizes
 /// differ or are not whole rows.
@@ -196,7 +196,7 @@ const XYZ_FROM_LINEAR: glam::Mat3A = glam::Mat3A::from_cols(
     Vec3A::new(0.180_480_8, 0.072_192_3, 0.950_532_2),
 );
 
-fn xyz_from_linear(linear: Vec3A) -> Vec3A {
+pub(crate) fn xyz_from_linear(linear: Vec3A) -> Vec3A {
     XYZ_FROM_LINEAR * linear
 }
 

@@ -1,0 +1,34 @@
+//! Worlds that look like photographs of a real workspace.
+//!
+//! ```text
+//! photographs of a colour chart ──response──▶ linear radiance ──light──▶ key light and ambient light
+//! of the empty table, of known objects                        └─emptied─▶ background without the arm
+//! ```
+//!
+//! [`match_workspace`] takes photographs from the world's calibrated cameras and writes what it finds into
+//! `World::appearance`: response of each camera, light, table colour and photographs. What the photographs do not tell
+//! is named ([`Unidentified`]), and left as it is by default. Images are compared by [`compare`], ΔE2000 and FLIP.
+
+mod cameras;
+pub mod chart;
+pub mod compare;
+pub mod difference;
+mod empty;
+mod error;
+pub mod flip;
+mod light;
+mod matching;
+pub mod report;
+mod request;
+pub mod response;
+mod scene;
+mod unidentified;
+mod views;
+
+pub use error::MatchError;
+pub use light::LightEstimate;
+pub use matching::{Matched, match_workspace};
+pub use request::{ChartPhoto, MatchRequest, ObjectScene, Photo};
+pub use scene::KeyLight;
+pub use unidentified::{Unidentified, names};
+pub use views::MatchedCamera;
