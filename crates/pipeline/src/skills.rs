@@ -11,7 +11,7 @@ use genmanip_data::EpisodeStore;
 use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources, in_parallel};
 use genmanip_rollout::{RolloutError, Stage, run_episode};
 use genmanip_skills::tasks::state_task;
-use genmanip_skills::{Skill, SkillMotion, Transfer, TransferSettings};
+use genmanip_skills::{Skill, Transfer, TransferSettings};
 use genmanip_workspace::task_spool::Tasks;
 use genmanip_workspace::{Progress, WorkspaceError, documents, worlds};
 use serde::Serialize;
@@ -242,8 +242,7 @@ fn tasks(skills: &[Skill], query: &str) -> Result<Vec<Task>, WorkspaceError> {
             .model(&card.asset)
             .map_err(|error| WorkspaceError::broken(format!("{} cannot be built", card.uid), error))?;
         for skill in skills {
-            let SkillMotion::Joint(motion) = &skill.motion else { continue };
-            let [from, to] = &motion.states;
+            let [from, to] = &skill.motion.states;
             let is_served = genmanip_skills::serves(skill, &model, from, to);
             if is_served && tasks.iter().all(|task| task.id != genmanip_skills::tasks::id(card, from, to)) {
                 let mut task = state_task(card, from, to);

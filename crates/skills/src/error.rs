@@ -11,11 +11,11 @@ pub enum SkillError {
         /// Id of the episode.
         episode: String,
     },
-    /// The goal has several moves, or none.
-    #[error("expected a goal with one move: one state of an object, or one object to carry")]
+    /// The goal has several moves, none, or one that carries an object.
+    #[error("expected a goal with one move, a state of an object")]
     NotOneMove,
-    /// The joint or the object is where it was.
-    #[error("nothing moved: expected a joint or an object that the hand moves")]
+    /// The joint is where it was.
+    #[error("nothing moved: expected a joint that the hand moves")]
     NothingMoved,
     /// The hand did not touch what moved when it began to move.
     #[error("no contact of the hand with what moved at control step {step}")]
@@ -29,9 +29,6 @@ pub enum SkillError {
         /// Control step after the last one in contact.
         step: usize,
     },
-    /// An object was moved without being held.
-    #[error("the object was not held while it moved: expected a grasp")]
-    NotHeld,
     /// The episode cannot be replayed.
     #[error(transparent)]
     Replay(#[from] RolloutError),

@@ -3,7 +3,7 @@
 use std::cell::OnceCell;
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::Pose;
+use genmanip_core::{JointKind, Pose};
 use genmanip_layout::articulation::JointChange;
 use genmanip_layout::obstacles;
 use genmanip_motion::{AllowedCollisions, Checker, CollisionWorld, Planner, PlanningScene};
@@ -31,6 +31,9 @@ pub struct FitSettings {
     pub configurations: usize,
     /// Largest change of an arm joint between two states along a segment, rad.
     pub max_arm_step_rad: f64,
+    /// Shares of the hand's rotation in the source that it makes along a joint whose handle pivots between the pads, in
+    /// the order tried.
+    pub pivot_shares: Vec<f64>,
     /// Distance to a joint limit from which more does not count, rad.
     pub enough_margin_rad: f64,
 }
@@ -46,6 +49,7 @@ impl Default for FitSettings {
             finger_clearance_m: 0.016,
             configurations: 6,
             max_arm_step_rad: 0.3,
+            pivot_shares: vec![1.0, 0.5, 0.0],
             // Chosen: the arm's drives overshoot by less than a hundredth of it.
             enough_margin_rad: 0.3,
         }
@@ -56,6 +60,8 @@ impl Default for FitSettings {
 const STATES: usize = 24;
 /// Largest distance of two checked states of approach and retreat, m.
 const SPACING_M: f64 = 0.01;
+/// Cosine of the angle between the closing direction and a joint's axis from which on a handle pivots.
+const PIVOTS: f64 = 0.98;
 /// Smallest lever of a contact about the joint's axis, m, to avoid division by zero.
 const MIN_LEVER_M: f64 = 1e-3;
 
@@ -114,12 +120,15 @@ pub fn fit_joint(
     let Some(object) = scene.objects().nth(change.object) else { return (fits, misfits) };
     let Some(handle) = Handle::of(&object.model, change.link, change.joint) else { return (fits, misfits) };
     let others = obstacles::around(scene, Some(change.object));
-    for &target in &change.targets {
-        let place = Place { object, handle: &handle, change, target, planner, others: &others, settings };
+    for &nominal in &change.targets {
         for (index, (motion, grip)) in skills.iter().enumerate() {
+            let target = change.from + (nominal - change.from) * motion.travelled();
+            let place = Place { object, handle: &handle, change, target, planner, others: &others, settings };
+            // A handle that pivots between the pads leaves the hand's tilt free.
+            let shares = if place.pivots(motion, *grip) { settings.pivot_shares.as_slice() } else { &[1.0] };
             for turned in [false, true] {
-                let best = place.fit(index, motion, *grip, turned, reference, &mut misfits);
-                fits.extend(best);
+                let mut tilts = shares.iter().map(|share| Hold { turned, share: *share });
+                fits.extend(tilts.find_map(|hold| place.fit(index, motion, *grip, hold, reference, &mut misfits)));
             }
         }
         if !fits.is_empty() {
@@ -128,6 +137,15 @@ pub fn fit_joint(
     }
     fits.sort_by(|a, b| b.score(settings).total_cmp(&a.score(settings)));
     (fits, misfits)
+}
+
+/// A way to hold the handle.
+#[derive(Clone, Copy)]
+struct Hold {
+    /// True if the fingers are exchanged.
+    turned: bool,
+    /// Share of the hand's rotation along the joint in the source that it makes.
+    share: f64,
 }
 
 /// A joint change in a scene.
@@ -154,32 +172,55 @@ impl Place<'_> {
         self.handle.world_pose(&self.object.model, &self.object.pose, &self.object.joint_positions, position)
     }
 
-    /// Position of the joint at a share of the travel, with what a push adds at its end, rad or m.
-    fn position(&self, share: f64) -> f64 {
-        self.change.from + (self.target - self.change.from) * share
+    /// Position of the joint at a share of the travel, rad or m; a push goes on by the distance (m) that its finger
+    /// stays off the face.
+    fn position(&self, share: f64, ease_m: f64) -> f64 {
+        let travel = self.target - self.change.from;
+        let near_m = self.handle_at(self.change.from + 0.02 * travel).position.distance(self.start().position);
+        let lever = near_m / (0.02 * travel).abs();
+        self.change.from + (travel + ease_m / lever.max(MIN_LEVER_M) * travel.signum()) * share
     }
 
-    fn poses(&self, motion: &JointMotion, grip: Grip, turned: bool) -> Poses {
-        let start = self.handle_at(self.change.from);
-        let near = self.handle_at(self.position(0.02)).position - start.position;
+    /// True if the fingers close along the axis of a revolute joint.
+    fn pivots(&self, motion: &JointMotion, grip: Grip) -> bool {
+        let joint = self.object.model.links.get(self.handle.link).and_then(|link| link.joint.as_ref());
+        let Some(axis) = joint.filter(|joint| joint.kind == JointKind::Revolute).map(|joint| joint.axis) else {
+            return false;
+        };
+        let closing = motion.along[0].rotation * DVec3::Y;
+        matches!(grip, Grip::Grasp { .. }) && closing.dot(axis).abs() > PIVOTS
+    }
+
+    /// `world_from_handle` at the start.
+    fn start(&self) -> Pose {
+        self.handle_at(self.change.from)
+    }
+
+    /// Distance by which the fingers of a grip stay off the face that they pushed in the source, m.
+    fn ease_m(&self, grip: Grip) -> f64 {
+        if matches!(grip, Grip::Fixed { .. }) { self.settings.ease_m } else { 0.0 }
+    }
+
+    fn poses(&self, motion: &JointMotion, grip: Grip, hold: Hold) -> Poses {
+        let (start, ease_m) = (self.start(), self.ease_m(grip));
+        let near = self.handle_at(self.position(0.02, 0.0)).position - start.position;
         let direction = start.rotation.inverse() * near.normalize_or_zero();
-        let ease_m = if matches!(grip, Grip::Fixed { .. }) { self.settings.ease_m } else { 0.0 };
         let own = |pose: &Pose| {
             let pose = rescaled(pose, motion.handle_half_m, self.handle.half_m);
             let pose = Pose { position: pose.position - direction * ease_m, ..pose };
-            if turned { flipped(&pose) } else { pose }
+            if hold.turned { flipped(&pose) } else { pose }
         };
-        let lever = near.length() / (0.02 * (self.target - self.change.from)).abs();
-        let beyond = ease_m / lever.max(MIN_LEVER_M) * (self.target - self.change.from).signum();
         let along: Vec<Pose> = motion.along.iter().map(own).collect();
+        let contact = start * along[0];
         let at = |state: usize| {
             let share = state as f64 / STATES as f64;
-            self.handle_at(self.position(share) + beyond * share) * at_share(&along, share)
+            let pose = self.handle_at(self.position(share, ease_m)) * at_share(&along, share);
+            Pose { rotation: contact.rotation.slerp(pose.rotation, hold.share), ..pose }
         };
         let mut approach: Vec<Pose> = motion.approach.iter().map(|pose| start * own(pose)).collect();
         // The contact is the first pose of the manipulation.
         approach.pop();
-        approach.push(start * along[0]);
+        approach.push(contact);
         let end = self.handle_at(self.target);
         let retreat: Vec<Pose> = motion.retreat.iter().map(|pose| end * own(pose)).collect();
         Poses {
@@ -194,11 +235,11 @@ impl Place<'_> {
         skill: usize,
         motion: &JointMotion,
         grip: Grip,
-        turned: bool,
+        hold: Hold,
         reference: &[f64],
         misfits: &mut Misfits,
     ) -> Option<JointFit> {
-        let poses = self.poses(motion, grip, turned);
+        let poses = self.poses(motion, grip, hold);
         let contact = poses.along.first()?;
         let widest_m = self.planner.robot().gripper.max_width;
         let (open_width_m, held_width_m) = match grip {
@@ -215,8 +256,10 @@ impl Place<'_> {
             }
         };
         let nothing = AllowedCollisions::none();
+        let ease_m = self.ease_m(grip);
+        // The object moves as far as the hand goes, so that a finger keeps its distance to the end.
         let worlds: Vec<CollisionWorld> =
-            (0..=STATES).map(|state| self.world_at(self.position(state as f64 / STATES as f64))).collect();
+            (0..=STATES).map(|state| self.world_at(self.position(state as f64 / STATES as f64, ease_m))).collect();
         let around = |world, width: f64| PlanningScene { world, attached: None, allowed: &nothing, gripper_width: width };
         let object = |state: usize, width: f64| self.planner.checker(&around(&worlds[state], width), self.settings.contact_m);
         let before = object(0, open_width_m);

@@ -24,6 +24,6 @@ mod way;
 
 pub use error::SkillError;
 pub use record::record;
-pub use skill::{Grip, JointMotion, PlaceMotion, Segments, Skill, SkillMotion, SkillSource, Verb};
+pub use skill::{Grip, JointMotion, Segments, Skill, SkillSource, Verb};
 pub use tasks::serves;
 pub use transfer::{Transfer, TransferSettings};

@@ -22,9 +22,11 @@ const STEP_RAD: f64 = 0.25;
 const TIP_M: f64 = 0.009;
 /// Half of a finger's width, and distance kept between the fingers and what the handle is fixed to, m.
 const SIDE_M: f64 = 0.0105;
-const FRONT_M: f64 = 0.003;
+const FRONT_M: f64 = 0.005;
 /// Depth by which the tool stays behind the top of a handle that is gripped from above, m.
 const DEPTH_M: f64 = 0.008;
+/// Share of the wanted travel after which the hand lets go of a lid.
+const LID_SHARE: f64 = 0.88;
 /// Travel beyond the wanted position that the hand aims at while it pushes, m.
 const BEYOND_M: f64 = 0.003;
 /// Tolerances (m, rad) within which the operator accepts a waypoint: where precision matters, while it moves the link,
@@ -32,6 +34,15 @@ const BEYOND_M: f64 = 0.003;
 const PRECISE: (f64, f64) = (0.003, 0.06);
 const MOVING: (f64, f64) = (0.008, 0.1);
 const COARSE: (f64, f64) = (0.015, 0.12);
+
+/// Difference between measured and commanded opening with which a verb's handle is held, m: a lid's pivots between the
+/// pads, and a stronger grip would tip the box over.
+pub fn squeeze_m(verb: Verb) -> Option<f64> {
+    (verb == Verb::Lift).then_some(LID_SQUEEZE_M)
+}
+
+/// Squeeze of a handle that pivots between the pads, m.
+const LID_SQUEEZE_M: f64 = 0.001;
 
 /// How a person handles a link.
 struct Manner {
@@ -61,9 +72,7 @@ impl Manner {
             }
             // A lid pivots between the pads, so that the hand need not tilt back as far.
             Verb::Lift => Self { approach: slanted, closing: across, grasps: true, follow: 0.6 },
-            Verb::Pull | Verb::PickAndPlace => {
-                Self { approach: slanted, closing: across, grasps: true, follow: 1.0 }
-            }
+            Verb::Pull => Self { approach: slanted, closing: across, grasps: true, follow: 1.0 },
         }
     }
 }
@@ -79,8 +88,12 @@ pub fn joint_script(
 ) -> Option<Vec<Waypoint>> {
     let handle = Handle::of(model, change.link, change.joint)?;
     let kind = model.links.get(change.link)?.joint.as_ref()?.kind;
-    let target = *change.targets.first()?;
-    let manner = Manner::of(verb(model, change), &handle);
+    let kind_of_motion = verb(model, change);
+    let manner = Manner::of(kind_of_motion, &handle);
+    let wanted = *change.targets.first()?;
+    // A person lets go of a lid before its stop.
+    let share = if kind_of_motion == Verb::Lift { LID_SHARE } else { 1.0 };
+    let target = change.from + (wanted - change.from) * share;
     let handle_at = |position: f64| handle.world_pose(model, world_from_object, joint_positions, position);
     let start = handle_at(change.from);
     let motion = (handle_at(change.from + (target - change.from) * 0.02).position - start.position).normalize_or_zero();

@@ -11,7 +11,7 @@ use genmanip_sim::BodyId;
 
 use crate::cut::segments;
 use crate::handle::{Handle, verb};
-use crate::skill::{Grip, JointMotion, PlaceMotion, Segments, Skill, SkillMotion, SkillSource};
+use crate::skill::{Grip, JointMotion, Segments, Skill, SkillSource};
 use crate::way::{spaced, start_of};
 use crate::{SkillError, Verb};
 
@@ -24,6 +24,10 @@ const SPACING_M: f64 = 0.01;
 const SHARES: usize = 20;
 /// Share of the control steps of a manipulation in which both fingers press on the object for it to count as grasped.
 const MOSTLY: f64 = 0.5;
+/// Change of the commanded opening at the contact by which fingers count as closed on something, m, and distance of the
+/// hand from the contact from which on it counts, m.
+const CLOSED_M: f64 = 0.003;
+const NEAR_M: f64 = 0.03;
 /// Control steps before and after one over which a measured pose is averaged, against the operator's tremor.
 const SMOOTHED: usize = 2;
 
@@ -37,10 +41,7 @@ pub fn record(stage: &Stage, episode: &Episode, name: &str, record_hash: &str) -
     }
     let step = only_move(stage).ok_or(SkillError::NotOneMove)?;
     let take = Take::new(stage, episode, step.object)?;
-    let (segments, grip, motion, verb) = match step.state() {
-        Some(state) => take.joint(state)?,
-        None => take.place(&step)?,
-    };
+    let (segments, grip, motion, verb) = take.cut(step.state().ok_or(SkillError::NotOneMove)?)?;
     let model = &stage.models[step.object];
     Ok(Skill {
         name: name.into(),
@@ -71,7 +72,7 @@ fn only_move(stage: &Stage) -> Option<Move> {
 }
 
 /// What a cut gives: segments, grip, motion and kind.
-type Cut = (Segments, Grip, SkillMotion, Verb);
+type Cut = (Segments, Grip, JointMotion, Verb);
 
 /// An episode and the contact of the robot with the object that it moved.
 struct Take<'a> {
@@ -101,15 +102,17 @@ impl<'a> Take<'a> {
         Ok(Self { stage, episode, object, touched })
     }
 
-    fn joint(&self, state: &str) -> Result<Cut, SkillError> {
+    fn cut(&self, state: &str) -> Result<Cut, SkillError> {
         let model = &self.stage.models[self.object];
         let change = self.change(state).ok_or(SkillError::NothingMoved)?;
         let handle = Handle::of(model, change.link, change.joint).ok_or(SkillError::NothingMoved)?;
         let position = |step: usize| self.joints(step).get(change.joint).copied().unwrap_or_default();
         let count = self.episode.frames.len();
-        let (from, to) = (position(0), position(count.saturating_sub(1)));
-        let travel: Vec<f64> = (0..count).map(|step| (position(step) - from) / (to - from)).collect();
         let contact: Vec<bool> = self.touched.iter().map(|links| links >> change.link.min(63) & 1 == 1).collect();
+        // What falls or swings on afterwards is not the hand's.
+        let last = contact.iter().rposition(|touches| *touches).ok_or(SkillError::NoContact { step: 0 })?;
+        let (from, to) = (position(0), position(last));
+        let travel: Vec<f64> = (0..count).map(|step| (position(step) - from) / (to - from)).collect();
         let segments = segments(&travel, &contact)?;
         let handle_from_tcp = |step: usize| {
             let pose = self.episode.frames[step].objects[self.object].pose;
@@ -127,56 +130,14 @@ impl<'a> Take<'a> {
             joint: model.links[change.link].joint.as_ref().map_or(JointKind::Prismatic, |joint| joint.kind),
             states: [self.initial_state(), state.to_owned()],
             from_to: [from, to],
+            nominal: change.targets.first().copied().unwrap_or(to),
             handle_half_m: handle.half_m,
             approach: self.approach(&poses, &segments, along[0]),
             retreat: self.retreat(&poses, &segments),
             along,
         };
         let kind = verb(model, &JointChange { targets: vec![to], ..change });
-        Ok((segments, self.grip(&segments), SkillMotion::Joint(motion), kind))
-    }
-
-    fn place(&self, _step: &Move) -> Result<Cut, SkillError> {
-        let model = &self.stage.models[self.object];
-        let count = self.episode.frames.len();
-        let bounds = model.visual_bounds(self.joints(0));
-        let object_from_center = Pose::from_position(bounds.center());
-        let center = |step: usize| (self.episode.frames[step].objects[self.object].pose * object_from_center).position;
-        let last = count.saturating_sub(1);
-        let (from, to) = (center(0), center(last));
-        let way = (to - from).length();
-        if way < SPACING_M {
-            return Err(SkillError::NothingMoved);
-        }
-        // A carried object rises first, so that its travel is the larger of both ways.
-        let travel: Vec<f64> = (0..count)
-            .map(|step| {
-                let left = (to - center(step)).length() / way;
-                if step > 0 && left < 1.0 { 1.0 - left } else { ((center(step) - from).length() / way).min(0.9) }
-            })
-            .collect();
-        let contact: Vec<bool> = self.touched.iter().map(|links| *links != 0).collect();
-        let segments = segments(&travel, &contact)?;
-        let poses = smoothed(count, |step| {
-            let world_from_center = self.episode.frames[step].objects[self.object].pose * object_from_center;
-            world_from_center.inverse() * self.episode.frames[step].tcp
-        });
-        let [begin, end] = segments.manipulate;
-        let held = poses[begin];
-        let release = self.episode.frames[end..].iter().find(|frame| frame.grasped != Some(self.object));
-        let released_m = release.map_or(0.0, |frame| frame.objects[self.object].pose.position.z);
-        let rest_m = self.episode.frames[last].objects[self.object].pose.position.z;
-        let motion = PlaceMotion {
-            object_half_m: bounds.size() / 2.0,
-            approach: self.approach(&poses, &segments, held),
-            release_height_m: (released_m - rest_m).max(0.0),
-        };
-        match self.grip(&segments) {
-            grip @ Grip::Grasp { .. } => {
-                Ok((segments, grip, SkillMotion::Place(motion), Verb::PickAndPlace))
-            }
-            Grip::Fixed { .. } => Err(SkillError::NotHeld),
-        }
+        Ok((segments, self.grip(&segments, &poses), motion, kind))
     }
 
     /// Poses of the approach, the last one that at the start of the manipulation.
@@ -200,18 +161,24 @@ impl<'a> Take<'a> {
         retreat
     }
 
-    fn grip(&self, segments: &Segments) -> Grip {
+    /// Fingers during the manipulation: they grasp if both press on the object for most of it and have closed at the
+    /// contact; closed fingers that push may press with both as well.
+    fn grip(&self, segments: &Segments, poses: &[Pose]) -> Grip {
         let [begin, end] = segments.manipulate;
         let frames = &self.episode.frames[begin..end];
         let held = frames.iter().filter(|frame| frame.grasped == Some(self.object)).count();
+        let commanded = |frame: &Frame| f64::from(frame.command.last().copied().unwrap_or_default());
         let median = |value: &dyn Fn(&Frame) -> f64| {
             let mut values: Vec<f64> = frames.iter().map(value).collect();
             values.sort_by(f64::total_cmp);
             values.get(values.len() / 2).copied().unwrap_or_default()
         };
         let width_m = median(&|frame| frame.gripper_width).max(0.0);
-        let commanded_m = median(&|frame| frame.command.last().copied().unwrap_or_default().into());
-        match held as f64 > MOSTLY * frames.len() as f64 {
+        let commanded_m = median(&commanded);
+        let near = start_of(&poses[..=segments.approach[1]], NEAR_M)..=segments.approach[1];
+        let before_m = self.episode.frames[near].iter().map(commanded).fold(0.0, f64::max);
+        let has_closed = before_m - commanded_m > CLOSED_M;
+        match has_closed && held as f64 > MOSTLY * frames.len() as f64 {
             true => Grip::Grasp { width_m, squeeze_m: (width_m - commanded_m).max(0.0) },
             false => Grip::Fixed { width_m: commanded_m.max(0.0) },
         }

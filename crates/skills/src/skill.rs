@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A skill: the motion of the hand in one episode, cut into segments and stored relative to the handle of the moving
-/// link, or to the carried object.
+/// link.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Skill {
@@ -22,7 +22,7 @@ pub struct Skill {
     /// Fingers during the manipulation.
     pub grip: Grip,
     /// Motion of the hand.
-    pub motion: SkillMotion,
+    pub motion: JointMotion,
 }
 
 named_enum! {
@@ -40,8 +40,6 @@ named_enum! {
         Lift = "lift",
         /// Presses a button.
         Press = "press",
-        /// Carries an object to a place.
-        PickAndPlace = "pick_and_place",
     }
 }
 
@@ -76,11 +74,11 @@ pub struct SkillSource {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Segments {
-    /// Free motion towards the object, without contact.
+    /// Free motion towards the handle, without contact.
     pub approach: [usize; 2],
-    /// In contact, before the joint or object moves.
+    /// In contact, before the joint moves.
     pub contact: [usize; 2],
-    /// The joint or object moves.
+    /// The joint moves.
     pub manipulate: [usize; 2],
     /// Still in contact, at rest.
     pub release: [usize; 2],
@@ -106,16 +104,6 @@ pub enum Grip {
     },
 }
 
-/// Motion of the hand, relative to what it moves.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-pub enum SkillMotion {
-    /// Moves a joint.
-    Joint(JointMotion),
-    /// Carries an object.
-    Place(PlaceMotion),
-}
-
 /// Motion of the hand that moves a joint, in the frame of the moving link's handle: origin at the centre of the
 /// handle's bounds, axes of the link.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -125,8 +113,10 @@ pub struct JointMotion {
     pub joint: JointKind,
     /// Named states of the object at the start and at the end.
     pub states: [String; 2],
-    /// Position of the joint at the start and at the end, rad or m.
+    /// Position of the joint at the start, and when the hand let go, rad or m.
     pub from_to: [f64; 2],
+    /// Nominal position of the joint in the state at the end, rad or m.
+    pub nominal: f64,
     /// Half of the handle's size along the axes of its frame, m.
     #[schemars(with = "[f64; 3]")]
     pub handle_half_m: DVec3,
@@ -138,23 +128,20 @@ pub struct JointMotion {
     pub retreat: Vec<Pose>,
 }
 
-/// Motion of the hand that carries an object.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PlaceMotion {
-    /// Half of the object's size along its axes, m.
-    #[schemars(with = "[f64; 3]")]
-    pub object_half_m: DVec3,
-    /// `object_from_tcp` before the contact, evenly spaced along the way, the last one at the grasp. The object's frame
-    /// has its origin at the centre of its bounds here.
-    pub approach: Vec<Pose>,
-    /// Height of the object above its place when it is released, m.
-    pub release_height_m: f64,
+impl JointMotion {
+    /// Travel of the joint under the hand as a share of that to the nominal position.
+    pub fn travelled(&self) -> f64 {
+        let [from, to] = self.from_to;
+        (to - from) / (self.nominal - from)
+    }
 }
 
+/// Smallest and largest share of the travel to the nominal position that the hand moves a joint.
+const MIN_TRAVELLED: f64 = 0.3;
+const MAX_TRAVELLED: f64 = 2.0;
 /// Most poses of a part of a motion.
 const MAX_POSES: usize = 200;
-/// Largest distance of the hand from the handle or object, m.
+/// Largest distance of the hand from the handle, m.
 const MAX_DISTANCE_M: f64 = 5.0;
 
 impl Skill {
@@ -171,14 +158,8 @@ impl Document for Skill {
             let got: String = self.name.chars().take(80).collect();
             return refuse("$.name", format!("expected a file name (letters, digits, any of -_.+=@), got {got:?}"));
         }
-        let parts: [(&str, &[Pose], usize); 3] = match &self.motion {
-            SkillMotion::Joint(motion) => [
-                ("approach", &motion.approach, 1),
-                ("along", &motion.along, 2),
-                ("retreat", &motion.retreat, 0),
-            ],
-            SkillMotion::Place(motion) => [("approach", &motion.approach, 1), ("", &[], 0), ("", &[], 0)],
-        };
+        let motion = &self.motion;
+        let parts = [("approach", &motion.approach, 1), ("along", &motion.along, 2), ("retreat", &motion.retreat, 0)];
         for (part, poses, least) in parts {
             let path = format!("$.motion.{part}");
             if !(least..=MAX_POSES).contains(&poses.len()) {
@@ -188,15 +169,13 @@ impl Document for Skill {
                 return refuse(&format!("{path}[{wrong}]"), format!("expected at most {MAX_DISTANCE_M} m"));
             }
         }
-        let is_place = matches!(self.motion, SkillMotion::Place(_));
-        if is_place != (self.verb == Verb::PickAndPlace) {
-            return refuse("$.motion.kind", format!("expected a motion that fits the verb {}", self.verb.name()));
+        let [from, to] = motion.from_to;
+        if !(from.is_finite() && to.is_finite() && from != to) {
+            return refuse("$.motion.from_to", format!("expected two different numbers, got {from} and {to}"));
         }
-        if let SkillMotion::Joint(motion) = &self.motion {
-            let [from, to] = motion.from_to;
-            if !(from.is_finite() && to.is_finite() && from != to) {
-                return refuse("$.motion.from_to", format!("expected two different numbers, got {from} and {to}"));
-            }
+        if !(MIN_TRAVELLED..=MAX_TRAVELLED).contains(&motion.travelled()) {
+            let message = format!("expected a position that `from_to` nearly reaches, got {}", motion.nominal);
+            return refuse("$.motion.nominal", message);
         }
         let widths = match self.grip {
             Grip::Grasp { width_m, squeeze_m } => [width_m, squeeze_m],

@@ -6,7 +6,7 @@ use genmanip_core::{Atom, Goal, GraphNode, ObjectCard, ObjectModel, SceneGraph, 
 use genmanip_layout::articulation::JointChange;
 
 use crate::handle::verb;
-use crate::{Skill, SkillMotion};
+use crate::Skill;
 
 /// Id of [`state_task`].
 pub fn id(card: &ObjectCard, from: &str, to: &str) -> String {
@@ -37,7 +37,6 @@ pub fn state_task(card: &ObjectCard, from: &str, to: &str) -> Task {
 /// True if a skill serves the change of an object from one of its named states into another: the kind of manipulation
 /// and the kind of joint are those of the source.
 pub fn serves(skill: &Skill, model: &ObjectModel, from: &str, to: &str) -> bool {
-    let SkillMotion::Joint(motion) = &skill.motion else { return false };
     let nominal = |name: &str, link: &str| {
         let state = model.joint_states.iter().find(|state| state.name == name)?;
         let at = state.intervals.iter().position(|(known, _)| known == link)?;
@@ -47,6 +46,6 @@ pub fn serves(skill: &Skill, model: &ObjectModel, from: &str, to: &str) -> bool 
     moving.enumerate().any(|(joint, (link, known, own))| {
         let Some((from, to)) = nominal(from, &known.name).zip(nominal(to, &known.name)) else { return false };
         let change = JointChange { object: 0, link, joint, from, targets: vec![to] };
-        from != to && own.kind == motion.joint && verb(model, &change) == skill.verb
+        from != to && own.kind == skill.motion.joint && verb(model, &change) == skill.verb
     })
 }

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::fit::{FitSettings, JointFit, fit_joint};
 use crate::handle::verb;
-use crate::skill::{Grip, Skill, SkillMotion};
+use crate::skill::{Grip, Skill};
 use crate::timing::{Pace, paced};
 
 /// Settings of a transfer.
@@ -194,12 +194,8 @@ impl Transfer {
             .skills
             .iter()
             .enumerate()
-            .filter_map(|(index, skill)| match &skill.motion {
-                SkillMotion::Joint(motion) if skill.verb == wanted && Some(motion.joint) == kind => {
-                    Some((index, (motion, skill.grip)))
-                }
-                _ => None,
-            })
+            .filter(|(_, skill)| skill.verb == wanted && Some(skill.motion.joint) == kind)
+            .map(|(index, skill)| (index, (&skill.motion, skill.grip)))
             .unzip();
         if candidates.is_empty() {
             let evidence = format!("no skill to {} the {} of {name}", wanted.name(), model.links[change.link].name);
@@ -303,8 +299,10 @@ impl Transfer {
         (opening_m, is_held): (f64, bool),
     ) -> ActionChunk {
         let most_m = self.settings.gripper_m_s / self.settings.rate_hz;
-        let least_m = (opening_m - squeeze_m.max(LEAST_SQUEEZE_M)).max(0.0);
-        active.held_m = (active.held_m - most_m).max(least_m);
+        active.held_m = match is_held {
+            true => (opening_m - squeeze_m).max(0.0),
+            false => (active.held_m - most_m).max((opening_m - squeeze_m.max(LEAST_SQUEEZE_M)).max(0.0)),
+        };
         let pressed = if is_held { pressed + 1 } else { 0 };
         if pressed >= PRESS_STEPS {
             return self.begin_moving(active);

@@ -3,7 +3,7 @@
 use genmanip_core::{Document, Seed};
 use genmanip_pipeline::skills::{self, TransferRequest};
 use genmanip_rollout::collect::PipelineSettings;
-use genmanip_skills::{Grip, Skill, SkillMotion};
+use genmanip_skills::{Grip, Skill};
 use genmanip_terminal::{ExitStatus, Failed, Printer};
 use genmanip_workspace::{documents, text_table, workers, worlds};
 
@@ -58,13 +58,8 @@ fn described(skill: &Skill) -> String {
         Grip::Grasp { width_m, .. } => format!("grasps at {:.1} mm", width_m * 1e3),
         Grip::Fixed { width_m } => format!("fingers at {:.1} mm", width_m * 1e3),
     };
-    let motion = match &skill.motion {
-        SkillMotion::Joint(motion) => {
-            let [from, to] = &motion.states;
-            format!("{from} to {to}, joint from {:.3} to {:.3}", motion.from_to[0], motion.from_to[1])
-        }
-        SkillMotion::Place(_) => "carries an object".to_owned(),
-    };
+    let ([from, to], [low, high]) = (&skill.motion.states, skill.motion.from_to);
+    let motion = format!("{from} to {to}, joint from {low:.3} to {high:.3}");
     let rows = [
         ("skill", skill.name.clone()),
         ("verb", skill.verb.name().to_owned()),

@@ -13,11 +13,13 @@ use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
 use genmanip_assets::worlds::default_world;
-use genmanip_core::{Episode, Policy, Seed};
+use genmanip_core::{Episode, Policy, Pose, Seed};
 use genmanip_data::EpisodeStore;
+use genmanip_layout::articulation::joint_changes;
 use genmanip_rollout::collect::{PipelineSettings, Resources};
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::{Environment, RolloutError, RolloutSettings, Stage, replay, run_episode};
+use genmanip_skills::handle::Handle;
 use genmanip_skills::{Skill, Transfer, TransferSettings, Verb};
 use genmanip_workspace::{Progress, text_table, worlds};
 use serde::Serialize;
@@ -113,6 +115,10 @@ pub struct Details {
     pub transfer_cpu_s: f64,
 }
 
+/// Names of the ablations: without the planner, with the object's body instead of the moving link's handle as frame,
+/// without waiting for the hand, and judged at any step instead of after settling.
+const ABLATIONS: [&str; 4] = ["no_planner", "body_frame", "no_waiting", "any_step"];
+
 /// Limitations of the measurement, for people.
 const NOTES: [&str; 4] = [
     "the operator is scripted: virtual devices with reaction time, tremor, overshoot and pauses; it reads poses from the simulator (oracle)",
@@ -178,6 +184,7 @@ impl Bench<'_> {
 
         let count = self.arguments.count;
         let [mut same, mut unseen, mut analytic] = [0; 3];
+        let mut ablated = [0; ABLATIONS.len()];
         progress.begin("transferring", 2 * count);
         for number in 0..2 * count {
             let is_same = number < count;
@@ -207,6 +214,9 @@ impl Bench<'_> {
                 let reason = failure.map_or_else(String::new, |failure| format!("{id}: {}", failure.evidence));
                 *detail.failures.entry(reason).or_default() += 1;
             }
+            if self.arguments.ablate {
+                self.ablate(&stage, &found, &episode, own_seed, &mut ablated)?;
+            }
             let mut published = MimicGen::new(sources.clone(), 0);
             let published = self.run(&stage, &mut published, &format!("{id}-mimicgen"), own_seed)?;
             let any_step = self.held_at_any_step(&stage, &published);
@@ -225,6 +235,9 @@ impl Bench<'_> {
         detail.scenes = 2 * count;
         let [kept, failed_again] = detail.kept_and_failed_again;
         let share = |part: usize, whole: usize| part as f64 / whole.max(1) as f64;
+        if self.arguments.ablate {
+            detail.ablations = ABLATIONS.into_iter().zip(ablated.map(|successes| share(successes, 2 * count))).collect();
+        }
         let report = SkillReport {
             source_demos: found.len(),
             generation_rate: share(same + unseen, 2 * count),
@@ -253,6 +266,32 @@ impl Bench<'_> {
         Source::of(&episode.frames, episode.result.control_rate_hz, 0, skill.segments.manipulate[0], target)
     }
 
+    /// Transfers without each ingredient, in the order of [`ABLATIONS`]; `whole` is the episode with all of them.
+    fn ablate(
+        &self,
+        stage: &Stage,
+        found: &[Demonstration],
+        whole: &Episode,
+        seed: Seed,
+        successes: &mut [usize; ABLATIONS.len()],
+    ) -> Result<(), LabError> {
+        let own: Arc<[Skill]> = found.iter().map(|demonstration| demonstration.skill.clone()).collect();
+        let body: Arc<[Skill]> = found.iter().filter_map(|source| in_body_frame(source, stage)).collect();
+        let all = TransferSettings::default;
+        let arms = [
+            (Arc::clone(&own), TransferSettings { plans_approach: false, ..all() }),
+            (body, all()),
+            (own, TransferSettings { waits_for_hand: false, ..all() }),
+        ];
+        for (index, (skills, settings)) in arms.into_iter().enumerate() {
+            let mut policy = Transfer::new(stage, self.resources.planner, skills, settings);
+            let id = format!("{}-{index}", whole.result.id);
+            successes[index] += usize::from(self.run(stage, &mut policy, &id, seed)?.result.success);
+        }
+        successes[3] += usize::from(self.held_at_any_step(stage, whole));
+        Ok(())
+    }
+
     /// Stores a kept episode, replays it and judges it again.
     fn keep(&self, stage: &Stage, episode: &Episode, detail: &mut Details) -> Result<(), LabError> {
         let id = &episode.result.id;
@@ -277,6 +316,40 @@ impl Bench<'_> {
             })
         })
     }
+}
+
+/// A skill as if it were relative to the body of the object: its poses for a scene, written in the frame of that scene's
+/// handle. `None` if nothing is to be moved.
+fn in_body_frame(source: &Demonstration, stage: &Stage) -> Option<Skill> {
+    let goal = &source.skill.motion.states[1];
+    let there = joint_changes(source.stage.start(), 0, goal).into_iter().next()?;
+    let here = joint_changes(stage.start(), 0, goal).into_iter().next()?;
+    let (model, own_model) = (&source.stage.models[0], &stage.models[0]);
+    let handle = Handle::of(model, there.link, there.joint)?;
+    let own = Handle::of(own_model, here.link, here.joint)?;
+    let object_from_handle = |position: f64| {
+        handle.world_pose(model, &Pose::IDENTITY, &source.stage.scenario.objects[0].joint_positions, position)
+    };
+    let handle_from_object = |position: f64| {
+        let positions = &stage.scenario.objects[0].joint_positions;
+        own.world_pose(own_model, &Pose::IDENTITY, positions, position).inverse()
+    };
+    let mut skill = source.skill.clone();
+    let motion = &mut skill.motion;
+    let [from, to] = motion.from_to;
+    let end = here.from + (here.targets.first()? - here.from) * motion.travelled();
+    let moved = |poses: &mut [Pose], share: &dyn Fn(usize) -> f64| {
+        for (index, pose) in poses.iter_mut().enumerate() {
+            let (was, is) = (from + (to - from) * share(index), here.from + (end - here.from) * share(index));
+            *pose = handle_from_object(is) * object_from_handle(was) * *pose;
+        }
+    };
+    let last = motion.along.len() - 1;
+    moved(&mut motion.approach, &|_| 0.0);
+    moved(&mut motion.along, &|index| index as f64 / last as f64);
+    moved(&mut motion.retreat, &|_| 1.0);
+    motion.handle_half_m = own.half_m;
+    Some(skill)
 }
 
 /// Counts a scene in which one of two arms succeeded.

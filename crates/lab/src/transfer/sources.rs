@@ -5,7 +5,7 @@ use genmanip_data::EpisodeStore;
 use genmanip_layout::articulation::joint_changes;
 use genmanip_rollout::collect::Resources;
 use genmanip_rollout::{RolloutError, RolloutSettings, Stage};
-use genmanip_skills::operator::joint_script;
+use genmanip_skills::operator::{joint_script, squeeze_m};
 use genmanip_skills::{Skill, record};
 use genmanip_studio::teleop::Take;
 use genmanip_teleop::scripted::{Habits, ScriptedOperator, VirtualKind};
@@ -79,7 +79,10 @@ fn take(
     seed: Seed,
     store: &EpisodeStore,
 ) -> Result<Episode, LabError> {
-    let settings = TeleopSettings::default();
+    let mut settings = TeleopSettings::default();
+    if let Some(gentle_m) = squeeze_m(case.verb) {
+        settings.input.squeeze_m = gentle_m;
+    }
     let change = joint_changes(stage.start(), 0, case.states[1]).into_iter().next();
     let change = change.ok_or_else(|| LabError::input(format!("{id}: nothing is to be moved")))?;
     let placed = &stage.scenario.objects[0];
