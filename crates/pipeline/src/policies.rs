@@ -204,8 +204,9 @@ fn playback(given: &Given) -> Result<Prepared, WorkspaceError> {
 
 fn skill(given: &Given) -> Result<Prepared, WorkspaceError> {
     let Some(file) = given.folder("file") else {
-        return Err(WorkspaceError::input("policy skill needs a skill")
-            .with_hint("expected skill:FILE, a skill file as `genmanip skills record` writes it, or a folder of them"));
+        return Err(WorkspaceError::input("policy skill needs a skill").with_hint(
+            "expected skill:FILE, a skill file as `genmanip skills record` writes it, or a folder of them",
+        ));
     };
     let skills: Arc<[Skill]> = crate::skills::read(&[file])?.into();
     let settings = TransferSettings::default();

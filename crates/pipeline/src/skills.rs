@@ -77,9 +77,8 @@ pub fn record(path: &Path, ids: &[String], out: &Path) -> Result<Vec<RecordedSki
 fn open_store(path: &Path) -> Result<EpisodeStore, WorkspaceError> {
     let inner = path.join("episodes");
     let root = if inner.is_dir() { inner } else { path.to_owned() };
-    EpisodeStore::open(&root).map_err(|error| {
-        WorkspaceError::of_file("read", &root, error).or_hint("name a run folder or an episode store")
-    })
+    EpisodeStore::open(&root)
+        .map_err(|error| WorkspaceError::of_file("read", &root, error).or_hint("name a run folder or an episode store"))
 }
 
 /// Skills of files and folders, in the order of their names.
@@ -102,8 +101,9 @@ pub fn read(paths: &[PathBuf]) -> Result<Vec<Skill>, WorkspaceError> {
         .map(|file| documents::read_document::<Skill>(file, Skill::LIMIT))
         .collect::<Result<Vec<_>, _>>()?;
     if skills.is_empty() {
-        return Err(WorkspaceError::input("there is no skill")
-            .with_hint(format!("name files or folders of files NAME{ENDING}, as `genmanip skills record` writes them")));
+        return Err(WorkspaceError::input("there is no skill").with_hint(format!(
+            "name files or folders of files NAME{ENDING}, as `genmanip skills record` writes them"
+        )));
     }
     for (index, skill) in skills.iter().enumerate() {
         if skills[..index].iter().any(|other| other.name == skill.name) {

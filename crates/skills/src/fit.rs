@@ -260,14 +260,15 @@ impl Place<'_> {
         // The object moves as far as the hand goes, so that a finger keeps its distance to the end.
         let worlds: Vec<CollisionWorld> =
             (0..=STATES).map(|state| self.world_at(self.position(state as f64 / STATES as f64, ease_m))).collect();
-        let around = |world, width: f64| PlanningScene { world, attached: None, allowed: &nothing, gripper_width: width };
-        let object = |state: usize, width: f64| self.planner.checker(&around(&worlds[state], width), self.settings.contact_m);
+        let around =
+            |world, width: f64| PlanningScene { world, attached: None, allowed: &nothing, gripper_width: width };
+        let object =
+            |state: usize, width: f64| self.planner.checker(&around(&worlds[state], width), self.settings.contact_m);
         let before = object(0, open_width_m);
         let after = object(STATES, open_width_m);
         let during: Vec<OnceCell<Checker>> = (0..=STATES).map(|_| OnceCell::new()).collect();
-        let held = |state: usize, config: &[f64]| {
-            during[state].get_or_init(|| object(state, held_width_m)).is_free(config)
-        };
+        let held =
+            |state: usize, config: &[f64]| during[state].get_or_init(|| object(state, held_width_m)).is_free(config);
         let clearances: Vec<Checker> = self
             .settings
             .clearances_m
@@ -285,10 +286,12 @@ impl Place<'_> {
             return None;
         }
         let mut best: Option<JointFit> = None;
-        for config in configs.filter(|config| before.is_free(config) && held(0, config)).take(self.settings.configurations)
+        for config in
+            configs.filter(|config| before.is_free(config) && held(0, config)).take(self.settings.configurations)
         {
             let step_rad = self.settings.max_arm_step_rad;
-            let follow = |poses: &mut dyn Iterator<Item = Pose>, from: &[f64]| self.planner.follow(from, poses, step_rad);
+            let follow =
+                |poses: &mut dyn Iterator<Item = Pose>, from: &[f64]| self.planner.follow(from, poses, step_rad);
             let approach = follow(&mut poses.approach.iter().rev().copied(), &config);
             let along = follow(&mut poses.along.iter().copied(), &config);
             let (Some(mut approach), Some(along)) = (approach, along) else {

@@ -26,9 +26,8 @@ impl Handle {
     /// `None` if there is no such link.
     pub fn of(model: &ObjectModel, link: usize, joint: usize) -> Option<Self> {
         let moving = model.links.get(link)?;
-        let bounds = handle_bounds(moving).unwrap_or_else(|| {
-            genmanip_core::Aabb::from_pieces(&Pose::IDENTITY, &moving.pieces)
-        });
+        let bounds =
+            handle_bounds(moving).unwrap_or_else(|| genmanip_core::Aabb::from_pieces(&Pose::IDENTITY, &moving.pieces));
         let center = bounds.center();
         center.is_finite().then(|| Self {
             link,

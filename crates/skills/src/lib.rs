@@ -16,6 +16,7 @@ pub mod fit;
 pub mod handle;
 pub mod operator;
 pub mod record;
+mod settings;
 mod skill;
 pub mod tasks;
 mod timing;
@@ -24,6 +25,7 @@ mod way;
 
 pub use error::SkillError;
 pub use record::record;
+pub use settings::TransferSettings;
 pub use skill::{Grip, JointMotion, Segments, Skill, SkillSource, Verb};
 pub use tasks::serves;
-pub use transfer::{Transfer, TransferSettings};
+pub use transfer::Transfer;

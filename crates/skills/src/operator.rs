@@ -137,10 +137,8 @@ pub fn joint_script(
         .max(1.0) as usize;
 
     let grip = |now: bool| now.then_some(Control::Gripper);
-    let mut script = vec![
-        waypoint(back(contact), COARSE, grip(!manner.grasps)),
-        waypoint(contact, PRECISE, grip(manner.grasps)),
-    ];
+    let mut script =
+        vec![waypoint(back(contact), COARSE, grip(!manner.grasps)), waypoint(contact, PRECISE, grip(manner.grasps))];
     for step in 1..=steps {
         let pose = at(&contact, change.from + (end - change.from) * step as f64 / steps as f64);
         let is_last = step == steps;

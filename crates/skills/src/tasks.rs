@@ -5,8 +5,8 @@ use std::sync::Arc;
 use genmanip_core::{Atom, Goal, GraphNode, ObjectCard, ObjectModel, SceneGraph, Task, TaskKind};
 use genmanip_layout::articulation::JointChange;
 
-use crate::handle::verb;
 use crate::Skill;
+use crate::handle::verb;
 
 /// Id of [`state_task`].
 pub fn id(card: &ObjectCard, from: &str, to: &str) -> String {

@@ -13,77 +13,12 @@ use genmanip_layout::{Move, moves, obstacles};
 use genmanip_motion::{AllowedCollisions, Path, Planner, PlanningScene, commands};
 use genmanip_relations::{PosedScene, judge_atom};
 use genmanip_rollout::Stage;
-use serde::{Deserialize, Serialize};
 
-use crate::fit::{FitSettings, JointFit, fit_joint};
+use crate::TransferSettings;
+use crate::fit::{JointFit, fit_joint};
 use crate::handle::verb;
 use crate::skill::{Grip, Skill};
 use crate::timing::{Pace, paced};
-
-/// Settings of a transfer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct TransferSettings {
-    /// Settings of the fit.
-    pub fit: FitSettings,
-    /// Attempts per move before the policy gives up.
-    pub tries: usize,
-    /// Fits, the best first, for which an approach is planned.
-    pub fits: usize,
-    /// Control rate, Hz.
-    pub rate_hz: f64,
-    /// Share of the robot's velocity and acceleration limits in free motion.
-    pub free_speed: f64,
-    /// Share of the robot's velocity limits near the object.
-    pub careful_speed: f64,
-    /// Largest speed of the hand near the object, m/s.
-    pub hand_m_s: f64,
-    /// Speed of the gripper's opening, m/s.
-    pub gripper_m_s: f64,
-    /// Distance of the measured from the commanded hand below which it has arrived, m.
-    pub arrived_m: f64,
-    /// Motion of the hand between two looks below which it is at rest, m.
-    pub rest_m: f64,
-    /// Control steps between two looks.
-    pub look_steps: usize,
-    /// Looks after which the hand has not arrived.
-    pub max_looks: usize,
-    /// Distance by which the hand may lag behind its command while it moves a joint, m; with the arm's stiffness it
-    /// limits the force.
-    pub lag_m: f64,
-    /// Distance of the retreat where the source's is blocked, m.
-    pub retreat_m: f64,
-    /// False to move straight to the start of the skill in five steps, without the planner; for comparisons.
-    pub plans_approach: bool,
-    /// False to move the gripper without waiting for the hand; for comparisons.
-    pub waits_for_hand: bool,
-}
-
-impl Default for TransferSettings {
-    fn default() -> Self {
-        Self {
-            fit: FitSettings::default(),
-            tries: 2,
-            fits: 4,
-            rate_hz: 60.0,
-            free_speed: 0.9,
-            careful_speed: 0.5,
-            // As the expert's `joint_speed`.
-            hand_m_s: 0.15,
-            gripper_m_s: 0.08,
-            arrived_m: 0.002,
-            rest_m: 0.0003,
-            look_steps: 3,
-            // A second.
-            max_looks: 20,
-            // Twice the tracking lag at `hand_m_s`.
-            lag_m: 0.012,
-            retreat_m: 0.07,
-            plans_approach: true,
-            waits_for_hand: true,
-        }
-    }
-}
 
 /// Policy that moves joints by skills that were cut from other episodes. It reads simulator truth.
 pub struct Transfer {
@@ -221,7 +156,10 @@ impl Transfer {
             actions.extend(self.paced(&fit.approach, self.settings.retreat_m, fit.open_width_m));
             let commanded = fit.approach.last().cloned().unwrap_or_default();
             let held_m = fit.open_width_m;
-            return Ok((actions, Active { object: change.object, fit: fit.clone(), grip: skill.grip, held_m, commanded }));
+            return Ok((
+                actions,
+                Active { object: change.object, fit: fit.clone(), grip: skill.grip, held_m, commanded },
+            ));
         }
         let evidence = format!("no free motion of the arm to any of {tried} skills that fit {name}");
         Err(Failure { cause: FailureCause::Planning, evidence })
@@ -232,7 +170,8 @@ impl Transfer {
         let start = fit.approach.first()?;
         if !self.settings.plans_approach {
             let (from, to) = (self.planner.tcp_pose(arm), self.planner.tcp_pose(start));
-            let poses = (1..=STRAIGHT_STEPS).map(|step| from.interpolate(&to, f64::from(step) / f64::from(STRAIGHT_STEPS)));
+            let poses =
+                (1..=STRAIGHT_STEPS).map(|step| from.interpolate(&to, f64::from(step) / f64::from(STRAIGHT_STEPS)));
             let states = self.planner.follow(arm, poses, f64::INFINITY)?;
             return Some(states.iter().map(|state| commands::command(state, fit.open_width_m)).collect());
         }
@@ -325,7 +264,13 @@ impl Transfer {
     }
 
     /// The next commands along the joint; `arm` is measured, or `None` at the beginning.
-    fn moving(&mut self, mut active: Box<Active>, commands: Vec<Vec<f32>>, given: usize, arm: Option<&[f64]>) -> ActionChunk {
+    fn moving(
+        &mut self,
+        mut active: Box<Active>,
+        commands: Vec<Vec<f32>>,
+        given: usize,
+        arm: Option<&[f64]>,
+    ) -> ActionChunk {
         let is_blocked = arm.is_some_and(|arm| {
             let (now, wanted) = (self.planner.tcp_pose(arm), self.planner.tcp_pose(&active.commanded));
             now.position.distance(wanted.position) > self.settings.lag_m
@@ -355,9 +300,8 @@ impl Transfer {
         let is_late = looks >= self.settings.max_looks;
         let is_waiting = self.settings.waits_for_hand && !is_late && !self.has_arrived(&active, arm, before);
         // A hand that was blocked does not arrive, but comes to rest.
-        let is_at_rest = before.is_some_and(|before| {
-            self.planner.tcp_pose(arm).position.distance(before.position) < self.settings.rest_m
-        });
+        let is_at_rest = before
+            .is_some_and(|before| self.planner.tcp_pose(arm).position.distance(before.position) < self.settings.rest_m);
         if is_waiting && !is_at_rest {
             let chunk = self.hold(&active);
             self.phase = Phase::Stopping(active, looks + 1, Some(self.planner.tcp_pose(arm)));
@@ -385,10 +329,11 @@ impl Transfer {
         let world = obstacles::around(scene, None);
         let nothing = AllowedCollisions::none();
         let around = PlanningScene { world: &world, attached: None, allowed: &nothing, gripper_width: open_m };
-        let path = [back, (back + DVec3::Z).normalize_or(DVec3::Z), DVec3::Z, DVec3::NEG_X].into_iter().find_map(|way| {
-            let goal = Pose { position: tcp.position + way * settings.retreat_m, ..tcp };
-            self.planner.straight(&around, arm, &goal).ok()
-        });
+        let path =
+            [back, (back + DVec3::Z).normalize_or(DVec3::Z), DVec3::Z, DVec3::NEG_X].into_iter().find_map(|way| {
+                let goal = Pose { position: tcp.position + way * settings.retreat_m, ..tcp };
+                self.planner.straight(&around, arm, &goal).ok()
+            });
         let path = path.unwrap_or_else(|| Path::polyline(vec![arm.to_vec()]));
         actions.extend(commands::follow(&self.planner, &path, open_m, settings.careful_speed));
         actions.extend(commands::wait(path.goal(), open_m, settings.look_steps));

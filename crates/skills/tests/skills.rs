@@ -45,8 +45,7 @@ fn take(stage: &Stage) -> Episode {
         settings.mapping.clone(),
         1.0 / stage.control_rate_hz(),
     );
-    let mut policy =
-        Teleoperation::new(settings, Box::new(operator), &stage.robot, &stage.scenario.world).unwrap();
+    let mut policy = Teleoperation::new(settings, Box::new(operator), &stage.robot, &stage.scenario.world).unwrap();
     let rollout = RolloutSettings { horizon_s: 40.0, ..RolloutSettings::default() };
     run_episode(stage, &mut policy, "take", Seed::new(3), &rollout).unwrap()
 }
@@ -121,7 +120,11 @@ fn files_are_refused_with_the_place() {
     check("\"verb\": \"press\"", "\"verb\": \"shove\"", "verb");
     check("[0.0, 0.0075]", "[0.0, 0.0]", "$.motion.from_to");
     check("\"nominal\": 0.0075", "\"nominal\": 0.5", "$.motion.nominal");
-    check("\"approach\": [{\"position_m\": [0, 0, 0.1], \"orientation_wxyz\": [0, 1, 0, 0]}]", "\"approach\": []", "$.motion.approach");
+    check(
+        "\"approach\": [{\"position_m\": [0, 0, 0.1], \"orientation_wxyz\": [0, 1, 0, 0]}]",
+        "\"approach\": []",
+        "$.motion.approach",
+    );
     check("[0, 0, 0.02]", "[0, 0, 50]", "$.motion.along[0]");
     check("\"width_m\": 0.0", "\"width_m\": -1.0", "$.grip");
     check("\"retreat\": []", "\"retreat\": [], \"more\": 1", "more");

@@ -20,9 +20,11 @@ pub enum SkillsCommand {
     #[command(after_help = "Example:\n  genmanip skills show out/skills/pull-take-00.skill.json")]
     Show(SkillsShowArguments),
     /// Transfer skills to objects that match a query, and keep the episodes that succeed, as a run
-    #[command(after_help = "Examples:\n  genmanip skills transfer out/skills --to 'drawer cabinet' --count 20 --out out/pulled\n  \
+    #[command(
+        after_help = "Examples:\n  genmanip skills transfer out/skills --to 'drawer cabinet' --count 20 --out out/pulled\n  \
                             genmanip skills transfer out/skills/pull-take-00.skill.json --to drawer-cabinet-5 --out out/one\n\n\
-                            Every attempt has a layout of its own and is judged after settling, as any episode.")]
+                            Every attempt has a layout of its own and is judged after settling, as any episode."
+    )]
     Transfer(SkillsTransferArguments),
 }
 

@@ -89,7 +89,8 @@ fn transfer(arguments: &SkillsTransferArguments, printer: &Printer) -> Result<Ex
     let stop = genmanip_terminal::on_interrupt();
     let made = skills::transfer(&request, settings, &arguments.out, printer, &stop)?;
     made.failures.iter().for_each(|failure| printer.say(failure));
-    let summary = format!("{} episodes kept of {} attempts: {}", made.kept.len(), made.attempts, arguments.out.display());
+    let summary =
+        format!("{} episodes kept of {} attempts: {}", made.kept.len(), made.attempts, arguments.out.display());
     printer.data(&made, &summary);
     Ok(if made.kept.len() == request.count { ExitStatus::Done } else { ExitStatus::NotMet })
 }

@@ -197,7 +197,7 @@ impl Bench<'_> {
             let settings = TransferSettings::default();
             let mut policy = Transfer::new(&stage, self.resources.planner, Arc::clone(&skills), settings);
             let episode = self.run(&stage, &mut policy, &id, own_seed)?;
-            
+
             detail.transfer_cpu_s += clock();
             let is_kept = episode.result.success;
             let by_range = if is_same { &mut detail.same_by_range } else { &mut detail.unseen_by_range };
@@ -236,7 +236,8 @@ impl Bench<'_> {
         let [kept, failed_again] = detail.kept_and_failed_again;
         let share = |part: usize, whole: usize| part as f64 / whole.max(1) as f64;
         if self.arguments.ablate {
-            detail.ablations = ABLATIONS.into_iter().zip(ablated.map(|successes| share(successes, 2 * count))).collect();
+            detail.ablations =
+                ABLATIONS.into_iter().zip(ablated.map(|successes| share(successes, 2 * count))).collect();
         }
         let report = SkillReport {
             source_demos: found.len(),
@@ -299,14 +300,17 @@ impl Bench<'_> {
         let broke = |error: RolloutError| LabError::broken(format!("the replay of episode {id} broke"), error);
         detail.kept_and_failed_again[0] += 1;
         detail.replay_equal += usize::from(replay::check(stage, episode).map_err(broke)?.identical);
-        detail.kept_and_failed_again[1] += usize::from(!holds_again(stage, episode, &self.settings.rollout).map_err(broke)?);
+        detail.kept_and_failed_again[1] +=
+            usize::from(!holds_again(stage, episode, &self.settings.rollout).map_err(broke)?);
         Ok(())
     }
 
     /// True if the goal state held at any step, whatever moved or was held.
     fn held_at_any_step(&self, stage: &Stage, episode: &Episode) -> bool {
         let model = &stage.models[0];
-        let Some(wanted) = model.joint_states.iter().find(|state| state.name == self.case.states[1]) else { return false };
+        let Some(wanted) = model.joint_states.iter().find(|state| state.name == self.case.states[1]) else {
+            return false;
+        };
         let links: Vec<&str> =
             model.links.iter().filter(|link| link.joint.is_some()).map(|link| link.name.as_str()).collect();
         episode.frames.iter().any(|frame| {

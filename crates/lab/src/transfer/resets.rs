@@ -122,10 +122,8 @@ pub fn reset(
     let mut scenario = Scenario { id, seed, ..base.clone() };
     let placed = &mut scenario.objects[0];
     placed.pose = Pose::new(DVec3::new(x, y, placed.pose.position.z), DQuat::from_rotation_z(yaw));
-    let model = resources
-        .catalogue
-        .instance(placed)
-        .map_err(|error| LabError::broken("an object cannot be built", error))?;
+    let model =
+        resources.catalogue.instance(placed).map_err(|error| LabError::broken("an object cannot be built", error))?;
     let state = model.joint_states.iter().find(|state| state.name == case.states[0]);
     let moving = model.links.iter().filter_map(|link| Some((link, link.joint.as_ref()?)));
     for (index, (link, joint)) in moving.enumerate() {
