@@ -26,6 +26,7 @@ pub use render::*;
 pub use review::*;
 pub use robot::*;
 pub use serve::*;
+pub use skills::*;
 pub use studio::*;
 pub use suite::*;
 pub use train::*;
@@ -48,6 +49,7 @@ mod render;
 mod review;
 mod robot;
 mod serve;
+mod skills;
 mod split;
 mod studio;
 mod suite;
@@ -272,6 +274,12 @@ pub enum Command {
         /// Service to run
         #[command(subcommand)]
         command: ServeCommand,
+    },
+    /// Cut skills from a few takes and transfer them to many scenes
+    Skills {
+        /// Subcommand
+        #[command(subcommand)]
+        command: SkillsCommand,
     },
     /// Check this machine: what is available, what is missing and how to fix it
     #[command(after_help = "Example:\n  genmanip doctor")]

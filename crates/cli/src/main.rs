@@ -73,6 +73,7 @@ fn run(arguments: &Arguments, printer: &Printer) -> Result<ExitStatus, Failed> {
         Command::Real { command } => commands::real::run(command, printer),
         Command::Studio(arguments) => commands::studio::run(arguments, printer),
         Command::Serve { command } => commands::serve::run(command, printer),
+        Command::Skills { command } => commands::skills::run(command, printer),
         Command::Doctor => commands::doctor::run(printer),
     }
 }

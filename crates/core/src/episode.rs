@@ -126,7 +126,7 @@ pub struct EpisodeResult {
     /// Style of the expert that acted in a collected episode; absent for the default one.
     #[serde(default, skip_serializing_if = "ExpertStyle::is_default")]
     pub expert: ExpertStyle,
-    /// Source of the commands of a teleoperated episode; absent if a policy or the expert gave them.
+    /// Source of the commands of a teleoperated or transferred episode; absent if a policy or the expert gave them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<EpisodeSource>,
     /// Physics engine and version, e.g. `mujoco 3.17.0`.
@@ -150,7 +150,8 @@ named_enum! {
 }
 
 named_enum! {
-    /// Source of the commands of an episode, where it is neither a policy nor the expert.
+    /// Source of the commands of an episode: people, programs in their place, and takes of theirs; neither a policy nor
+    /// the expert.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
     #[serde(rename_all = "snake_case")]
     pub enum EpisodeSource {
@@ -158,6 +159,8 @@ named_enum! {
         Teleop = "teleop",
         /// A scripted operator, which acted through the events of a virtual device.
         ScriptedTeleop = "scripted_teleop",
+        /// A skill that was cut from another episode and transferred to this scene.
+        Transfer = "transfer",
     }
 }
 

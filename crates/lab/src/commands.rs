@@ -24,10 +24,11 @@ use genmanip_lab::motion::{MotionArguments, Source};
 use genmanip_lab::strangers::StrangersArguments;
 use genmanip_lab::studio::StudioArguments;
 use genmanip_lab::teleop::TeleopArguments;
+use genmanip_lab::transfer::TransferArguments;
 use genmanip_lab::{
     agent, answers, assets, batch, blame, bridge, data, design, environment, expert, fit, grasp, hand_eye, hostile,
     identification, layout, learn, learned_controls, matching, motion, readers, relations, render, rendered, scale, segment,
-    statistics, strangers, studio, suite, teleop, wording,
+    statistics, strangers, studio, suite, teleop, transfer, wording,
 };
 use genmanip_workspace::WorkspaceError;
 
@@ -136,6 +137,13 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let amounts = TeleopArguments { episodes, commands, out: arguments.out.clone() };
             let measured = teleop::measure(&amounts, Seed::new(seed), printer)?;
             printer.data(&measured, &teleop::describe(&measured));
+        }
+        LabCommand::Transfer(arguments) => {
+            let args::TransferArguments { seed, source_demos, count, ablate, .. } = *arguments;
+            let (skills, out) = (arguments.skills.clone(), arguments.out.clone());
+            let amounts = TransferArguments { skills, source_demos, count, ablate, out };
+            let measured = transfer::measure(&amounts, Seed::new(seed), printer)?;
+            printer.data(&measured, &transfer::describe(&measured));
         }
         LabCommand::Data(arguments) => {
             // Synthetic episodes reuse the layouts of 24 tasks in turn.

@@ -43,6 +43,7 @@ pub mod strangers;
 pub mod studio;
 pub mod suite;
 pub mod teleop;
+pub mod transfer;
 pub mod wording;
 
 pub use clock::cpu_clock;

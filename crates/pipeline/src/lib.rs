@@ -37,6 +37,7 @@ mod remote;
 pub mod report;
 pub mod rerender;
 pub mod sessions;
+pub mod skills;
 pub mod suites;
 
 pub use folder::{Run, RunFolder, Timings};

@@ -22,6 +22,7 @@ use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::policies::{DoNothing, OpenLoop};
 use genmanip_rollout::{Cores, RolloutError, Stage};
+use genmanip_skills::{Skill, Transfer, TransferSettings};
 
 use crate::{learned, remote};
 use genmanip_agent_sim::{AgentChoice, ModelChoice, UsageAccount};
@@ -39,7 +40,7 @@ use crate::policy_spec::check_robot;
 pub use crate::policy_spec::{mistaken, read_spec};
 
 /// All policies of the registry, in the order of lists for users.
-pub const POLICIES: [PolicyEntry; 12] = [
+pub const POLICIES: [PolicyEntry; 13] = [
     PolicyEntry {
         name: "expert",
         about: "plans with what the simulator knows; its results say oracle",
@@ -95,6 +96,14 @@ pub const POLICIES: [PolicyEntry; 12] = [
         needs_record: false,
         is_usual: false,
         prepare: playback,
+    },
+    PolicyEntry {
+        name: "skill",
+        about: "transfers skills that `genmanip skills record` cut from takes: skill:FILE; its results say oracle",
+        arguments: &[PolicyArgument::new("file", "", "skill file, or folder of them").in_label(InLabel::Content)],
+        needs_record: false,
+        is_usual: false,
+        prepare: skill,
     },
     PolicyEntry {
         name: "learned",
@@ -191,6 +200,19 @@ fn playback(given: &Given) -> Result<Prepared, WorkspaceError> {
         Ok(OpenLoop::playback(contract, actions))
     });
     Ok(Prepared { is_recorded: true, ..prepared })
+}
+
+fn skill(given: &Given) -> Result<Prepared, WorkspaceError> {
+    let Some(file) = given.folder("file") else {
+        return Err(WorkspaceError::input("policy skill needs a skill").with_hint(
+            "expected skill:FILE, a skill file as `genmanip skills record` writes it, or a folder of them",
+        ));
+    };
+    let skills: Arc<[Skill]> = crate::skills::read(&[file])?.into();
+    let settings = TransferSettings::default();
+    Ok(Prepared::of(move |episode| {
+        Ok(Transfer::new(episode.stage, episode.planner, Arc::clone(&skills), settings.clone()))
+    }))
 }
 
 fn learned(given: &Given) -> Result<Prepared, WorkspaceError> {

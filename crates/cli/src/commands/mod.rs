@@ -27,6 +27,7 @@ pub mod review;
 pub mod robot;
 pub mod serve;
 pub mod sim2real;
+pub mod skills;
 pub mod studio;
 pub mod suite;
 pub mod task;

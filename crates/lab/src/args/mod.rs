@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use genmanip_assets::CATALOGUES;
 use genmanip_core::ExpertStyle;
+use genmanip_skills::Verb;
 use genmanip_terminal::{GlobalArguments, parse};
 
 pub use design::*;
@@ -137,6 +138,13 @@ pub enum LabCommand {
                       operator has a reaction time, a tremor, overshoot and pauses, and reads poses from the \
                       simulator (oracle).")]
     Teleop(TeleopArguments),
+    /// Transfer skills from a few takes to many scenes, against the analytic skills and MimicGen as published
+    #[command(after_help = "Examples:\n  genmanip-lab transfer --seed 5 --skills pull,push,turn,lift,press \\\n      \
+                      --source-demos 5 --count 100 --json\n  \
+                      genmanip-lab transfer --seed 5 --skills pull --count 10 --out out/transfer\n\n\
+                      One thread. Takes are those of a scripted operator at virtual devices; COUNT scenes of the \
+                      instance of the takes and COUNT of other instances, each with all arms.")]
+    Transfer(TransferArguments),
     /// Step through episodes in the environment: cost relative to the bare simulation, and exactness
     #[command(after_help = "Examples:\n  genmanip-lab environment --seed 1 --count 10 --json\n  \
                       genmanip-lab environment --store out/run --json\n\n\
@@ -352,6 +360,37 @@ pub struct TeleopArguments {
     /// Keep the episodes in this new folder, an episode store
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+}
+
+/// Arguments of `genmanip-lab transfer`.
+#[derive(Debug, Args)]
+pub struct TransferArguments {
+    /// Seed of scenes, operators and policies
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
+    pub seed: u64,
+    /// Kinds of manipulation
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "pull,push,turn,lift,press",
+          value_parser = skill)]
+    pub skills: Vec<Verb>,
+    /// Source demonstrations per skill
+    #[arg(long, value_name = "COUNT", default_value_t = 5, value_parser = parse::count)]
+    pub source_demos: usize,
+    /// Scenes of the instance of the takes, and as many of other instances
+    #[arg(long, default_value_t = 100, value_parser = parse::count)]
+    pub count: usize,
+    /// Measure the transfer without each of its ingredients too
+    #[arg(long)]
+    pub ablate: bool,
+    /// Keep takes and transferred episodes in this new folder, an episode store
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+fn skill(name: &str) -> Result<Verb, String> {
+    Verb::named(name).ok_or_else(|| {
+        let known: Vec<&str> = Verb::ALL.iter().map(|verb| verb.name()).collect();
+        format!("expected one of {}", known.join(", "))
+    })
 }
 
 /// Arguments of `genmanip-lab data`.

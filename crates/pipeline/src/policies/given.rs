@@ -25,8 +25,8 @@ impl Given {
         let defaults = arguments.iter().map(|argument| (argument.name, argument.default.to_owned(), false));
         let mut given = Self { policy, arguments, values: defaults.collect() };
         for (place, part) in text.split(',').enumerate().filter(|(_, part)| !part.is_empty()) {
-            // Shorthand: `python:MODULE:CLASS` and `learned:FOLDER` need no argument name.
-            if let (0, "python" | "learned", false) = (place, policy, part.contains('=')) {
+            // Shorthand: `python:MODULE:CLASS`, `learned:FOLDER` and `skill:FILE` need no argument name.
+            if let (0, "python" | "learned" | "skill", false) = (place, policy, part.contains('=')) {
                 given.values[0] = (given.values[0].0, part.to_owned(), true);
                 continue;
             }

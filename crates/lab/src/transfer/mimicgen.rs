@@ -1,0 +1,177 @@
+//! Comparison: transfer as published in MimicGen (Mandlekar et al., 2023), written from the description of its method.
+//!
+//! Its subtasks end at marks that are set once per source; each attempt moves a mark by a random number of steps. The
+//! source of a subtask is drawn from the three whose object pose is nearest. The segment's target poses are moved with
+//! the body of the object, reached in five interpolated steps from the last target, and executed as normalised deltas
+//! with noise; the gripper follows by step number.
+
+use std::f64::consts::TAU;
+
+use genmanip_core::glam::{DQuat, DVec3};
+use genmanip_core::{
+    ActionChunk, ActionFrame, ActionSpace, ActionSpec, EpisodeStart, GripperEncoding, GripperSpec, Interpolation,
+    Observation, Policy, PolicyError, PolicySpec, Pose, Seed,
+};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+/// Rate of the published controller, Hz.
+const RATE_HZ: f64 = 20.0;
+/// Largest step of its controller: m, rad.
+const MAX_STEP: [f64; 2] = [0.05, 0.5];
+/// Standard deviation of the noise on normalised actions.
+const NOISE: f64 = 0.05;
+/// Interpolated steps before each segment.
+const BRIDGE: usize = 5;
+/// Sources among which one is drawn.
+const NEAREST: usize = 3;
+/// Range of steps by which a mark is moved.
+const OFFSETS: [usize; 2] = [5, 10];
+/// Weights of the distance (1/m) and the angle (1/rad) between object poses.
+const WEIGHTS: [f64; 2] = [1.0, 1.0];
+
+/// A source demonstration at the controller's rate.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// `world_from_object` at each step.
+    pub objects: Vec<Pose>,
+    /// Target pose of the tool, `world_from_tcp`, at each step.
+    pub targets: Vec<Pose>,
+    /// Commanded opening at each step, m.
+    pub widths_m: Vec<f64>,
+    /// Step after the last one of the first subtask.
+    pub mark: usize,
+}
+
+/// The published transfer as a policy. It reads object poses from the simulator, as the original does.
+pub struct MimicGen {
+    sources: Vec<Source>,
+    spec: PolicySpec,
+    object: usize,
+    rng: ChaCha8Rng,
+    /// Subtask that is executed; 2 after the last one.
+    subtask: usize,
+    /// Targets of the segment still to be executed, in reverse order: pose, opening, true if noise is added.
+    left: Vec<(Pose, f64, bool)>,
+    last: Option<Pose>,
+}
+
+impl Source {
+    /// Source of an episode's frames; `object` is the index of the manipulated object, `target` gives the tool pose of a
+    /// command, and `mark` is the control step at which the first subtask ends.
+    pub fn of(
+        frames: &[genmanip_core::Frame],
+        control_rate_hz: f64,
+        object: usize,
+        mark: usize,
+        target: impl Fn(&[f32]) -> Pose,
+    ) -> Self {
+        let every = (control_rate_hz / RATE_HZ).round().max(1.0) as usize;
+        let kept = || frames.iter().step_by(every);
+        Self {
+            objects: kept().map(|frame| frame.objects[object].pose).collect(),
+            targets: kept().map(|frame| target(&frame.command)).collect(),
+            widths_m: kept().map(|frame| frame.command.last().copied().unwrap_or_default().into()).collect(),
+            mark: mark / every + 1,
+        }
+    }
+}
+
+impl MimicGen {
+    /// Policy that moves an object, by its index, as the sources do.
+    pub fn new(sources: Vec<Source>, object: usize) -> Self {
+        let action = ActionSpec {
+            space: ActionSpace::EePose,
+            delta_from: Default::default(),
+            frame: ActionFrame::World,
+            rotation: Default::default(),
+            gripper: GripperSpec { encoding: GripperEncoding::WidthM, binary_threshold: None },
+            between: Interpolation::Linear,
+        };
+        let spec = PolicySpec { privileged: true, action, ..PolicySpec::native("mimicgen", RATE_HZ) };
+        Self { sources, spec, object, rng: Seed::new(0).rng(), subtask: 0, left: Vec::new(), last: None }
+    }
+
+    /// Fills `left` with the next subtask's segment, from the source whose object pose is near that of now.
+    fn begin(&mut self, world_from_object: &Pose, tool: &Pose) {
+        let subtask = self.subtask;
+        self.subtask += 1;
+        let marks: Vec<usize> = self
+            .sources
+            .iter()
+            .map(|source| (source.mark + self.rng.random_range(OFFSETS[0]..=OFFSETS[1])).min(source.targets.len() - 1))
+            .collect();
+        let start = |index: usize| if subtask == 0 { 0 } else { marks[index] };
+        let distance = |index: usize| {
+            let pose = &self.sources[index].objects[start(index)];
+            WEIGHTS[0] * pose.position.distance(world_from_object.position)
+                + WEIGHTS[1] * pose.angle_to(world_from_object)
+        };
+        let mut order: Vec<usize> = (0..self.sources.len()).collect();
+        order.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)));
+        let chosen = order[self.rng.random_range(0..order.len().min(NEAREST))];
+        let source = &self.sources[chosen];
+        let (from, to) = (start(chosen), if subtask == 0 { marks[chosen] } else { source.targets.len() });
+        let moved = *world_from_object * source.objects[from].inverse();
+        let segment: Vec<(Pose, f64, bool)> =
+            (from..to).map(|step| (moved * source.targets[step], source.widths_m[step], true)).collect();
+        let Some((first, width_m, _)) = segment.first().copied() else { return };
+        let last = self.last.unwrap_or(*tool);
+        let bridge = (1..=BRIDGE).map(|step| (last.interpolate(&first, step as f64 / BRIDGE as f64), width_m, false));
+        let mut left: Vec<_> = bridge.chain(segment).collect();
+        self.last = left.last().map(|(pose, ..)| *pose);
+        left.reverse();
+        self.left = left;
+    }
+
+    /// A target as the controller's step from the measured tool: clipped, with noise.
+    fn stepped(&mut self, tool: &Pose, target: &Pose, is_noisy: bool) -> Pose {
+        let turn = target.rotation * tool.rotation.inverse();
+        let turn = if turn.w < 0.0 { -turn } else { turn }.to_scaled_axis();
+        let mut normal = || {
+            let (u, v): (f64, f64) = (self.rng.random_range(f64::MIN_POSITIVE..1.0), self.rng.random_range(0.0..1.0));
+            (-2.0 * u.ln()).sqrt() * (TAU * v).cos()
+        };
+        let mut step = |delta: DVec3, most: f64| {
+            let mut share = delta / most;
+            if is_noisy {
+                share += DVec3::new(normal(), normal(), normal()) * NOISE;
+            }
+            share.clamp(DVec3::NEG_ONE, DVec3::ONE) * most
+        };
+        let way = step(target.position - tool.position, MAX_STEP[0]);
+        let turn = step(turn, MAX_STEP[1]);
+        Pose::new(tool.position + way, DQuat::from_scaled_axis(turn) * tool.rotation)
+    }
+}
+
+impl Policy for MimicGen {
+    fn spec(&self) -> PolicySpec {
+        self.spec.clone()
+    }
+
+    fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
+        self.rng = start.seed.fork("mimicgen").rng();
+        (self.subtask, self.last) = (0, None);
+        self.left.clear();
+        Ok(())
+    }
+
+    fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
+        let unsuited = |what: &str| PolicyError::Unsuited(format!("needs {what}"));
+        let tool = observation.state.get(Observation::TOOL).map(Vec::as_slice);
+        let Some(&[x, y, z, qw, qx, qy, qz]) = tool else { return Err(unsuited("the pose of the tool")) };
+        let tool = Pose::from_wxyz_array([x, y, z], [qw, qx, qy, qz]);
+        if self.left.is_empty() && self.subtask < 2 {
+            let truth = observation.privileged.as_ref().ok_or_else(|| unsuited("simulator truth"))?;
+            self.begin(&truth.objects[self.object].pose.clone(), &tool);
+        }
+        let Some((target, width_m, is_noisy)) = self.left.pop() else {
+            return Ok(ActionChunk { actions: Vec::new(), finished: true });
+        };
+        let pose = self.stepped(&tool, &target, is_noisy);
+        let action = pose.to_row().into_iter().chain([width_m]).map(|number| number as f32).collect();
+        let finished = self.left.is_empty() && self.subtask >= 2;
+        Ok(ActionChunk { actions: vec![action], finished })
+    }
+}

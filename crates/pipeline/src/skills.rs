@@ -1,0 +1,262 @@
+//! Skills from recorded episodes, and runs of episodes to which skills were transferred.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use genmanip_assets::search::Filter;
+use genmanip_assets::{AssetSource, Catalogue};
+use genmanip_core::{Document, EpisodeResult, ObjectCard, Seed, Task};
+use genmanip_data::EpisodeStore;
+use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources, in_parallel};
+use genmanip_rollout::{RolloutError, Stage, run_episode};
+use genmanip_skills::tasks::state_task;
+use genmanip_skills::{Skill, Transfer, TransferSettings};
+use genmanip_workspace::task_spool::Tasks;
+use genmanip_workspace::{Progress, WorkspaceError, documents, worlds};
+use serde::Serialize;
+
+use crate::folder::{Run, RunFolder};
+
+/// Ending of the names of skill files.
+pub const ENDING: &str = ".skill.json";
+/// Most attempts per episode that is wanted, and per task, before a transfer ends.
+const MAX_ATTEMPTS: usize = 4;
+/// Most objects that a query selects.
+const MAX_OBJECTS: usize = 200;
+
+/// An episode and the skill cut from it.
+#[derive(Clone, Debug, Serialize)]
+pub struct RecordedSkill {
+    /// Id of the episode.
+    pub episode: String,
+    /// Skill file; `None` if no skill could be cut.
+    pub file: Option<PathBuf>,
+    /// Reason why no skill could be cut; `None` for a skill.
+    pub reason: Option<String>,
+}
+
+/// Cuts skills from episodes of a run folder or an episode store and writes them into a folder, one file each; without
+/// `ids` from all successful episodes.
+///
+/// # Errors
+/// If the episodes cannot be read, a scene cannot be opened, or a file cannot be written.
+pub fn record(path: &Path, ids: &[String], out: &Path) -> Result<Vec<RecordedSkill>, WorkspaceError> {
+    let store = open_store(path)?;
+    let unread = |error| WorkspaceError::of_file("read", path, error);
+    let known = store.ids().map_err(unread)?;
+    if let Some(missing) = ids.iter().find(|id| !known.contains(id)) {
+        let known: Vec<&str> = known.iter().map(String::as_str).collect();
+        return Err(WorkspaceError::unknown("episode", "episodes", missing, &known));
+    }
+    let mut rows = Vec::new();
+    for id in known.iter().filter(|id| ids.is_empty() || ids.contains(id)) {
+        let is_wanted = !ids.is_empty() || store.read_result(id).map_err(unread)?.success;
+        if !is_wanted || !store.is_recorded(id).map_err(unread)? {
+            continue;
+        }
+        let episode = store.read(id).map_err(unread)?;
+        let robot = worlds::robot(&episode.scenario.world)?;
+        let stage = Stage::open(Arc::new(episode.scenario.clone()), Catalogue::all(), &robot)
+            .map_err(|error| WorkspaceError::broken(format!("the scene of episode {id} cannot be opened"), error))?;
+        let hash = store.record_hash(id).map_err(unread)?;
+        let row = match genmanip_skills::record(&stage, &episode, id, &hash) {
+            Ok(skill) => {
+                let file = out.join(format!("{id}{ENDING}"));
+                documents::write_file(&file, skill.to_json().as_bytes())?;
+                RecordedSkill { episode: id.clone(), file: Some(file), reason: None }
+            }
+            Err(error) => RecordedSkill { episode: id.clone(), file: None, reason: Some(error.to_string()) },
+        };
+        rows.push(row);
+    }
+    Ok(rows)
+}
+
+/// Episode store of a run folder, or a store itself.
+fn open_store(path: &Path) -> Result<EpisodeStore, WorkspaceError> {
+    let inner = path.join("episodes");
+    let root = if inner.is_dir() { inner } else { path.to_owned() };
+    EpisodeStore::open(&root)
+        .map_err(|error| WorkspaceError::of_file("read", &root, error).or_hint("name a run folder or an episode store"))
+}
+
+/// Skills of files and folders, in the order of their names.
+///
+/// # Errors
+/// If there is none, a file cannot be read, or two skills have the same name.
+pub fn read(paths: &[PathBuf]) -> Result<Vec<Skill>, WorkspaceError> {
+    let mut files = Vec::new();
+    for path in paths {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let names = genmanip_data::files::names(path).map_err(|error| WorkspaceError::of_file("read", path, error))?;
+        files.extend(names.iter().filter(|name| name.ends_with(ENDING)).map(|name| path.join(name)));
+    }
+    files.sort();
+    let skills = files
+        .iter()
+        .map(|file| documents::read_document::<Skill>(file, Skill::LIMIT))
+        .collect::<Result<Vec<_>, _>>()?;
+    if skills.is_empty() {
+        return Err(WorkspaceError::input("there is no skill").with_hint(format!(
+            "name files or folders of files NAME{ENDING}, as `genmanip skills record` writes them"
+        )));
+    }
+    for (index, skill) in skills.iter().enumerate() {
+        if skills[..index].iter().any(|other| other.name == skill.name) {
+            return Err(WorkspaceError::input(format!("two skills have the name {}", skill.name)));
+        }
+    }
+    Ok(skills)
+}
+
+/// Result of [`transfer`].
+#[derive(Clone, Debug, Serialize)]
+pub struct Transferred {
+    /// Results of the episodes that were kept, in the order of their attempts.
+    pub kept: Vec<KeptEpisode>,
+    /// Number of attempts.
+    pub attempts: usize,
+    /// Reasons why other attempts were not kept, one each.
+    pub failures: Vec<String>,
+    /// True if interrupted.
+    pub interrupted: bool,
+}
+
+/// An episode that was kept.
+#[derive(Clone, Debug, Serialize)]
+pub struct KeptEpisode {
+    /// Id of the episode.
+    pub episode: String,
+    /// Skill that was used last.
+    pub skill: String,
+}
+
+/// Which episodes a transfer makes.
+#[derive(Clone, Debug)]
+pub struct TransferRequest {
+    /// Skills to choose from.
+    pub skills: Vec<Skill>,
+    /// Objects, in the words of `genmanip assets search`.
+    pub query: String,
+    /// Number of episodes to keep.
+    pub count: usize,
+    /// Seed of the layouts.
+    pub seed: Seed,
+    /// Number of threads.
+    pub workers: usize,
+}
+
+/// Transfers skills to objects that match a query, each laid out anew for every attempt, until enough episodes succeed.
+/// These alone are kept, as a run folder.
+///
+/// # Errors
+/// If no skill serves an object of the query, the folder holds another run, or an episode raises an error.
+pub fn transfer(
+    request: &TransferRequest,
+    settings: PipelineSettings,
+    out: &Path,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Transferred, WorkspaceError> {
+    let tasks = tasks(&request.skills, &request.query)?;
+    let planner = worlds::planner(&settings.world, &settings.planner)?;
+    let resources = Resources { catalogue: Catalogue::all(), ..Resources::builtin(&planner) };
+    let nearest = documents::nearest_folder(out).unwrap_or_else(|| ".".into());
+    let run = Run::new(Tasks::spool(tasks.iter().cloned(), &nearest)?, 0, settings.clone(), request.seed);
+    let folder = RunFolder::begin(out, &run)?;
+    let store = folder.store()?;
+    let skills: Arc<[Skill]> = request.skills.clone().into();
+    let attempt = |number: &usize| -> Result<(Option<KeptEpisode>, String), RolloutError> {
+        let (task, round) = (&tasks[number % tasks.len()], number / tasks.len());
+        let attempt = Attempt::of(task, round as u64, request.seed);
+        let id = attempt.id();
+        let scenario = match attempt.scenario(resources, &settings.world, &settings.layout) {
+            Ok(scenario) => scenario,
+            Err(error) if error.is_defect() => return Err(error.into()),
+            Err(error) => return Ok((None, format!("{id}: {error}"))),
+        };
+        let stage = Stage::open(Arc::new(scenario), resources.catalogue, planner.robot())?;
+        let mut policy = Transfer::new(&stage, &planner, Arc::clone(&skills), TransferSettings::default());
+        let episode = run_episode(&stage, &mut policy, &id, attempt.seed, &settings.rollout)?;
+        if !episode.result.success {
+            return Ok((None, format!("{id}: {}", reason(&episode.result))));
+        }
+        if !store.contains(&id) {
+            store.write(&episode, &[])?;
+        }
+        let skill = policy.used().unwrap_or_default().to_owned();
+        Ok((Some(KeptEpisode { episode: id, skill }), String::new()))
+    };
+    let mut made = Transferred { kept: Vec::new(), attempts: 0, failures: Vec::new(), interrupted: false };
+    progress.begin("transferring", request.count);
+    while made.kept.len() < request.count && made.attempts < MAX_ATTEMPTS * (request.count + tasks.len()) {
+        // As many attempts as episodes are missing, so that none is superfluous, whatever the number of threads.
+        let wave: Vec<usize> = (made.attempts..made.attempts + request.count - made.kept.len()).collect();
+        let results = in_parallel(&wave, request.workers, stop, &attempt)
+            .map_err(|error| WorkspaceError::broken("the transfer stopped", error))?;
+        made.interrupted = results.len() < wave.len();
+        made.attempts += results.len();
+        for (kept, failure) in results {
+            match kept {
+                Some(kept) => {
+                    progress.advance();
+                    made.kept.push(kept);
+                }
+                None => made.failures.push(failure),
+            }
+        }
+        if made.interrupted {
+            break;
+        }
+    }
+    progress.end();
+    for kept in &made.kept {
+        let path = folder.join("scenarios").join(format!("{}.json", kept.episode));
+        let scenario = store.read_scenario(&kept.episode);
+        let scenario = scenario.map_err(|error| WorkspaceError::broken("an episode cannot be read back", error))?;
+        if let Some(scenario) = scenario {
+            documents::write_file(&path, scenario.to_json().as_bytes())?;
+        }
+    }
+    folder.survey(&store)?;
+    Ok(made)
+}
+
+fn reason(result: &EpisodeResult) -> String {
+    result.failure().map_or_else(String::new, |failure| failure.evidence)
+}
+
+/// Tasks on the objects of a query that a skill can serve: those with the initial and the goal state of its source, and
+/// the same kind of manipulation.
+fn tasks(skills: &[Skill], query: &str) -> Result<Vec<Task>, WorkspaceError> {
+    let index = Catalogue::all().index();
+    let found = index.search(query, &Filter::default(), MAX_OBJECTS);
+    let cards: Vec<&ObjectCard> = found.iter().map(|result| result.card).filter(|card| card.is_articulated).collect();
+    let mut tasks: Vec<Task> = Vec::new();
+    for card in &cards {
+        let model = Catalogue::all()
+            .model(&card.asset)
+            .map_err(|error| WorkspaceError::broken(format!("{} cannot be built", card.uid), error))?;
+        for skill in skills {
+            let [from, to] = &skill.motion.states;
+            let is_served = genmanip_skills::serves(skill, &model, from, to);
+            if is_served && tasks.iter().all(|task| task.id != genmanip_skills::tasks::id(card, from, to)) {
+                let mut task = state_task(card, from, to);
+                task.source = format!("skills, first {}", skill.name);
+                tasks.push(task);
+            }
+        }
+    }
+    if tasks.is_empty() {
+        let verbs: Vec<&str> = skills.iter().map(|skill| skill.verb.name()).collect();
+        let what = format!("no skill ({}) serves an object of \"{query}\"", verbs.join(", "));
+        return Err(WorkspaceError::input(what)
+            .because(format!("{} articulated objects match the query", cards.len()))
+            .with_hint("`genmanip assets search QUERY` shows what matches; skills serve their own kind and states"));
+    }
+    Ok(tasks)
+}
