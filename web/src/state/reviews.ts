@@ -1,7 +1,7 @@
 // Reviews of the open scenario and the queue, as the server tells them.
 
 import { batch, computed, signal } from "@preact/signals";
-import { ABOUT, CRITERIA, criteriaOf, decided, filtered, toggled, UNMARKED, type Marks, type Review, type ReviewRow, type ReviewState } from "../logic/review.ts";
+import { ABOUT, CRITERIA, SAID, criteriaOf, decided, filtered, toggled, UNMARKED, type Marks, type Review, type ReviewRow, type ReviewState } from "../logic/review.ts";
 import { open } from "./connection.ts";
 import { json } from "./requests.ts";
 import * as store from "./store.ts";
@@ -96,7 +96,7 @@ async function say(now: ReviewState, decision: Review["decision"], with_: Marks,
     state.value = said;
     marks.value = UNMARKED;
   }
-  store.status.value = `${now.id}: ${decision.verdict.replace("_", " ")}.`;
+  store.status.value = `${now.id}: ${SAID[decision.verdict]}.`;
   await loadQueue();
   if (decision.verdict === "approve" && !said.trials && !trying.peek().includes(now.key)) void certify(now.key);
   return true;
