@@ -90,7 +90,7 @@ function Queue() {
 
 function Expert() {
   const now = reviews.state.value!;
-  if (reviews.trying.value.includes(now.key)) return <span class="muted">the expert is trying it five times</span>;
+  if (reviews.trying.value.includes(now.key)) return <span class="muted">the expert is trying it</span>;
   if (now.trials) {
     return (
       <span class="muted">
@@ -135,7 +135,7 @@ function Marking() {
       </div>
       <label class="field">
         <span class="hidden">Note</span>
-        <textarea rows={2} placeholder="Note" maxLength={2000} value={marks.note} onKeyDown={(event) => event.key === "Escape" && event.currentTarget.blur()} onInput={(event) => (reviews.marks.value = { ...marks, note: event.currentTarget.value })} />
+        <textarea rows={1} placeholder="Note" maxLength={2000} value={marks.note} onKeyDown={(event) => event.key === "Escape" && event.currentTarget.blur()} onInput={(event) => (reviews.marks.value = { ...marks, note: event.currentTarget.value })} />
       </label>
       {blocking > 0 && <p class="caution">The verdict names {blocking === 1 ? "a problem" : `${blocking} problems`}: repair first, or mark what is wrong.</p>}
       <div class="actions">

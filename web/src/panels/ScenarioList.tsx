@@ -3,7 +3,7 @@
 import { computed, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { countedWords } from "../logic/verdict.ts";
-import { checkAll, faulty, known, left } from "../state/checks.ts";
+import { checkAll, faulty, isFaulty, isReplaced, known, left } from "../state/checks.ts";
 import { open } from "../state/connection.ts";
 import { setListed } from "../state/shortcuts.ts";
 import type { ScenarioRow } from "../contract.ts";
@@ -22,14 +22,11 @@ const listed = computed(() => {
   return (scenarios.value ?? []).filter((row) => {
     if (kind.value && row.kind !== kind.value) return false;
     const verdict = known(row.key, row.revision);
-    if (isFaultyOnly.value && !verdict?.blocking && row.key !== openKey.value) return false;
+    if (isFaultyOnly.value && !isFaulty(row) && row.key !== openKey.value) return false;
     const all = `${row.id} ${row.instruction} ${row.kind} ${row.source} ${verdict?.first ?? ""}`.toLowerCase();
     return words.every((word) => all.includes(word));
   });
 });
-
-/** Ids of scenarios that can be edited: a frozen one of the same id was copied. */
-const copied = computed(() => new Set(scenarios.value?.filter((row) => !row.read_only).map((row) => row.id)));
 
 function Checked({ row }: { row: ScenarioRow }) {
   const verdict = known(row.key, row.revision);
@@ -101,7 +98,7 @@ export function ScenarioList() {
               <span class="instruction">{row.instruction}</span>
               <span class="muted">
                 {row.kind.replaceAll("_", " ")} · {row.objects} objects
-                {row.read_only ? (copied.value.has(row.id) ? " · replaced by its copy" : " · frozen") : row.revision > 0 ? ` · rev. ${row.revision}` : ""}
+                {row.read_only ? (isReplaced(row) ? " · see its copy" : " · frozen") : row.revision > 0 ? ` · rev. ${row.revision}` : ""}
               </span>
               <span class="muted id">{row.id}</span>
               <Checked row={row} />

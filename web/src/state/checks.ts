@@ -1,6 +1,7 @@
 // Verdicts on the listed scenarios, so that those with problems are found without opening each.
 
 import { computed, effect, signal } from "@preact/signals";
+import type { ScenarioRow } from "../contract.ts";
 import { ranked, type Counted } from "../logic/verdict.ts";
 import { verdictOf } from "./requests.ts";
 import * as store from "./store.ts";
@@ -19,8 +20,17 @@ export function known(key: string, revision: number): Checked | undefined {
   return found?.revision === revision ? found : undefined;
 }
 
-/** Number of listed scenarios with a problem that blocks. */
-export const faulty = computed(() => store.scenarios.value?.filter((row) => (known(row.key, row.revision)?.blocking ?? 0) > 0).length ?? 0);
+/** Ids of scenarios that can be edited: a frozen one of the same id was copied. */
+const editable = computed(() => new Set(store.scenarios.value?.filter((row) => !row.read_only).map((row) => row.id)));
+
+/** True if an editable copy takes the place of a frozen scenario. */
+export const isReplaced = (row: ScenarioRow) => row.read_only && editable.value.has(row.id);
+
+/** True if a scenario has a problem that blocks, and no copy takes its place. */
+export const isFaulty = (row: ScenarioRow) => (known(row.key, row.revision)?.blocking ?? 0) > 0 && !isReplaced(row);
+
+/** Number of such scenarios. */
+export const faulty = computed(() => store.scenarios.value?.filter(isFaulty).length ?? 0);
 
 // The open scenario is judged anyway.
 effect(() => {

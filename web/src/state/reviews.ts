@@ -50,15 +50,21 @@ export async function load(key: string, isQuiet = false): Promise<void> {
   if (found && marked === now) state.value = found;
 }
 
-/** Opens the next scenario of the filtered queue. */
+/** Scenario that the queue opened last. */
+let queued: string | null = null;
+
+/** Opens the next scenario of the filtered queue: its first one, or the one after that which it opened last. */
 export async function next(): Promise<void> {
   store.tab.value = "review";
   await loadQueue();
   const list = listed.peek();
-  const at = list.findIndex((row) => row.key === store.openKey.peek());
-  const row = list[at + 1] ?? list.find((one) => one.key !== store.openKey.peek());
-  if (row) open(row.key);
-  else store.status.value = "Nothing is left in this queue.";
+  const now = store.openKey.peek();
+  const at = now === queued ? list.findIndex((row) => row.key === now) : -1;
+  const row = list.slice(at + 1).find((one) => one.key !== now) ?? list.find((one) => one.key !== now);
+  if (row) {
+    queued = row.key;
+    open(row.key);
+  } else store.status.value = "Nothing is left in this queue.";
 }
 
 export function mark(number: number): boolean {
