@@ -96,6 +96,7 @@ export class MockReviews {
       standings: { approved: approved.length, open: rows.length - approved.length },
       policies: [{ policy: "expert", scenarios: 1, episodes: 5, successes: 5 }, { policy: "weak", scenarios: 1, episodes: 5, successes: 1 }],
       measured: [{ key: other.key, id: other.scenario.id, difficulty: "medium", mean_success: 0.6, policies: { expert: [5, 5], weak: [1, 5] } }],
+      left_out: [{ episodes: 3, reason: "since the scenario was different when they were run" }],
     };
   }
 }

@@ -176,6 +176,8 @@ class Studio {
     switch (rest[1]) {
       case undefined:
         return send(200, document.scene(url.searchParams.has("revision") ? at(document, Number(url.searchParams.get("revision"))).objects : undefined));
+      case "verdict":
+        return send(200, { revision: document.revision, problems: document.problems() });
       case "world":
         return send(200, document.scenario.world);
       case "difference":

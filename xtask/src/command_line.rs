@@ -25,7 +25,7 @@ pub const PHASES: [&str; 14] = [
 pub const OPT_IN: [&str; 1] = ["bytes"];
 
 /// Options of `cargo xtask test`, each of which is a test of its own.
-const OPTIONS: [&str; 6] = ["--packs", "--interop", "--cluster", "--s3", "--train", "--models"];
+const OPTIONS: [&str; 7] = ["--packs", "--interop", "--cluster", "--s3", "--train", "--models", "--long"];
 
 /// Words that may follow `cargo xtask test`.
 pub fn test_words() -> Vec<&'static str> {
@@ -43,6 +43,8 @@ Usage: cargo xtask SUBCOMMAND
   wheel [--out DIR]   build the Python wheel, with the simulator's library inside, and check that it runs elsewhere
   test [PHASE…]    everything CI runs, or only the named phases
   test bytes       compare rendered images with and without wide SIMD registers (minutes; not part of CI)
+  test web --long [OPTION…]   the studio killed 100 times, 500 faults, ten tabs, a trial, ten minutes of orbiting (an
+                   hour; not part of CI); options shorten it: --kills N --faults N --cut-s S --tabs N --suite N --orbit-s S
   test --packs     import objects of published packages (downloads 320 MB, takes minutes; not part of CI)
   test --interop   let published packages of other projects ask, answer and read us (downloads 3 GB; not part of CI)
   test --cluster   collect on a Slurm of two nodes on this machine and lose one (needs its packages; not part of CI)

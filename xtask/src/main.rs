@@ -67,6 +67,7 @@ fn run(args: &[String]) -> Result {
         Some("test") if rest == ["--train"] => train::run(&workspace),
         Some("test") if rest == ["--models"] => models::run(&workspace),
         Some("test") if rest == ["--interop"] => interop::run(&workspace),
+        Some("test") if rest.starts_with(&["web".into(), "--long".into()]) => web::long(&workspace, &rest[2..]),
         Some("test") => test::run(&workspace, rest),
         Some("tidy") => tidy::run(&workspace.root, rest),
         Some("install") => install::run(&workspace, rest),

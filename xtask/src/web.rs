@@ -1,5 +1,6 @@
 //! The studio's page in `web/`: pinned packages, tests, and the committed build in `web/dist`.
 
+use crate::features::ALL;
 use crate::problem::{OnPath, Problem, Result};
 use crate::process::{self, Workspace};
 use std::collections::BTreeMap;
@@ -69,6 +70,54 @@ pub fn test(workspace: &Workspace, needs_browser: bool) -> Result<String> {
     Ok("ok, in Chromium too".into())
 }
 
+/// Options of [`long`] for the tests with a browser; a number follows each.
+const LONG_OPTIONS: [&str; 6] = ["--seed", "--tabs", "--faults", "--cut-s", "--orbit-s", "--suite"];
+/// Option of [`long`] for the number of kills, and the variable that tells it to the test.
+const KILLS: (&str, &str) = ("--kills", "GENMANIP_KILLS");
+
+/// Long tests with the real program: kills at random moments, then in a browser many tabs, a newcomer's trial, faults of
+/// connection, server, token and disk, and orbiting. `options` change how long each part is.
+pub fn long(workspace: &Workspace, options: &[String]) -> Result {
+    let (kills, others) = long_options(options)?;
+    packages(workspace)?;
+    let Some(path) = chromium() else {
+        return Err(Problem {
+            what: "the long tests need Chromium".into(),
+            expected: USUAL_CHROMIUM.join(" or "),
+            hint: format!("on Debian: apt install chromium; or name another one in {CHROMIUM}"),
+        });
+    };
+    process::visible(&mut workspace.cargo(["build", "--release"].into_iter().chain(ALL)))?;
+    let test =
+        ["test", "--release"].into_iter().chain(ALL).chain(["--test", "cli", "--", "--ignored", "studio_killed"]);
+    let mut killing = workspace.cargo(test);
+    kills.iter().for_each(|kills| drop(killing.env(KILLS.1, kills)));
+    process::visible(&mut killing)?;
+    let mut browser = npm(workspace);
+    browser.args(["run", "--silent", "long", "--", "--program"]).arg(workspace.genmanip()?).args(others);
+    process::visible(browser.env(CHROMIUM, path))
+}
+
+/// The number of kills, if given, and the options for the browser.
+fn long_options(options: &[String]) -> Result<(Option<String>, Vec<String>)> {
+    let (mut kills, mut others) = (None, Vec::new());
+    for pair in options.chunks(2) {
+        let is_number = pair.get(1).is_some_and(|value| value.parse::<u32>().is_ok());
+        match pair {
+            [name, value] if is_number && name == KILLS.0 => kills = Some(value.clone()),
+            [name, _] if is_number && LONG_OPTIONS.contains(&name.as_str()) => others.extend_from_slice(pair),
+            _ => {
+                return Err(Problem {
+                    what: format!("the long tests do not know `{}`", pair.join(" ")),
+                    expected: format!("{} or {}, each with a number", LONG_OPTIONS.join(", "), KILLS.0),
+                    hint: "such as `cargo xtask test web --long --faults 50 --orbit-s 60`".into(),
+                });
+            }
+        }
+    }
+    Ok((kills, others))
+}
+
 fn npm(workspace: &Workspace) -> Command {
     let mut npm = workspace.command("npm");
     npm.current_dir(workspace.root.join(FOLDER)).env("PLAYWRIGHT_SKIP_BROWSER_DOWNLOAD", "1");
@@ -130,6 +179,16 @@ mod tests {
             (build(&[("assets/app.js", "a"), ("assets/new.js", "c"), ("index.html", "b")]), "assets/new.js"),
         ] {
             assert_eq!(first_difference(&committed, &rebuilt), Some(expected));
+        }
+    }
+
+    #[test]
+    fn options_of_long_tests_go_where_they_belong() {
+        let split = |text: &str| long_options(&text.split_whitespace().map(String::from).collect::<Vec<_>>());
+        let (kills, others) = split("--faults 50 --kills 3 --seed 2").unwrap();
+        assert_eq!((kills.as_deref(), others.join(" ").as_str()), (Some("3"), "--faults 50 --seed 2"));
+        for wrong in ["--faults", "--faults many", "--fault 5", "5"] {
+            assert!(split(wrong).is_err(), "{wrong}");
         }
     }
 

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::statistics::{StatisticsError, StatisticsSettings, SuiteSummary, Traits, by_trait, summarise};
-use crate::suite_format::Perturbation;
+use crate::suite_format::{Perturbation, sha256};
 
 /// Results and summary of one policy on one suite.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -50,6 +50,10 @@ pub struct EvaluationReport {
     /// Reference path length of the tool by scenario id, m; see [`reference_paths_m`].
     #[serde(default)]
     pub reference_paths_m: BTreeMap<String, f64>,
+    /// SHA-256 of the file of each scenario by its id, with the scenario's own cameras; empty in reports of older
+    /// versions.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub scenario_sha256: BTreeMap<String, String>,
     /// Results of all episodes, ordered by scenario, seed and id.
     pub results: Vec<EpisodeResult>,
     /// Episodes still to be run, since the policy could not be reached; ordered by id and excluded from all figures.
@@ -176,6 +180,7 @@ impl EvaluationReport {
         let reference_paths_m = references.map(|(id, &path_m)| (id.clone(), path_m)).collect();
         let summary = summarise(&results, &kinds, &reference_paths_m, statistics)?;
         let summary = summary.into_iter().next().ok_or(EvaluationError::NoResults)?;
+        let file_sha256 = |scenario: &&Scenario| (scenario.id.clone(), sha256(scenario.to_json().as_bytes()));
         Ok(Self {
             suite: suite.into(),
             suite_hash: suite_hash(&scenarios),
@@ -191,6 +196,7 @@ impl EvaluationReport {
             summary,
             kinds,
             reference_paths_m,
+            scenario_sha256: scenarios.iter().map(file_sha256).collect(),
             results,
             not_run: Vec::new(),
         })

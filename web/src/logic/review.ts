@@ -6,11 +6,13 @@ export type Criterion = (typeof CRITERIA)[number];
 /** Words of a criterion, and the reason of a rejection where it does not hold. */
 export const ABOUT: Record<Criterion, [words: string, reason: string]> = {
   instruction_clear: ["The instruction is clear", "ambiguous"],
-  goal_matches: ["The goal is what it says", "goal_wrong"],
-  plausible: ["Plausible in daily life", "implausible"],
-  feasible: ["Can be done", "unreachable"],
+  goal_matches: ["The goal matches the instruction", "goal_wrong"],
+  plausible: ["It is plausible in daily life", "implausible"],
+  feasible: ["The robot can do it", "unreachable"],
   looks_right: ["The scene looks right", "looks_wrong"],
 };
+/** Words of what somebody decided. */
+export const SAID: Record<Review["decision"]["verdict"], string> = { approve: "approved", reject: "rejected", send_back: "sent back", take_back: "took back" };
 export const FURTHER = ["duplicate", "unsafe", "other"] as const;
 export type Further = (typeof FURTHER)[number];
 
@@ -100,6 +102,6 @@ export function filtered(rows: ReviewRow[], kind: string, missing: string): Revi
 }
 
 export function standingWords(row: { standing: string; missing?: number }): string {
-  if (row.standing === "open") return row.missing === 1 ? "one review is missing" : "not reviewed";
-  return { sent_back: "sent back", adjudication: "the reviewers differ", uncertified: "approved, not solved by the expert yet" }[row.standing] ?? row.standing;
+  if (row.standing === "open") return row.missing === 1 ? "one more review is needed" : "two reviews are needed";
+  return { sent_back: "sent back", adjudication: "the reviewers differ", uncertified: "approved, but the expert has not solved it" }[row.standing] ?? row.standing;
 }

@@ -51,15 +51,32 @@ export function problemsOf(verdict: Verdict): Problem[] {
   return [...all.filter((problem) => problem.blocking), ...all.filter((problem) => !problem.blocking)];
 }
 
+/** Numbers of problems and of warnings, and the words of the first. */
+export interface Counted {
+  blocking: number;
+  warnings: number;
+  first: string;
+}
+
+export function ranked(problems: Problem[]): Counted {
+  const blocking = problems.filter((problem) => problem.blocking);
+  return { blocking: blocking.length, warnings: problems.length - blocking.length, first: sentence((blocking[0] ?? problems[0])?.message ?? "") };
+}
+
+/** Numbers in words, such as "2 problems, 1 warning". */
+export function countedWords({ blocking, warnings }: Counted): string {
+  const counted = (count: number, word: string) => (count > 0 ? [`${count} ${word}${count === 1 ? "" : "s"}`] : []);
+  return [...counted(blocking, "problem"), ...counted(warnings, "warning")].join(", ");
+}
+
+/** Words with a capital at their beginning. */
+export function sentence(words: string): string {
+  return words.charAt(0).toUpperCase() + words.slice(1);
+}
+
 /** Summary for the header and for screen readers. */
 export function summary(verdict: Verdict): string {
-  const problems = problemsOf(verdict);
-  const blocking = problems.filter((problem) => problem.blocking).length;
-  const counted = (count: number, word: string) => `${count} ${word}${count === 1 ? "" : "s"}`;
-  const found = [
-    ...(blocking > 0 ? [counted(blocking, "problem")] : []),
-    ...(problems.length > blocking ? [counted(problems.length - blocking, "warning")] : []),
-  ].join(", ");
+  const found = countedWords(ranked(problemsOf(verdict)));
   if (!verdict.done) return found ? `${found} so far` : "checking";
   return found || "no problems";
 }

@@ -1,8 +1,9 @@
 // Contact sheet for triage, and the balance of what was approved.
 
 import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import { ABOUT, CRITERIA, FURTHER, retargeted, standingWords, type ReviewRow, type Targets } from "../logic/review.ts";
+import { sentence } from "../logic/verdict.ts";
 import { open } from "../state/connection.ts";
 import { address, json } from "../state/requests.ts";
 import * as reviews from "../state/reviews.ts";
@@ -76,6 +77,14 @@ interface Dashboard {
   standings: Record<string, number>;
   policies: { policy: string; scenarios: number; episodes: number; successes: number }[];
   measured: { key: string; id: string; difficulty: string; mean_success: number }[];
+  left_out: { episodes: number; reason: string }[];
+}
+
+/** A suite that was written. */
+interface Written {
+  folder: string;
+  scenarios: number;
+  choice: { chosen: { scenario: string; reason: string }[]; rejected: { scenario: string; reason: string }[] };
 }
 
 interface Detection {
@@ -98,6 +107,7 @@ export function BalanceDialog({ onClose }: { onClose: () => void }) {
   const agreement = useSignal<Agreement | null>(null);
   const targets = useSignal<Targets>({});
   const name = useSignal("reviewed");
+  const written = useSignal<Written | string | null>(null);
   const told = (error: Error) => store.notify(error.message, { isError: true });
   useEffect(() => {
     void json<Dashboard>("/api/balance").then((now) => (found.value = now), told);
@@ -109,9 +119,9 @@ export function BalanceDialog({ onClose }: { onClose: () => void }) {
     void json<Dashboard>("/api/balance", { targets: wanted }).then((now) => targets.peek() === wanted && (found.value = now), told);
   };
   const build = () =>
-    json<{ folder: string; scenarios: number }>("/api/suites", { name: name.value, targets: Object.keys(targets.value).length > 0 ? targets.value : undefined }).then(
-      (made) => store.notify(`A suite of ${made.scenarios} is in ${made.folder}.`, { hint: "genmanip suite freeze makes it final" }),
-      told,
+    json<Written>("/api/suites", { name: name.value, targets: Object.keys(targets.value).length > 0 ? targets.value : undefined }).then(
+      (made) => (written.value = made),
+      (error: Error) => (written.value = error.message),
     );
   const now = found.value;
   if (!now) return <Dialog title="Balance" wide onClose={onClose}>loading</Dialog>;
@@ -120,7 +130,7 @@ export function BalanceDialog({ onClose }: { onClose: () => void }) {
     <Dialog title={`Balance of ${now.balance.scenarios} approved`} wide onClose={onClose}>
       <p>
         {Object.entries(now.standings).map(([standing, count]) => `${count} ${standing.replace("_", " ")}`).join(", ")}
-        {words && `. Agreement over ${words.items} scenarios: ${percent(words.raw)}, κ ${words.kappa?.toFixed(2) ?? "undefined"}, AC1 ${words.ac1.toFixed(2)}`}
+        {words && `. Reviewers agree on ${percent(words.raw)} of ${scenarioCount(words.items)}: κ ${words.kappa?.toFixed(2) ?? "not defined"}, AC1 ${words.ac1.toFixed(2)}`}
       </p>
       <Planted planted={agreement.value?.planted ?? {}} />
       <div class="balance">
@@ -174,7 +184,7 @@ export function BalanceDialog({ onClose }: { onClose: () => void }) {
             ))}
           </ol>
           <Difficulty now={now} onClose={onClose} />
-          <h3>Pairs farthest off</h3>
+          <h3>Pairs farthest from their targets</h3>
           <ol>
             {now.balance.pairs.slice(0, 5).map((pair) => (
               <li key={pair.axes.join()}>
@@ -190,11 +200,43 @@ export function BalanceDialog({ onClose }: { onClose: () => void }) {
           Suite
           <input value={name.value} maxLength={64} onInput={(event) => (name.value = event.currentTarget.value)} />
         </label>
-        <button type="button" class="primary" onClick={() => void build()}>
+        <button type="button" class="primary" disabled={now.balance.scenarios === 0} onClick={() => void build()}>
           Write the suite
         </button>
       </div>
+      {now.balance.scenarios === 0 && <p class="muted end">A suite needs approved scenarios: two reviewers approve, and the expert solves it.</p>}
+      <Suite written={written.value} />
     </Dialog>
+  );
+}
+
+const scenarioCount = (count: number) => `${count} ${count === 1 ? "scenario" : "scenarios"}`;
+
+/** The suite that was just written with its scenarios, or why there is none. */
+function Suite({ written }: { written: Written | string | null }) {
+  const shown = useRef<HTMLDivElement>(null);
+  useEffect(() => shown.current?.scrollIntoView({ block: "nearest" }), [written]);
+  if (written === null) return null;
+  if (typeof written === "string") {
+    return (
+      <div ref={shown} role="alert" class="caution">
+        {sentence(written)}
+      </div>
+    );
+  }
+  return (
+    <div ref={shown} role="status" class="written">
+      <p>
+        <strong>{scenarioCount(written.scenarios)}</strong> in <code>{written.folder}</code>. <code>genmanip suite freeze {written.folder}</code> makes the suite final.
+      </p>
+      <ul aria-label="Scenarios of the suite">
+        {written.choice.chosen.map((one) => (
+          <li key={one.scenario}>
+            {one.scenario} <span class="muted">{one.reason}</span>
+          </li>
+        ))}
+      </ul>
+    </div>
   );
 }
 
@@ -216,14 +258,19 @@ function Planted({ planted }: { planted: Record<string, Detection> }) {
 
 /** Success of the reference policies, and the scenarios that they solve least. */
 function Difficulty({ now, onClose }: { now: Dashboard; onClose: () => void }) {
-  if (now.policies.length === 0) return null;
+  if (now.policies.length === 0 && now.left_out.length === 0) return null;
   return (
     <>
       <h3>Measured difficulty</h3>
+      {now.left_out.map((one) => (
+        <p key={one.reason} class="muted">
+          {one.episodes} {one.episodes === 1 ? "episode does" : "episodes do"} not count, {one.reason}.
+        </p>
+      ))}
       <ul aria-label="Reference policies">
         {now.policies.map((one) => (
           <li key={one.policy}>
-            {one.policy}: {percent(one.successes / one.episodes)} of {one.episodes} episodes on {one.scenarios} scenarios
+            {one.policy}: {percent(one.successes / one.episodes)} of {one.episodes} episodes on {scenarioCount(one.scenarios)}
           </li>
         ))}
       </ul>

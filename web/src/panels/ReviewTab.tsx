@@ -1,7 +1,7 @@
 // Review of the open scenario: the queue, criteria, reasons, a note, and the other's answer once both have said.
 
 import { useEffect } from "preact/hooks";
-import { ABOUT, CRITERIA, FURTHER, standingWords, type Review } from "../logic/review.ts";
+import { ABOUT, CRITERIA, FURTHER, SAID, standingWords, type Review } from "../logic/review.ts";
 import * as reviews from "../state/reviews.ts";
 import * as store from "../state/store.ts";
 import { withKeys } from "./widgets.tsx";
@@ -51,8 +51,8 @@ export function ReviewTab() {
         <button type="button" title={withKeys("Contact sheet", "sheet")} onClick={() => (store.dialog.value = "sheet")}>
           Contact sheet
         </button>
-        <button type="button" title={withKeys("Balance of the approved", "balance")} onClick={() => (store.dialog.value = "balance")}>
-          Balance
+        <button type="button" title={withKeys("Balance of the approved, and the suite of them", "balance")} onClick={() => (store.dialog.value = "balance")}>
+          Balance and suite
         </button>
       </div>
     </div>
@@ -109,8 +109,10 @@ function Marking() {
   const marks = reviews.marks.value;
   const now = reviews.state.value!;
   const isOwn = now.has_said;
+  const blocking = store.problems.value.filter((problem) => problem.blocking).length;
   return (
     <>
+      <p class="muted ask">Press what is wrong, if anything:</p>
       <ul class="criteria" aria-label="Criteria">
         {CRITERIA.map((criterion, index) => {
           const fails = marks.failed.includes(criterion);
@@ -118,7 +120,7 @@ function Marking() {
             <li key={criterion}>
               <button type="button" aria-pressed={fails} title={`Mark as wrong (${index + 1})`} onClick={() => reviews.mark(index + 1)}>
                 <kbd>{index + 1}</kbd> {ABOUT[criterion][0]}
-                <span class={fails ? "no" : "muted"}>{fails ? ABOUT[criterion][1].replace("_", " ") : "yes"}</span>
+                <span class={fails ? "no" : "muted"}>{fails ? `no: ${ABOUT[criterion][1].replace("_", " ")}` : "yes"}</span>
               </button>
             </li>
           );
@@ -133,11 +135,12 @@ function Marking() {
       </div>
       <label class="field">
         <span class="hidden">Note</span>
-        <textarea rows={2} placeholder="Note" maxLength={2000} value={marks.note} onKeyDown={(event) => event.key === "Escape" && event.currentTarget.blur()} onInput={(event) => (reviews.marks.value = { ...marks, note: event.currentTarget.value })} />
+        <textarea rows={1} placeholder="Note" maxLength={2000} value={marks.note} onKeyDown={(event) => event.key === "Escape" && event.currentTarget.blur()} onInput={(event) => (reviews.marks.value = { ...marks, note: event.currentTarget.value })} />
       </label>
+      {blocking > 0 && <p class="caution">The verdict names {blocking === 1 ? "a problem" : `${blocking} problems`}: repair first, or mark what is wrong.</p>}
       <div class="actions">
         {now.work === "adjudicate" && <span class="muted">You decide between the two:</span>}
-        <button type="button" class="primary" title={withKeys("Approve", "review.approve")} onClick={() => reviews.decide("approve")}>
+        <button type="button" class={isOwn || blocking > 0 ? "" : "primary"} title={withKeys("Approve", "review.approve")} onClick={() => reviews.decide("approve")}>
           Approve
         </button>
         <button type="button" title={withKeys("Reject", "review.reject")} onClick={() => reviews.decide("reject")}>
@@ -158,7 +161,7 @@ function Marking() {
 
 function Said() {
   const now = reviews.state.value!;
-  if (now.reviews.length === 0) return <p class="muted">Others' answers are shown when both have said.</p>;
+  if (now.reviews.length === 0) return <p class="muted">Another reviewer's answer appears after yours.</p>;
   return (
     <ul class="said" aria-label="Reviews">
       {now.reviews.map((review) => (
@@ -172,7 +175,7 @@ function Said() {
 }
 
 function words({ decision, criteria, adjudicates }: Review): string {
-  const said = { approve: "approved", reject: "rejected", send_back: "sent back", take_back: "took back" }[decision.verdict];
+  const said = SAID[decision.verdict];
   const failed = CRITERIA.filter((criterion) => criteria?.[criterion] === false).map((criterion) => ABOUT[criterion][1]);
   const why = [...new Set([...(decision.reasons ?? []), ...failed])].join(", ").replaceAll("_", " ");
   return `${adjudicates ? "decided: " : ""}${said}${why ? ` (${why})` : ""}`;

@@ -3,7 +3,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { STAGES, type Problem, type Repair } from "../contract.ts";
-import { stageState } from "../logic/verdict.ts";
+import { sentence, stageState } from "../logic/verdict.ts";
 import { applyRepair, repairAll, repairsOf } from "../state/edits.ts";
 import * as store from "../state/store.ts";
 import { withKeys } from "./widgets.tsx";
@@ -84,23 +84,27 @@ function ProblemRow({ problem }: { problem: Problem }) {
     <li class={`${problem.blocking ? "blocking" : "warning"} ${isSelected ? "selected" : ""}`}>
       <button type="button" class="problem" aria-pressed={isSelected} onClick={choose}>
         <span class="hidden">{problem.blocking ? "Problem" : "Warning"}: </span>
-        {problem.message}
-        <span class="muted"> {problem.stage}</span>
+        {sentence(problem.message)} <span class="muted stage">{problem.stage}</span>
       </button>
       <span class="repairs">
-        {found.value?.map((repair) => (
+        {found.value && withoutTwins(found.value).map((repair) => (
           <button key={repair.label} type="button" disabled={!store.isEditable.value || store.isDragging.value} onClick={() => applyRepair(repair)}>
-            {repair.label}
+            {sentence(repair.label)}
           </button>
         ))}
-        {isSelected && found.value === null && <span class="muted">looking for repairs</span>}
-        {isSelected && found.value?.length === 0 && <span class="muted">no repair known</span>}
+        {isSelected && found.value === null && <span class="muted">Looking for repairs</span>}
+        {isSelected && found.value?.length === 0 && <span class="muted">No repair is known: change it by hand</span>}
         {!isSelected && found.value === null && (
-          <button type="button" class="quiet" onClick={choose}>
-            repairs
+          <button type="button" onClick={choose}>
+            Show repairs
           </button>
         )}
       </span>
     </li>
   );
+}
+
+/** Repairs with different words: two places at the same distance read alike, and the first is the better one. */
+function withoutTwins(repairs: Repair[]): Repair[] {
+  return repairs.filter((repair, index) => repairs.findIndex((one) => one.label === repair.label) === index);
 }

@@ -32,7 +32,8 @@ export function ViewPanel() {
         shown.current = view;
         setView(view);
         // For tests and for the curious.
-        (window as { studio?: unknown }).studio = { figures: () => view.figures(), project: (at: never) => view.project(at) };
+        const studio = { figures: () => view.figures(), project: (at: never) => view.project(at), state: () => store.confirmed.peek(), waiting: () => store.entries.peek().length };
+        (window as { studio?: unknown }).studio = studio;
         view.request();
       })
       .catch((error: Error) => (failure.value = error.message));

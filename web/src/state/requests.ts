@@ -60,6 +60,8 @@ const scenarioPath = (key: string) => `/api/scenarios/${encodeURIComponent(key)}
 export const session = () => json<{ version: string; author: string; needs_token: boolean; asks: boolean }>("/api/session");
 export const scenarioRows = () => json<ScenarioRow[]>("/api/scenarios");
 export const history = (key: string) => json<HistoryLine[]>(`${scenarioPath(key)}/history`);
+/** Problems of all stages; the later stages of a crowded scene take seconds. */
+export const verdictOf = (key: string) => json<{ revision: number; problems: Problem[] }>(`${scenarioPath(key)}/verdict`, undefined, LAYOUT_PATIENCE_MS);
 export const settle = (key: string, objects: string[]) => json<Operation>(`${scenarioPath(key)}/settle`, { objects });
 export const snapshot = (key: string, name: string, author: string, at: string) =>
   json<unknown>(`${scenarioPath(key)}/snapshots`, { name, author, at });

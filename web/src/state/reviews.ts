@@ -1,7 +1,7 @@
 // Reviews of the open scenario and the queue, as the server tells them.
 
 import { batch, computed, signal } from "@preact/signals";
-import { ABOUT, CRITERIA, criteriaOf, decided, filtered, toggled, UNMARKED, type Marks, type Review, type ReviewRow, type ReviewState } from "../logic/review.ts";
+import { ABOUT, CRITERIA, SAID, criteriaOf, decided, filtered, toggled, UNMARKED, type Marks, type Review, type ReviewRow, type ReviewState } from "../logic/review.ts";
 import { open } from "./connection.ts";
 import { json } from "./requests.ts";
 import * as store from "./store.ts";
@@ -50,15 +50,21 @@ export async function load(key: string, isQuiet = false): Promise<void> {
   if (found && marked === now) state.value = found;
 }
 
-/** Opens the next scenario of the filtered queue. */
+/** Scenario that the queue opened last. */
+let queued: string | null = null;
+
+/** Opens the next scenario of the filtered queue: its first one, or the one after that which it opened last. */
 export async function next(): Promise<void> {
   store.tab.value = "review";
   await loadQueue();
   const list = listed.peek();
-  const at = list.findIndex((row) => row.key === store.openKey.peek());
-  const row = list[at + 1] ?? list.find((one) => one.key !== store.openKey.peek());
-  if (row) open(row.key);
-  else store.status.value = "Nothing is left in this queue.";
+  const now = store.openKey.peek();
+  const at = now === queued ? list.findIndex((row) => row.key === now) : -1;
+  const row = list.slice(at + 1).find((one) => one.key !== now) ?? list.find((one) => one.key !== now);
+  if (row) {
+    queued = row.key;
+    open(row.key);
+  } else store.status.value = "Nothing is left in this queue.";
 }
 
 export function mark(number: number): boolean {
@@ -96,7 +102,7 @@ async function say(now: ReviewState, decision: Review["decision"], with_: Marks,
     state.value = said;
     marks.value = UNMARKED;
   }
-  store.status.value = `${now.id}: ${decision.verdict.replace("_", " ")}.`;
+  store.status.value = `${now.id}: ${SAID[decision.verdict]}.`;
   await loadQueue();
   if (decision.verdict === "approve" && !said.trials && !trying.peek().includes(now.key)) void certify(now.key);
   return true;

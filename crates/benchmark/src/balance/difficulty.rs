@@ -4,35 +4,49 @@ use std::collections::BTreeMap;
 
 use genmanip_core::EpisodeResult;
 
-/// Numbers of successes and of episodes, by id of the scenario and by policy.
-pub type Successes = BTreeMap<String, BTreeMap<String, (usize, usize)>>;
+/// Results of reference policies by content, which is the SHA-256 of the scenario's file.
+pub type MeasuredContents = BTreeMap<String, MeasuredContent>;
 
-/// Numbers of successes and of episodes in these results.
-pub fn successes<'a>(results: impl IntoIterator<Item = &'a EpisodeResult>) -> Successes {
-    let mut found = Successes::new();
-    for result in results {
-        let of_scenario = found.entry(result.scenario_id.clone()).or_default();
-        let (successes, episodes) = of_scenario.entry(result.policy.clone()).or_default();
+/// Results of reference policies on one content of a scenario.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeasuredContent {
+    /// Id of the scenario.
+    pub scenario_id: String,
+    /// Numbers of successes and of episodes, by policy; at least one policy, each with at least one episode.
+    pub policies: BTreeMap<String, (usize, usize)>,
+}
+
+impl MeasuredContent {
+    /// Mean success rate of the policies, each with the same weight, 0 to 1.
+    pub fn mean_success(&self) -> f64 {
+        let rates = self.policies.values().map(|&(successes, episodes)| successes as f64 / episodes.max(1) as f64);
+        rates.sum::<f64>() / self.policies.len().max(1) as f64
+    }
+
+    /// Difficulty from the mean success rate: `easy` from two thirds, `hard` up to one third, `medium` between.
+    pub fn difficulty(&self) -> &'static str {
+        match self.mean_success() {
+            mean if mean >= 2.0 / 3.0 => "easy",
+            mean if mean <= 1.0 / 3.0 => "hard",
+            _ => "medium",
+        }
+    }
+
+    /// Number of episodes of all policies.
+    pub fn episodes(&self) -> usize {
+        self.policies.values().map(|&(_, episodes)| episodes).sum()
+    }
+}
+
+/// Successes in these results, each with the SHA-256 of the file of its scenario.
+pub fn measured_contents<'a>(results: impl IntoIterator<Item = (&'a str, &'a EpisodeResult)>) -> MeasuredContents {
+    let mut found = MeasuredContents::new();
+    for (content, result) in results {
+        let measured = found.entry(content.to_owned()).or_default();
+        measured.scenario_id.clone_from(&result.scenario_id);
+        let (successes, episodes) = measured.policies.entry(result.policy.clone()).or_default();
         *successes += usize::from(result.success);
         *episodes += 1;
     }
     found
-}
-
-/// Difficulty of a scenario from the mean success rate of the policies that tried it, each with the same weight: `easy`
-/// from two thirds, `hard` up to one third, `medium` between. `None` if no policy tried it.
-pub fn difficulty(scenario: &str, successes: &Successes) -> Option<&'static str> {
-    Some(match mean_success(scenario, successes)? {
-        mean if mean >= 2.0 / 3.0 => "easy",
-        mean if mean <= 1.0 / 3.0 => "hard",
-        _ => "medium",
-    })
-}
-
-/// Mean success rate of the policies that tried a scenario, each with the same weight, 0 to 1. `None` if no policy
-/// tried it.
-pub fn mean_success(scenario: &str, successes: &Successes) -> Option<f64> {
-    let policies = successes.get(scenario).filter(|policies| !policies.is_empty())?;
-    let rates = policies.values().map(|&(successes, episodes)| successes as f64 / episodes.max(1) as f64);
-    Some(rates.sum::<f64>() / policies.len() as f64)
 }

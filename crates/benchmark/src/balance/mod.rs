@@ -10,5 +10,5 @@ mod tests;
 
 pub use axes::{Axes, axes};
 pub use choice::{Choice, Offered, Reasoned, candidate, choice, helpful};
-pub use difficulty::{Successes, difficulty, mean_success, successes};
+pub use difficulty::{MeasuredContent, MeasuredContents, measured_contents};
 pub use distribution::{AxisBalance, Balance, PairBalance, ValueShare, balance};

@@ -93,7 +93,11 @@ fn difficulty_is_the_mean_of_the_policies() {
             .chain(of("weak", weak))
             .map(|(policy, at, success)| result(policy, at, success))
             .collect();
-        assert_eq!(difficulty("s", &successes(&results)), Some(expected));
-        assert_eq!(difficulty("other", &successes(&results)), None);
+        // Results of another content of the same scenario do not mix with these.
+        let easier = result("strong", 2, true);
+        let all = results.iter().map(|one| ("as it is", one)).chain([("as it was", &easier)]);
+        let measured = measured_contents(all);
+        assert_eq!((measured["as it is"].difficulty(), measured["as it is"].episodes()), (expected, 4));
+        assert_eq!((measured["as it was"].difficulty(), measured["as it was"].episodes()), ("easy", 1));
     }
 }

@@ -250,6 +250,9 @@ fn describe_balance(dashboard: &Dashboard) -> String {
         let (policy, scenarios) = (&one.policy, plural(one.scenarios, "scenario"));
         text += &format!("{policy}: {} of {} episodes succeed on {scenarios}\n", one.successes, one.episodes);
     }
+    for one in &dashboard.left_out {
+        text += &format!("{} left out: {}\n", plural(one.episodes, "episode"), one.reason);
+    }
     let most = dashboard.helpful.first().filter(|one| one.gain > 0.0);
     let most = most.map(|one| format!("\nhelps most: {} ({})\n", one.key, one.reason));
     text += &most.unwrap_or_default();

@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 use crate::serving::Serving;
 use crate::{REPOSITORY, genmanip, program};
 
+/// Number of kills of the long test, unless the variable `GENMANIP_KILLS` gives another one.
 const KILLS: u64 = 100;
 const KEY: &str = "009_appearance-000";
 /// Longest time until the kill, ms: of a studio that writes edits, and of a whole call of `edit`.
@@ -48,14 +49,25 @@ fn send(address: &str, command: &Value) -> Option<u64> {
 }
 
 #[test]
-#[ignore = "some minutes: cargo test --release -p genmanip-cli --test cli studio_killed -- --ignored"]
-fn a_killed_editor_loses_no_acknowledged_edit() {
+fn a_studio_that_is_killed_loses_no_acknowledged_edit() {
+    kill(2);
+}
+
+#[test]
+#[ignore = "some minutes: cargo xtask test web --long"]
+fn a_studio_that_is_killed_often_loses_no_acknowledged_edit() {
+    let asked = std::env::var("GENMANIP_KILLS").ok();
+    kill(asked.map_or(KILLS, |number| number.parse().expect("a number of kills")));
+}
+
+/// Kills the studio and `edit`, each `kills` times.
+fn kill(kills: u64) {
     let folder = tempfile::tempdir().unwrap();
     let file = format!("{KEY}.json");
     fs::copy(format!("{REPOSITORY}/suites/genmanip-200-rc/scenarios/{file}"), folder.path().join(&file)).unwrap();
     let (mut revision, mut number, mut acknowledged) = (0, 0, Vec::new());
     let moment = |kill: u64, most_ms: u64| Duration::from_millis(Seed::new(1).fork_index(kill).value() % most_ms);
-    for kill in 0..KILLS {
+    for kill in 0..kills {
         let mut serving = Serving::start(folder.path(), &["studio", &file, "--no-open", "--port", "0"]);
         let (address, first, base) = (serving.address.clone(), number, revision);
         let (told, heard) = mpsc::channel();
@@ -80,7 +92,7 @@ fn a_killed_editor_loses_no_acknowledged_edit() {
         let operation = json!({"op": operation["op"], "args": operation["args"]}).to_string();
         let arguments: Vec<&str> = ["edit", &file].into_iter().chain(["--op", &operation].repeat(8)).collect();
         let mut editing = program(folder.path(), &arguments).spawn().unwrap();
-        sleep(moment(KILLS + kill, UNTIL_KILL_MS[1]));
+        sleep(moment(kills + kill, UNTIL_KILL_MS[1]));
         let _ = editing.kill();
         editing.wait().unwrap();
 
@@ -97,5 +109,5 @@ fn a_killed_editor_loses_no_acknowledged_edit() {
         let text = fs::read_to_string(folder.path().join(&file)).unwrap();
         Scenario::from_json(&text).unwrap_or_else(|error| panic!("kill {kill}: {error}"));
     }
-    assert!(acknowledged.len() as u64 > KILLS, "{} edits were acknowledged", acknowledged.len());
+    assert!(acknowledged.len() as u64 > kills, "{} edits were acknowledged", acknowledged.len());
 }

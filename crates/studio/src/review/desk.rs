@@ -5,14 +5,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use genmanip_assets::Catalogue;
-use genmanip_benchmark::balance::{self, Axes, Balance, Offered};
+use genmanip_benchmark::balance::{self, Axes, Balance, MeasuredContent, Offered};
 use genmanip_benchmark::suite_format::{Candidate, Targets, sha256};
 use genmanip_core::{Document, Scenario, TaskKind};
 use serde::Serialize;
 
 use super::agreement::{Agreement, agreement};
 use super::content::content_sha256;
-use super::inputs::ReviewInputs;
+use super::inputs::{LeftOut, ReviewInputs};
 use super::likeness::{features, groups};
 use super::log::{ExpertTrials, ReviewError, ReviewLog};
 use super::queue::{Work, visible_to, work_for};
@@ -45,8 +45,6 @@ pub struct Reviewable {
     pub camera: Option<String>,
     /// True if an edited copy replaces this scenario in reviews.
     pub is_superseded: bool,
-    /// True if the scenario was edited, so that results of the same id are those of other content.
-    pub is_edited: bool,
     /// Candidate for a suite; its traits are the values on the axes of balance.
     pub candidate: Candidate,
     features: BTreeSet<String>,
@@ -67,7 +65,6 @@ impl Reviewable {
             content_sha256: content_sha256(scenario),
             camera: scenario.world.cameras.first().map(|camera| camera.name.clone()),
             is_superseded: false,
-            is_edited: false,
             candidate: balance::candidate(task, balance::axes(task, Catalogue::all()), false),
             features: features(scenario),
         }
@@ -140,6 +137,17 @@ pub struct Dashboard {
     pub policies: Vec<ReferencePolicy>,
     /// Scenarios that reference policies tried, the hardest first.
     pub measured: Vec<MeasuredScenario>,
+    /// Episodes of reference policies that measure none of these scenarios, by reason.
+    pub left_out: Vec<LeftOutEpisodes>,
+}
+
+/// Episodes of reference policies that measure no scenario of the review.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LeftOutEpisodes {
+    /// Number of them.
+    pub episodes: usize,
+    /// Reason, for people.
+    pub reason: &'static str,
 }
 
 /// Success of a reference policy on the scenarios under review.
@@ -355,13 +363,15 @@ impl ReviewDesk {
             standings,
             policies: self.policies(),
             measured: self.measured(),
+            left_out: self.left_out(),
         }
     }
 
     /// Success of each reference policy on the scenarios under review, the strongest first.
     fn policies(&self) -> Vec<ReferencePolicy> {
         let mut found = BTreeMap::<&str, ReferencePolicy>::new();
-        for (policy, &(successes, episodes)) in self.items().filter_map(|item| self.tried(item)).flatten() {
+        let tried = self.items().filter_map(|item| self.tried(item)).flat_map(|tried| &tried.policies);
+        for (policy, &(successes, episodes)) in tried {
             let new = || ReferencePolicy { policy: policy.clone(), scenarios: 0, episodes: 0, successes: 0 };
             let known = found.entry(policy).or_insert_with(new);
             known.scenarios += 1;
@@ -377,13 +387,13 @@ impl ReviewDesk {
     /// Scenarios that reference policies tried, the hardest first.
     fn measured(&self) -> Vec<MeasuredScenario> {
         let one = |item: &Reviewable| {
-            let policies = self.tried(item)?;
+            let tried = self.tried(item)?;
             Some(MeasuredScenario {
                 key: item.key.clone(),
                 id: item.id.clone(),
-                difficulty: balance::difficulty(&item.id, &self.inputs.successes)?,
-                mean_success: balance::mean_success(&item.id, &self.inputs.successes)?,
-                policies: policies.clone(),
+                difficulty: tried.difficulty(),
+                mean_success: tried.mean_success(),
+                policies: tried.policies.clone(),
             })
         };
         let mut found: Vec<MeasuredScenario> = self.items().filter_map(one).collect();
@@ -391,9 +401,22 @@ impl ReviewDesk {
         found
     }
 
-    /// Results of the reference policies on a scenario; `None` without any, or if the scenario was edited since.
-    fn tried(&self, item: &Reviewable) -> Option<&BTreeMap<String, (usize, usize)>> {
-        self.inputs.successes.get(&item.id).filter(|_| !item.is_edited)
+    /// Results of the reference policies on the present content of a scenario; `None` without any.
+    fn tried(&self, item: &Reviewable) -> Option<&MeasuredContent> {
+        self.inputs.measured.get(&item.file_sha256)
+    }
+
+    /// Episodes that measure nothing: those that were refused when they were read, and those of scenarios under review
+    /// with another content.
+    fn left_out(&self) -> Vec<LeftOutEpisodes> {
+        let ids: BTreeSet<&str> = self.items().map(|item| item.id.as_str()).collect();
+        let contents: BTreeSet<&str> = self.items().map(|item| item.file_sha256.as_str()).collect();
+        let is_other = |content: &str, id: &str| ids.contains(id) && !contents.contains(content);
+        let others = self.inputs.measured.iter().filter(|(content, tried)| is_other(content, &tried.scenario_id));
+        let others = others.map(|(_, tried)| tried.episodes()).sum();
+        let all = self.inputs.left_out.iter().map(|(reason, episodes)| (*reason, *episodes));
+        let all = all.chain([(LeftOut::OtherContent, others)]).filter(|(_, episodes)| *episodes > 0);
+        all.map(|(reason, episodes)| LeftOutEpisodes { episodes, reason: reason.text() }).collect()
     }
 
     /// Candidates for a suite with their standing; only approved ones can be chosen.
@@ -403,10 +426,8 @@ impl ReviewDesk {
             let standing = self.standing_of(item, &reviews);
             let now = current(&reviews, &item.id, &item.content_sha256);
             let mut candidate = item.candidate.clone();
-            if self.tried(item).is_some()
-                && let Some(measured) = balance::difficulty(&item.id, &self.inputs.successes)
-            {
-                candidate.traits.insert("difficulty".into(), vec![measured.into()]);
+            if let Some(tried) = self.tried(item) {
+                candidate.traits.insert("difficulty".into(), vec![tried.difficulty().into()]);
             }
             let refused = match self.inputs.planted.contains(&item.id) {
                 true => Some("it has a planted fault".into()),

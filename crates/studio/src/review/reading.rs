@@ -49,9 +49,7 @@ pub fn read_item(listed: &Listed) -> Result<(Reviewable, Option<PathBuf>), Cause
     if EditLog::path_of(&listed.path).is_file() {
         let edited = EditedScenario::open(&listed.path, Catalogue::all())?;
         let parent = edited.parent().map(|parent| PathBuf::from(&parent.path));
-        let mut item = item(edited.scenario());
-        item.is_edited = edited.revision() > 0;
-        return Ok((item, parent));
+        return Ok((item(edited.scenario()), parent));
     }
     let scenario = scenarios::read_scenario(&listed.path)?;
     Ok((item(&scenario), None))

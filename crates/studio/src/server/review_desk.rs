@@ -42,9 +42,7 @@ impl Reviews {
             superseded.extend(room.parent.clone());
             let now = room.revision();
             if revisions.get(&listed.key) != Some(&now.number) {
-                let mut item = Reviewable::of(&listed.key, listed.path.clone(), &listed.source, &now.scenario);
-                item.is_edited = now.number > 0;
-                desk.put(item);
+                desk.put(Reviewable::of(&listed.key, listed.path.clone(), &listed.source, &now.scenario));
                 revisions.insert(listed.key.clone(), now.number);
             }
         }

@@ -13,6 +13,7 @@ mod reviews;
 mod runs;
 mod server;
 mod teleop;
+mod ten_tabs;
 mod two_authors;
 mod usd;
 mod verdict;

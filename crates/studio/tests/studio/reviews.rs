@@ -4,9 +4,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-use genmanip_benchmark::suites;
+use genmanip_benchmark::balance::MeasuredContent;
+use genmanip_benchmark::suite_format::sha256;
+use genmanip_benchmark::{EvaluationReport, suites};
+use genmanip_core::Document;
 use genmanip_studio::collections::Collection;
-use genmanip_studio::review::{Criterion, ReviewInputs, ReviewLog, Standing, build_suite, read_desk};
+use genmanip_studio::review::{Criterion, LeftOut, ReviewInputs, ReviewLog, Standing, build_suite, read_desk};
 use genmanip_workspace::NoProgress;
 use serde_json::{Value, json};
 
@@ -138,7 +141,9 @@ fn difficulty_targets_and_planted_faults() {
     let studio = Studio::new();
     let id = studio.scenario().id;
     let rates = BTreeMap::from([("strong".to_owned(), (5, 5)), ("weak".to_owned(), (1, 5))]);
-    let inputs = ReviewInputs { successes: BTreeMap::from([(id.clone(), rates)]), ..ReviewInputs::default() };
+    let measured = MeasuredContent { scenario_id: id.clone(), policies: rates };
+    let content = sha256(&fs::read(&studio.file).unwrap());
+    let inputs = ReviewInputs { measured: BTreeMap::from([(content, measured)]), ..ReviewInputs::default() };
     let studio = studio.reviewing(inputs.clone());
     let path = format!("/api/reviews/{}", studio.key);
     let now = studio.get("/api/balance").json();
@@ -185,7 +190,38 @@ fn difficulty_targets_and_planted_faults() {
     assert_eq!((&now["helpful"], &now["balance"]["axes"]), (&json!([]), &json!([])));
     // Results of the content before an edit say nothing about the one after it.
     assert_eq!(studio.post(&studio.scenario_path("/commands"), &studio.shift(0, 0.001, 0, "e1", "ada")).status, 200);
-    assert_eq!(studio.get("/api/balance").json()["measured"], json!([]));
+    let now = studio.get("/api/balance").json();
+    let left_out = json!([{ "episodes": 10, "reason": LeftOut::OtherContent.text() }]);
+    assert_eq!((&now["measured"], &now["policies"], &now["left_out"]), (&json!([]), &json!([]), &left_out));
+}
+
+/// Only results that name the present content measure it: neither those of older versions, nor of other cameras,
+/// another engine or another content.
+#[test]
+fn results_of_other_content_measure_nothing() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cli/testdata/version_1/run/evaluation/expert.json");
+    let older = ReviewInputs::read(std::slice::from_ref(&file), None, None, &NoProgress).unwrap();
+    let mut report = EvaluationReport::from_bytes(&fs::read(&file).unwrap()).unwrap();
+    let episodes = report.results.len();
+    assert!(older.measured.is_empty() && episodes > 0);
+    let named = |report: &mut EvaluationReport| {
+        let ids = report.results.iter().map(|result| (result.scenario_id.clone(), "ab".to_owned()));
+        report.scenario_sha256 = ids.collect();
+    };
+    let engine = |report: &mut EvaluationReport, engine: &str| {
+        report.results.iter_mut().for_each(|result| result.engine = engine.into());
+    };
+    assert_eq!(older.left_out, BTreeMap::from([(LeftOut::UnknownContent, episodes)]));
+    named(&mut report);
+    engine(&mut report, "another 1.0");
+    let reasons = |report: &EvaluationReport| ReviewInputs::default().with_reports(std::slice::from_ref(report)).left_out;
+    assert_eq!(reasons(&report), BTreeMap::from([(LeftOut::OtherEngine, episodes)]));
+    engine(&mut report, &genmanip_sim::engine_version());
+    report.cameras = Some("mine".into());
+    assert_eq!(reasons(&report), BTreeMap::from([(LeftOut::OtherCameras, episodes)]));
+    report.cameras = None;
+    let counted = ReviewInputs::default().with_reports(std::slice::from_ref(&report));
+    assert_eq!((counted.left_out.len(), counted.measured["ab"].episodes()), (0, episodes));
 }
 
 /// Reviews and certificates of a suite are taken over once; an edited copy takes the place of its original.

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use genmanip_benchmark::ReportSettings;
+use genmanip_benchmark::suite_format::sha256;
 use genmanip_studio::collections::Collection;
 use genmanip_studio::review::ReviewInputs;
 use genmanip_studio::run::find_episode;
@@ -99,12 +100,15 @@ fn episodes_belong_to_their_revision_and_outlast_the_server() {
     }
     // The folder gives the measured difficulty as that of any evaluation does.
     let read = |path: PathBuf| ReviewInputs::read(&[path], None, None, &NoProgress);
-    let tried = read(run_folder(&studio)).unwrap().successes[&studio.scenario().id].clone();
-    assert_eq!(tried.into_values().collect::<Vec<_>>(), [(0, 2)]);
+    let content = || sha256(&std::fs::read(&studio.file).unwrap());
+    let before = content();
+    let measured = read(run_folder(&studio)).unwrap().measured;
+    assert_eq!(measured[&before].policies.values().collect::<Vec<_>>(), [&(0, 2)]);
     let none = read(studio.folder.path().join("scenes")).unwrap_err().to_string();
     assert!(none.starts_with("there is no evaluation below"), "{none}");
     let edited = studio.post(&studio.scenario_path("/commands"), &studio.shift(0, 0.01, 0, "a1", "ada"));
     assert_eq!(edited.status, 200);
+    assert_ne!(content(), before, "the edited scenario is other content, which these results do not measure");
     assert_eq!(run(&studio, policy)["episode"]["revision"], json!(1));
     let studio = studio.restarted();
     let listed = studio.get(&studio.scenario_path("/episodes")).json();

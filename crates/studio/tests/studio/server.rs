@@ -162,16 +162,6 @@ fn nonsense_is_refused_and_the_server_goes_on() {
 }
 
 #[test]
-fn ten_tabs_hear_of_an_edit() {
-    let studio = Studio::new();
-    let mut tabs: Vec<Tab> = (0..10).map(|number| studio.tab(&format!("author {number}"))).collect();
-    tabs[3].command(&studio.shift(0, 0.001, 0, "a1", "author 3"));
-    for tab in &mut tabs {
-        assert_eq!(tab.next("applied")["state"]["revision"], json!(1));
-    }
-}
-
-#[test]
 fn a_frozen_scenario_is_copied_by_its_first_edit() {
     let folder = tempfile::tempdir().unwrap();
     let parent = suite_scenario();
