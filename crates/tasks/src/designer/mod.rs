@@ -25,6 +25,7 @@ mod report;
 mod sentence;
 #[cfg(test)]
 mod sentence_tests;
+mod room;
 mod series;
 mod settings;
 mod sketch;

@@ -108,11 +108,35 @@ impl Lexicon {
         Some(meant)
     }
 
-    /// True if the noun of a phrase is the last word of the object's name, or its category.
-    pub fn is_named(&self, words: &[&str], card: &ObjectCard) -> bool {
-        let bare = self.bare(words);
-        let Some(noun) = bare.last().map(|noun| self.singular(noun)) else { return false };
-        card.category == noun || card.name.to_lowercase().split(' ').next_back() == Some(noun.as_str())
+    /// Those of some cards that a phrase means first: of the category that is its noun, or of the first sort that the
+    /// noun may mean; and whether the noun is that category.
+    pub fn plainest<'c>(&self, words: &[&str], cards: &[&'c ObjectCard]) -> (Vec<&'c ObjectCard>, bool) {
+        let with = words.iter().position(|word| TRAITS.contains(word) || *word == "of").unwrap_or(words.len());
+        let Some((noun, before)) = words[..with].split_last() else { return (Vec::new(), false) };
+        let noun = self.singular(noun);
+        let pair = before.last().map(|before| format!("{before} {noun}"));
+        let among = |keep: &dyn Fn(&ObjectCard) -> bool| -> Vec<&'c ObjectCard> {
+            cards.iter().copied().filter(|card| keep(card)).collect()
+        };
+        let of_kind = among(&|card| card.category == noun || pair.as_ref() == Some(&card.category));
+        if !of_kind.is_empty() {
+            return (of_kind, true);
+        }
+        let sorts = self.heads.get(&noun).map_or(&[][..], Vec::as_slice);
+        let first = sorts.iter().map(|sort| among(&|card| is_of(sort, card))).find(|found| !found.is_empty());
+        (first.unwrap_or_default(), false)
+    }
+
+    /// True if a noun is known only from the labels of packages: there are tins of pineapple, but no pineapple.
+    pub fn is_label(&self, words: &[&str], cards: &[&ObjectCard]) -> bool {
+        let with = words.iter().position(|word| TRAITS.contains(word) || *word == "of").unwrap_or(words.len());
+        let Some(noun) = words[..with].last().map(|noun| self.singular(noun)) else { return false };
+        let is_called = |card: &&ObjectCard| {
+            let name = card.name.to_lowercase();
+            let core = name.split(" with ").next().unwrap_or_default();
+            core.split(' ').next_back() == Some(noun.as_str()) || card.category.split(' ').any(|word| word == noun)
+        };
+        !self.heads.contains_key(&noun) && !self.means_anything(&noun) && !words.contains(&"of") && !cards.iter().any(is_called)
     }
 
     /// True if the word is in the vocabulary.
@@ -127,6 +151,11 @@ impl Lexicon {
             || TRAITS.contains(&word)
             || COMPARATIVES.contains(&word)
             || self.small.iter().chain(&self.large).any(|size| size == word)
+    }
+
+    /// True if the word describes the size of an object among others of its kind.
+    pub fn is_size(&self, word: &str) -> bool {
+        self.small.iter().chain(&self.large).any(|size| size == word)
     }
 
     /// True if the word may mean any object.
@@ -238,6 +267,14 @@ impl Lexicon {
         }
         let said = words.iter().position(|word| TRAITS.contains(word) || *word == "of").unwrap_or(words.len());
         words[..said].last().copied().into_iter().collect()
+    }
+
+    /// True if the word is the plural of a noun for whole objects rather than for the content of one.
+    pub fn is_plural(&self, word: &str) -> bool {
+        let one = self.singular(word);
+        let sorts = self.heads.get(&one);
+        let is_content = |sort: &String| sort.split_once(':').is_some_and(|(category, own)| own == one && category != one);
+        one != word && !sorts.is_some_and(|sorts| sorts.iter().all(is_content))
     }
 
     /// Singular of a plural; any other word unchanged.
