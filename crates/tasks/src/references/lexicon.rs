@@ -89,6 +89,13 @@ impl Lexicon {
             // The noun after `of` says what a pack contains: `pack of crisps`.
             None => (self.by_head(&self.singular(tail.last()?), things)?, &tail[..0]),
         };
+        // `can of tuna` means a flat tin, although `can` alone does not.
+        let is_content = |thing: &SceneObject<'c, Id>| tail.iter().skip(1).all(|word| self.is_borne_out(word, thing.card));
+        if let Some(content) = tail.last().filter(|_| tail.len() == 2 && !meant.iter().any(is_content))
+            && let Some(sorts) = self.heads.get(*content)
+        {
+            meant = things.iter().copied().filter(|thing| sorts.iter().any(|sort| is_of(sort, thing.card))).collect();
+        }
         let extra = tail.iter().chain(trait_words).filter(|word| !EMPTY.contains(word) && **word != "without");
         // Colours of parts are listed in the description, colours of the object in the card's own field.
         meant.retain(|thing| extra.clone().all(|word| self.is_borne_out(word, thing.card)));
@@ -136,7 +143,9 @@ impl Lexicon {
             let core = name.split(" with ").next().unwrap_or_default();
             core.split(' ').next_back() == Some(noun.as_str()) || card.category.split(' ').any(|word| word == noun)
         };
-        !self.heads.contains_key(&noun) && !self.means_anything(&noun) && !words.contains(&"of") && !cards.iter().any(is_called)
+        let pair = words[..with].split_last().and_then(|(_, before)| Some(format!("{} {noun}", before.last()?)));
+        let is_known = |noun: &String| self.heads.contains_key(noun);
+        !is_known(&noun) && !pair.is_some_and(|pair| is_known(&pair)) && !self.means_anything(&noun) && !words.contains(&"of") && !cards.iter().any(is_called)
     }
 
     /// True if the word is in the vocabulary.

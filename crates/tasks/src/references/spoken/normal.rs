@@ -33,7 +33,14 @@ const CONTRACTIONS: [(&str, &str); 26] = [
 ];
 
 /// Words and phrases with their plain form, tried in this order; an empty one is a courtesy or a filler.
-const PHRASES: [(&str, &str); 127] = [
+const PHRASES: [(&str, &str); 134] = [
+    ("as close as possible to", "close to"),
+    ("as near as possible to", "near"),
+    ("very close to", "close to"),
+    ("really close to", "close to"),
+    ("have the robot", ""),
+    ("get the robot to", ""),
+    ("make the robot", ""),
     ("would it be possible to", ""),
     ("would it be possible for you to", ""),
     ("is it possible to", ""),

@@ -133,6 +133,8 @@ impl Listener {
         let head_is_plural = is_plural(&words);
         let number = match number {
             Number::One if is_definite && head_is_plural => Number::All,
+            // `both the apple and the pear`, `all the bread`
+            Number::Many(_) | Number::All if !head_is_plural => Number::One,
             number => number,
         };
         Some(Group { words, at, number, part })

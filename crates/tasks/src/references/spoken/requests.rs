@@ -8,8 +8,8 @@ use super::Listener;
 use super::verbs::{Class, is_verb};
 
 /// Phrases before the object of a wish.
-const WISHES: [&str; 41] = [
-    "i want", "i would like", "i would love", "i would prefer", "i need", "we need", "we want", "i would rather have",
+const WISHES: [&str; 43] = [
+    "i want", "i want for", "i would like for", "i would like", "i would love", "i would prefer", "i need", "we need", "we want", "i would rather have",
     "make sure that", "make sure", "ensure that", "ensure", "see to it that", "see that", "check that", "let", "have",
     "get", "i wish", "can i have", "could i have", "may i have", "can we have", "could we have", "could", "can", "would",
     "may", "might", "there should be", "there must be", "there needs to be", "there has to be", "there ought to be",
