@@ -26,6 +26,7 @@ mod report;
 mod sentence;
 #[cfg(test)]
 mod sentence_tests;
+mod room;
 mod series;
 mod settings;
 mod sketch;

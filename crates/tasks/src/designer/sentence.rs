@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use genmanip_core::{ObjectCard, Relation, RelationKind, Seed, Support, Task, TaskKind};
+use genmanip_core::{ObjectCard, Relation, Seed, Task, TaskKind};
 use rand::seq::IndexedRandom;
 
 use super::balance::Balance;
@@ -13,7 +13,8 @@ use super::kinds::draft;
 use super::naming::Style;
 use super::settings::DesignSettings;
 use super::sketch::{Condition, Sketch};
-use super::things::{is_movable, things};
+use super::room::{open_state, support, why_no_room};
+use super::things::is_movable;
 use super::{counted, gate};
 use crate::references::sentence::{Action, Command, Noun, Part, Sentence, Where, changed_state, read_sentence};
 
@@ -23,14 +24,19 @@ pub const SENTENCE: &str = "sentence";
 /// Maximum number of candidates that a question lists.
 const MAX_CANDIDATES: usize = 6;
 
+/// Factor by which the area of a sketch grows if a sentence's objects find no room in the usual one.
+const SPACIOUS: f64 = 1.35;
+
 /// Reason why a sentence is no task, as a question to its author.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SentenceError {
     /// The sentence is outside the grammar of requests.
-    #[error("the sentence is not understood: `{sentence}`")]
+    #[error("the sentence is not understood: `{sentence}`: {why}")]
     Unreadable {
         /// The whole sentence, verbatim.
         sentence: String,
+        /// Words that were not understood, or the reason why they state no goal.
+        why: String,
     },
     /// A phrase fits no object of the catalogue.
     #[error("no object of the catalogue is `{phrase}`{}", listed(.candidates))]
@@ -92,16 +98,19 @@ pub fn task_from_sentence(
     id: &str,
     settings: &DesignSettings,
 ) -> Result<Task, SentenceError> {
-    let unreadable = || SentenceError::Unreadable { sentence: sentence.to_owned() };
-    let parsed = read_sentence(sentence, cards).ok_or_else(unreadable)?;
+    let unreadable = |why| SentenceError::Unreadable { sentence: sentence.to_owned(), why };
+    let parsed = read_sentence(sentence, cards).map_err(unreadable)?;
     check_nouns(&parsed)?;
+    check_consistency(&parsed).map_err(unreadable)?;
     let kind = kind_of(&parsed);
     let choices = Choices::of(cards);
     let mut rejections: BTreeMap<String, usize> = BTreeMap::new();
+    // Sketches take objects for squares of their longer sides. Layouts find room for more.
+    let spacious = DesignSettings { area_m: settings.area_m.map(|side| SPACIOUS * side), ..settings.clone() };
     for draw in 0..settings.max_draws {
         let mut composer = Composer {
             choices: &choices,
-            settings,
+            settings: if 2 * draw < settings.max_draws { settings } else { &spacious },
             rng: seed.fork_index(draw as u64).rng(),
             balance: Balance::default().ignored(),
             sketch: Sketch::new(),
@@ -138,8 +147,8 @@ pub fn phrases_of_sentence<'c>(
     sentence: &str,
     cards: &'c [ObjectCard],
 ) -> Result<Vec<SentencePhrase<'c>>, SentenceError> {
-    let unreadable = || SentenceError::Unreadable { sentence: sentence.to_owned() };
-    let parsed = read_sentence(sentence, cards).ok_or_else(unreadable)?;
+    let unreadable = |why| SentenceError::Unreadable { sentence: sentence.to_owned(), why };
+    let parsed = read_sentence(sentence, cards).map_err(unreadable)?;
     let phrase = |noun: Noun<'c>| {
         let is_best = |card: &&ObjectCard| noun.best.iter().any(|best| best.uid == card.uid);
         let (best, others): (Vec<&ObjectCard>, Vec<&ObjectCard>) = noun.meant.iter().partition(|card| is_best(card));
@@ -165,25 +174,53 @@ fn check_nouns(sentence: &Sentence) -> Result<(), SentenceError> {
         match command {
             Command::Put { subject, place } => {
                 let subject = &sentence.nouns[*subject];
-                if !subject.meant.iter().any(|card| is_movable(card)) {
+                if !subject.candidates().iter().any(|card| is_movable(card)) {
                     return Err(unsuitable(subject, "is nothing that the gripper can carry"));
                 }
                 let host = &sentence.nouns[place.references[0]];
-                let fits = |host: &ObjectCard| subject.meant.iter().any(|item| support(place, host, item).is_some());
-                let is_support = place.relations.iter().any(|relation| relation.is_support());
-                if is_support && !host.meant.iter().any(|host| fits(host)) {
-                    return Err(unsuitable(host, "has no room for the object"));
+                let fits = |host: &ObjectCard| subject.candidates().iter().any(|item| support(place, host, item).is_some());
+                if is_support(place) && !host.candidates().iter().any(|host| fits(host)) {
+                    return Err(unsuitable(host, why_no_room(place, host.candidates())));
                 }
             }
             Command::Change { object, part, action } => {
                 let noun = &sentence.nouns[*object];
-                if !noun.meant.iter().any(|card| can_change(card, *part, *action)) {
+                if !noun.candidates().iter().any(|card| can_change(card, *part, *action)) {
                     return Err(unsuitable(noun, "has no such state"));
                 }
             }
         }
     }
     Ok(())
+}
+
+/// Checks that no object is to be in two places or states in the end.
+fn check_consistency(sentence: &Sentence) -> Result<(), String> {
+    let phrase = |noun: usize| &sentence.nouns[noun].phrase;
+    for commands in &sentence.alternatives {
+        for (index, command) in commands.iter().enumerate() {
+            for other in &commands[index + 1..] {
+                match (command, other) {
+                    (Command::Put { subject, place }, Command::Put { subject: again, place: then })
+                        if subject == again && place != then && (is_support(place) || is_support(then)) =>
+                    {
+                        return Err(format!("`{}` cannot be in two places in the end", phrase(*subject)));
+                    }
+                    (Command::Change { object, action, .. }, Command::Change { object: again, action: then, .. })
+                        if object == again && action != then =>
+                    {
+                        return Err(format!("`{}` cannot be in two states in the end", phrase(*object)));
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+fn is_support(place: &Where) -> bool {
+    place.relations.iter().any(|relation| relation.is_support())
 }
 
 /// Names with uids of at most [`MAX_CANDIDATES`] objects, one of each category first.
@@ -205,18 +242,6 @@ fn kind_of(sentence: &Sentence) -> TaskKind {
     } else {
         TaskKind::PickAndPlace
     }
-}
-
-/// Support relation in which `item` can be brought to a place at `host`; `None` if there is none.
-fn support(place: &Where, host: &ObjectCard, item: &ObjectCard) -> Option<Relation> {
-    let fits = |relation: Relation| match relation.kind() {
-        RelationKind::Support(_) if host.uid == item.uid || !things().has_room(host, item) => false,
-        RelationKind::Support(Support::In) => host.is_container && things().lies_inside(host, item),
-        RelationKind::Support(Support::On) => host.annotations.room.is_none() && !host.is_articulated,
-        RelationKind::Support(Support::OnOrIn) => host.annotations.room.is_some() && !host.is_articulated,
-        RelationKind::Side(_) | RelationKind::Around | RelationKind::Between => false,
-    };
-    place.relations.iter().copied().find(|relation| fits(*relation))
 }
 
 /// A scene under construction: the object of each noun, and its index in the sketch.
@@ -281,6 +306,7 @@ impl<'s, 'a> Scene<'s, 'a> {
         for noun in 0..sentence.nouns.len() {
             scene.place(noun, composer)?;
         }
+        scene.open_hosts(composer)?;
         scene.add_rivals(composer)?;
         let count = composer.object_count().max(composer.sketch.len());
         composer.fill(count);
@@ -304,7 +330,7 @@ impl<'s, 'a> Scene<'s, 'a> {
                         .all(|command| can_have_part(command, index, card) && may_end_there(command, card_of))
             };
             let best: Vec<&&ObjectCard> = noun.best.iter().filter(suits).collect();
-            let meant: Vec<&&ObjectCard> = noun.meant.iter().filter(suits).collect();
+            let meant: Vec<&&ObjectCard> = noun.candidates().iter().filter(suits).collect();
             let among = if best.is_empty() { &meant } else { &best };
             cards.push(among.choose(&mut composer.rng).ok_or("no object suits its part in the sentence")?);
         }
@@ -324,7 +350,7 @@ impl<'s, 'a> Scene<'s, 'a> {
                     at.references.iter().map(|reference| self.place(*reference, composer)).collect::<Made<_>>()?;
                 match (support(at, self.cards[at.references[0]], card), references.as_slice(), at.relations) {
                     (Some(relation), [host], _) => {
-                        Some(composer.put(card, relation, *host).ok_or("the gripper could not take it out of there")?)
+                        Some(composer.sketch.put_said(card, relation, *host).ok_or("it does not fit where it is to be taken from")?)
                     }
                     (None, [anchor], [relation]) => composer.add_beside(card, *relation, *anchor),
                     _ => return Err("it does not fit where it is to be taken from"),
@@ -367,12 +393,31 @@ impl<'s, 'a> Scene<'s, 'a> {
         }
     }
 
+    /// Opens the lids and drawers of objects that others are put into, unless the sentence asks for that.
+    fn open_hosts(&self, composer: &mut Composer<'a>) -> Made<()> {
+        for command in self.sentence.alternatives.iter().flatten() {
+            let Command::Put { subject, place } = command else { continue };
+            let host = place.references[0];
+            let (card, noun) = (self.cards[host], &self.sentence.nouns[host]);
+            let is_inside = support(place, card, self.cards[*subject]) == Some(Relation::In);
+            if let Some(index) = self.objects[host].filter(|_| is_inside && card.is_articulated)
+                && composer.sketch.states[index].is_none()
+            {
+                composer.sketch.states[index] = Some(open_state(card, noun.part).ok_or("it does not open")?.to_owned());
+            }
+        }
+        Ok(())
+    }
+
     /// Adds the objects with which a comparison such as `the larger bowl` compares.
     fn add_rivals(&self, composer: &mut Composer<'a>) -> Made<()> {
-        for noun in self.sentence.nouns.iter().filter(|noun| noun.compares) {
-            let rivals: Vec<&&ObjectCard> = noun.meant.iter().filter(|card| !composer.sketch.contains(card)).collect();
-            let rival = rivals.choose(&mut composer.rng).ok_or("there is nothing to compare it with")?;
-            composer.add(rival).ok_or(NO_ROOM)?;
+        for noun in &self.sentence.nouns {
+            for _ in 0..noun.rivals {
+                let rivals: Vec<&&ObjectCard> =
+                    noun.meant.iter().filter(|card| !composer.sketch.contains(card)).collect();
+                let rival = rivals.choose(&mut composer.rng).ok_or("there is nothing to compare it with")?;
+                composer.add(rival).ok_or(NO_ROOM)?;
+            }
         }
         Ok(())
     }
@@ -388,7 +433,7 @@ fn can_change(card: &ObjectCard, part: Option<Part>, action: Action) -> bool {
 fn may_end_there<'a>(command: &Command, card_of: impl Fn(usize) -> Option<&'a ObjectCard>) -> bool {
     let Command::Put { subject, place } = command else { return true };
     let (Some(item), Some(host)) = (card_of(*subject), card_of(place.references[0])) else { return true };
-    !place.relations.iter().any(|relation| relation.is_support()) || support(place, host, item).is_some()
+    !is_support(place) || support(place, host, item).is_some()
 }
 
 /// True if the object can have the part in a command that the noun has.

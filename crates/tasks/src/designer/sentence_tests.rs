@@ -26,6 +26,47 @@ fn goal_of(task: &Task) -> String {
     task.goal.alternatives.iter().map(all).collect::<Vec<_>>().join(" or ")
 }
 
+/// True if a goal is as expected: categories and relations in order, `a/b_c` for `a` or `b c`.
+fn is_expected(goal: &str, expected: &str) -> bool {
+    // Categories consist of words, so that the goal is matched from left to right.
+    fn rest<'g>(goal: &'g str, part: &str) -> Vec<&'g str> {
+        part.split('/').filter_map(|one| goal.strip_prefix(&one.replace('_', " "))).collect()
+    }
+    let mut goals = vec![goal];
+    let tokens = expected.split_inclusive(' ').map(str::trim);
+    for token in tokens {
+        let mut next = Vec::new();
+        for goal in &goals {
+            next.extend(rest(goal.trim_start(), token));
+        }
+        goals = next;
+    }
+    goals.iter().any(|goal| goal.trim().is_empty())
+}
+
+/// Sentences of `testdata/sentences.txt` with what they state.
+#[test]
+fn sentences_of_people_are_tasks_or_questions() {
+    let (mut wrong, mut made, mut clear) = (Vec::new(), 0, 0);
+    let table = include_str!("../../testdata/sentences.txt");
+    for line in table.lines().filter(|line| !line.starts_with('#')) {
+        let (sentence, expected) = line.split_once(" => ").unwrap();
+        let question = expected.strip_prefix("? ").or(expected.strip_prefix('?'));
+        clear += usize::from(question.is_none());
+        match (compose(sentence, 7), question) {
+            (Ok(task), None) if is_expected(&goal_of(&task), expected) => {
+                assert_eq!(references::check(&task), Ok(()), "{sentence}");
+                made += 1;
+                if let Ok(dir) = std::env::var("SENT_OUT") { std::fs::write(format!("{dir}/{made:03}.json"), { let mut t = task.clone(); t.id = format!("s{made:03}"); let mut v = serde_json::to_value(&t).unwrap(); v["schema"] = "genmanip.task/2".into(); v.to_string() }).unwrap(); }
+            }
+            (Err(error), Some(part)) if error.contains(part) => {}
+            (Ok(task), _) => wrong.push(format!("{sentence}\n    {}\n    expected {expected}", goal_of(&task))),
+            (Err(error), _) => wrong.push(format!("{sentence}\n    {error}\n    expected {expected}")),
+        }
+    }
+    assert!(wrong.is_empty(), "{made} of {clear} made, {} wrong:\n{}", wrong.len(), wrong.join("\n"));
+}
+
 #[test]
 fn sentences_become_the_tasks_that_they_state() {
     let cases = [("put the red mug to the left of the bowl", "mug left bowl")];

@@ -149,9 +149,23 @@ impl<'a> Sketch<'a> {
         if !fits || self.contains(card) || self.carriers[host].is_some() {
             return None;
         }
+        Some(self.push_into(card, relation, host))
+    }
+
+    /// Puts an object where a sentence says that it is, whether or not it belongs there; `None` if there is no space for
+    /// it beside what is there already, or if `host` is itself in or on something.
+    pub fn put_said(&mut self, card: &'a ObjectCard, relation: Relation, host: usize) -> Option<usize> {
+        let has_space = things().has_space_for(self.cards[host], &self.carried(host), card);
+        if !has_space || self.contains(card) || self.carriers[host].is_some() {
+            return None;
+        }
+        Some(self.push_into(card, relation, host))
+    }
+
+    fn push_into(&mut self, card: &'a ObjectCard, relation: Relation, host: usize) -> usize {
         let object = self.push(card, self.places[host], Some(host));
         self.edges.push(Link { subject: object, relation, reference: host, second: None });
-        Some(object)
+        object
     }
 
     /// States a relation or its inverse, whichever is further below its quota.

@@ -49,17 +49,37 @@ pub(super) fn own_part(words: &mut Vec<String>) -> Option<Part> {
 
 /// The action of a verb with its particle; `None` if they do not go together.
 pub(super) fn action(verb: &str, particle: Option<&str>) -> Option<Action> {
+    const HINGED: [&str; 17] = [
+        "open", "pull", "slide", "swing", "push", "flip", "lift", "pop", "prop", "crack", "get", "leave", "keep",
+        "have", "make", "set", "fold",
+    ];
+    const SWITCHED: [&str; 15] = [
+        "turn", "switch", "flick", "flip", "twist", "put", "get", "leave", "keep", "set", "have", "make", "click",
+        "toggle", "snap",
+    ];
+    const TURNED: [&str; 12] =
+        ["turn", "set", "switch", "put", "twist", "crank", "rotate", "dial", "adjust", "get", "flick", "have"];
+    let Some(particle) = particle else { return alone(verb) };
     Some(match (verb, particle) {
-        ("open" | "lift" | "raise", None | Some("up")) | ("pull", Some("out" | "open")) => Action::Open,
-        ("flip" | "swing" | "push" | "open", Some("open")) => Action::Open,
-        ("close" | "lower", None | Some("down")) | ("push" | "fold" | "pull", Some("shut")) | ("shut", None) => {
-            Action::Close
-        }
-        ("turn" | "switch" | "flip", Some("on")) => Action::On,
-        ("turn" | "switch" | "shut" | "set" | "flip", Some("off" | "to off")) => Action::Off,
-        ("turn" | "set", Some("to low" | "down to low" | "on low")) => Action::Low,
-        ("turn" | "set", Some("to high" | "all the way up" | "up to high" | "on high")) => Action::High,
-        ("press" | "hit" | "push", None) | ("press" | "push", Some("down")) => Action::Press,
+        (_, "open" | "wide open") if HINGED.contains(&verb) => Action::Open,
+        (_, "shut" | "closed") if HINGED.contains(&verb) || ["lower", "slam"].contains(&verb) => Action::Close,
+        (_, "on") if SWITCHED.contains(&verb) => Action::On,
+        (_, "off" | "to off" | "all the way down") if SWITCHED.contains(&verb) || verb == "shut" => Action::Off,
+        (_, low) if TURNED.contains(&verb) && low.ends_with("low") => Action::Low,
+        (_, high) if TURNED.contains(&verb) && (high.ends_with("high") || high == "all the way up") => Action::High,
+        ("open", "up" | "out") | ("lift" | "raise", "up") | ("pull", "out") => Action::Open,
+        ("close" | "shut", "up") | ("close" | "lower" | "fold", "down") => Action::Close,
+        ("press" | "push", "down" | "in") => Action::Press,
+        _ => return None,
+    })
+}
+
+/// The action of a verb without a particle; `None` if it has none.
+fn alone(verb: &str) -> Option<Action> {
+    Some(match verb {
+        "open" | "lift" | "raise" => Action::Open,
+        "close" | "shut" | "lower" | "slam" => Action::Close,
+        "press" | "push" | "hit" | "click" | "tap" | "depress" => Action::Press,
         _ => return None,
     })
 }

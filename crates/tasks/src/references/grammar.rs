@@ -8,6 +8,7 @@ use genmanip_core::Relation;
 use super::change::{Action, Part, action, own_part};
 use super::colloquial;
 use super::lexicon::is_color;
+use super::spoken;
 use super::words::{
     ADVERBS, ARTICLES, DEFINITE, DETERMINERS, ENDS, EXTREMES, JOINERS, LOOSE, PARTICLES, PLACES, PRONOUNS, PUT,
     RELATIVES, SHOULD, SOURCE, SOURCES, SPELLINGS, STATE, TAKE, WISHES,
@@ -22,6 +23,24 @@ pub(super) enum Command {
     Change { object: Group, part: Option<Part>, action: Action },
     /// Exactly one of these commands.
     Either(Vec<Command>),
+    /// Stack objects, the lowest first; a single phrase for several objects leaves their order open.
+    Tower(Vec<Group>),
+    /// Not a request: an object is where its phrase says in the initial scene.
+    Given(Group),
+}
+
+/// Number of objects that a noun phrase means.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Number {
+    /// One object.
+    #[default]
+    One,
+    /// This many objects, all that fit the phrase.
+    Many(usize),
+    /// All objects that fit the phrase, at least two.
+    All,
+    /// Every one of this many objects, for each of which something else is stated; `None` for all that fit.
+    Each(Option<usize>),
 }
 
 /// A noun phrase.
@@ -31,6 +50,17 @@ pub(super) struct Group {
     pub words: Vec<String>,
     /// Location of the object from a relative clause; `None` without one.
     pub at: Option<Box<Place>>,
+    /// Number of objects meant.
+    pub number: Number,
+    /// Part of the object that is meant, such as the top drawer; `None` for the whole.
+    pub part: Option<Part>,
+}
+
+impl Group {
+    /// The phrase for one whole object without location.
+    pub fn of(words: Vec<String>) -> Self {
+        Self { words, at: None, number: Number::One, part: None }
+    }
 }
 
 /// A place: a preposition with one noun phrase or, for `between`, two.
@@ -55,10 +85,14 @@ pub(super) fn read(instruction: &str) -> Option<Parsed> {
     readings(instruction).next()
 }
 
-/// The parsed instruction, read as a plain request, then as colloquial English, which is parsed only on demand.
+/// The parsed instruction, read as a plain request, as people speak, and as colloquial English; the later readings are
+/// made only on demand.
 pub(super) fn readings(instruction: &str) -> impl Iterator<Item = Parsed> {
     let text = instruction.to_lowercase();
-    read_plain(&text).into_iter().chain(std::iter::once_with(move || read_freely(&colloquial::plain(&text))).flatten())
+    let plain = read_plain(&text).into_iter();
+    let spoken = text.clone();
+    let spoken = std::iter::once_with(move || spoken::hear(&spoken).ok()).flatten();
+    plain.chain(spoken).chain(std::iter::once_with(move || read_freely(&colloquial::plain(&text))).flatten())
 }
 
 fn read_plain(text: &str) -> Option<Parsed> {
@@ -314,7 +348,7 @@ impl Reader {
         self.object = match command {
             Command::Put { subjects, .. } => subjects.last().cloned(),
             Command::Change { object, .. } => Some(object.clone()),
-            Command::Either(_) => None,
+            Command::Either(_) | Command::Tower(_) | Command::Given(_) => None,
         };
     }
 
@@ -485,7 +519,7 @@ impl Reader {
         let after = ["with", "without", "of", "that", "lettered", "marked"];
         let head = words.iter().take_while(|word| !after.contains(&word.as_str())).last();
         self.noun = head.cloned().or_else(|| self.noun.take());
-        (!words.is_empty()).then_some(Group { words, at })
+        (!words.is_empty()).then_some(Group { at, ..Group::of(words) })
     }
 
     /// True if `and` continues a description (`with black wheels and red roof`) instead of naming another object.

@@ -89,6 +89,13 @@ impl Lexicon {
             // The noun after `of` says what a pack contains: `pack of crisps`.
             None => (self.by_head(&self.singular(tail.last()?), things)?, &tail[..0]),
         };
+        // `can of tuna` means a flat tin, although `can` alone does not.
+        let is_content = |thing: &SceneObject<'c, Id>| tail.iter().skip(1).all(|word| self.is_borne_out(word, thing.card));
+        if let Some(content) = tail.last().filter(|_| tail.len() == 2 && !meant.iter().any(is_content))
+            && let Some(sorts) = self.heads.get(*content)
+        {
+            meant = things.iter().copied().filter(|thing| sorts.iter().any(|sort| is_of(sort, thing.card))).collect();
+        }
         let extra = tail.iter().chain(trait_words).filter(|word| !EMPTY.contains(word) && **word != "without");
         // Colours of parts are listed in the description, colours of the object in the card's own field.
         meant.retain(|thing| extra.clone().all(|word| self.is_borne_out(word, thing.card)));
@@ -108,11 +115,37 @@ impl Lexicon {
         Some(meant)
     }
 
-    /// True if the noun of a phrase is the last word of the object's name, or its category.
-    pub fn is_named(&self, words: &[&str], card: &ObjectCard) -> bool {
-        let bare = self.bare(words);
-        let Some(noun) = bare.last().map(|noun| self.singular(noun)) else { return false };
-        card.category == noun || card.name.to_lowercase().split(' ').next_back() == Some(noun.as_str())
+    /// Those of some cards that a phrase means first: of the category that is its noun, or of the first sort that the
+    /// noun may mean; and whether the noun is that category.
+    pub fn plainest<'c>(&self, words: &[&str], cards: &[&'c ObjectCard]) -> (Vec<&'c ObjectCard>, bool) {
+        let with = words.iter().position(|word| TRAITS.contains(word) || *word == "of").unwrap_or(words.len());
+        let Some((noun, before)) = words[..with].split_last() else { return (Vec::new(), false) };
+        let noun = self.singular(noun);
+        let pair = before.last().map(|before| format!("{before} {noun}"));
+        let among = |keep: &dyn Fn(&ObjectCard) -> bool| -> Vec<&'c ObjectCard> {
+            cards.iter().copied().filter(|card| keep(card)).collect()
+        };
+        let of_kind = among(&|card| card.category == noun || pair.as_ref() == Some(&card.category));
+        if !of_kind.is_empty() {
+            return (of_kind, true);
+        }
+        let sorts = self.heads.get(&noun).map_or(&[][..], Vec::as_slice);
+        let first = sorts.iter().map(|sort| among(&|card| is_of(sort, card))).find(|found| !found.is_empty());
+        (first.unwrap_or_default(), false)
+    }
+
+    /// True if a noun is known only from the labels of packages: there are tins of pineapple, but no pineapple.
+    pub fn is_label(&self, words: &[&str], cards: &[&ObjectCard]) -> bool {
+        let with = words.iter().position(|word| TRAITS.contains(word) || *word == "of").unwrap_or(words.len());
+        let Some(noun) = words[..with].last().map(|noun| self.singular(noun)) else { return false };
+        let is_called = |card: &&ObjectCard| {
+            let name = card.name.to_lowercase();
+            let core = name.split(" with ").next().unwrap_or_default();
+            core.split(' ').next_back() == Some(noun.as_str()) || card.category.split(' ').any(|word| word == noun)
+        };
+        let pair = words[..with].split_last().and_then(|(_, before)| Some(format!("{} {noun}", before.last()?)));
+        let is_known = |noun: &String| self.heads.contains_key(noun);
+        !is_known(&noun) && !pair.is_some_and(|pair| is_known(&pair)) && !self.means_anything(&noun) && !words.contains(&"of") && !cards.iter().any(is_called)
     }
 
     /// True if the word is in the vocabulary.
@@ -127,6 +160,11 @@ impl Lexicon {
             || TRAITS.contains(&word)
             || COMPARATIVES.contains(&word)
             || self.small.iter().chain(&self.large).any(|size| size == word)
+    }
+
+    /// True if the word describes the size of an object among others of its kind.
+    pub fn is_size(&self, word: &str) -> bool {
+        self.small.iter().chain(&self.large).any(|size| size == word)
     }
 
     /// True if the word may mean any object.
@@ -238,6 +276,14 @@ impl Lexicon {
         }
         let said = words.iter().position(|word| TRAITS.contains(word) || *word == "of").unwrap_or(words.len());
         words[..said].last().copied().into_iter().collect()
+    }
+
+    /// True if the word is the plural of a noun for whole objects rather than for the content of one.
+    pub fn is_plural(&self, word: &str) -> bool {
+        let one = self.singular(word);
+        let sorts = self.heads.get(&one);
+        let is_content = |sort: &String| sort.split_once(':').is_some_and(|(category, own)| own == one && category != one);
+        one != word && !sorts.is_some_and(|sorts| sorts.iter().all(is_content))
     }
 
     /// Singular of a plural; any other word unchanged.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use genmanip_core::{HorizontalAxis, InstanceId, ObjectCard, Relation, SceneGraph};
 
 use super::change::{Action, Part};
-use super::grammar::{Command, Group, Place};
+use super::grammar::{Command, Group, Number, Place};
 use super::lexicon::{SceneObject, lexicon};
 use super::space::{Certainty, Space};
 use super::{Mismatch, ReadAtom};
@@ -64,18 +64,24 @@ impl<'c> Interpreter<'c> {
                 Ok(options)
             }
             Command::Put { subjects, places } => {
-                let subjects = subjects.iter().map(|group| self.any(group)).collect::<Result<Vec<_>, _>>()?;
                 let mut options = Vec::new();
                 for place in places {
-                    let references = self.references(place, Self::any)?;
-                    let atom = |subject: &SceneObject| ReadAtom::Place {
-                        subject: subject.id.clone(),
-                        relations: place.relations.to_vec(),
-                        references: references.iter().map(|thing| thing.id.clone()).collect(),
-                    };
-                    options.push(subjects.iter().map(atom).collect());
+                    options.extend(self.put(subjects, place)?);
                 }
                 Ok(options)
+            }
+            Command::Tower(groups) => {
+                let mut things = Vec::new();
+                for group in groups {
+                    things.extend(self.several(group)?);
+                }
+                let orders = if groups.len() == 1 { permutations(things.len()) } else { vec![(0..things.len()).collect()] };
+                let on = |pair: &[usize]| place_of(&things[pair[1]], &[Relation::On, Relation::Top], &[things[pair[0]]]);
+                Ok(orders.iter().map(|order| order.windows(2).map(on).collect()).collect())
+            }
+            Command::Given(group) => {
+                self.several(group)?;
+                Ok(vec![Vec::new()])
             }
             Command::Change { object, part, action } => {
                 let thing = self.any(object)?;
@@ -88,6 +94,42 @@ impl<'c> Interpreter<'c> {
         }
     }
 
+    /// Alternative conjunctions of conditions that bring all subjects to a place.
+    fn put(&mut self, subjects: &[Group], place: &Place) -> Result<Vec<Vec<ReadAtom>>, Mismatch> {
+        if let ([subject], [each]) = (subjects, place.objects.as_slice())
+            && matches!(each.number, Number::Each(_))
+        {
+            let references = self.several(each)?;
+            let number = if subject.number == Number::One { Number::Many(references.len()) } else { subject.number };
+            let things = self.several(&Group { number, ..subject.clone() })?;
+            if things.len() != references.len() {
+                return Err(unclear(subject, &things));
+            }
+            let pair = |(thing, to): (&SceneObject, &usize)| place_of(thing, place.relations, &[references[*to]]);
+            let pairs = |order: &Vec<usize>| things.iter().zip(order).map(pair).collect();
+            return Ok(permutations(things.len()).iter().map(pairs).collect());
+        }
+        let mut things = Vec::new();
+        for subject in subjects {
+            things.extend(self.several(subject)?);
+        }
+        let references = self.references(place, Self::any)?;
+        Ok(vec![things.iter().map(|thing| place_of(thing, place.relations, &references)).collect()])
+    }
+
+    /// All objects that a phrase means.
+    fn several(&mut self, group: &Group) -> Result<Vec<SceneObject<'c>>, Mismatch> {
+        let expected = match group.number {
+            Number::One => return Ok(vec![self.any(group)?]),
+            Number::Many(count) | Number::Each(Some(count)) => Some(count),
+            Number::All | Number::Each(None) => None,
+        };
+        let Candidates { things, certain } = self.candidates(group)?;
+        self.note(group, &things);
+        let is_complete = expected.map_or(things.len() > 1, |count| things.len() == count);
+        if is_complete && certain == things.len() { Ok(things) } else { Err(unclear(group, &things)) }
+    }
+
     /// References of a place; `each` resolves the phrase for one object.
     fn references(
         &mut self,
@@ -95,6 +137,10 @@ impl<'c> Interpreter<'c> {
         each: fn(&mut Self, &Group) -> Result<SceneObject<'c>, Mismatch>,
     ) -> Result<Vec<SceneObject<'c>>, Mismatch> {
         match place.objects.as_slice() {
+            [two] if place.relations == [Relation::Between] && two.number != Number::One => {
+                let meant = self.several(two)?;
+                if meant.len() == 2 { Ok(meant) } else { Err(unclear(two, &meant)) }
+            }
             [two] if place.relations == [Relation::Between] => {
                 let words: Vec<&str> = two.words.iter().map(String::as_str).collect();
                 let meant = match words.as_slice() {
@@ -104,7 +150,13 @@ impl<'c> Interpreter<'c> {
                 self.note(two, &meant);
                 if meant.len() == 2 { Ok(meant) } else { Err(unclear(two, &meant)) }
             }
-            objects => objects.iter().map(|group| each(self, group)).collect(),
+            objects => objects
+                .iter()
+                .map(|group| match group.number {
+                    Number::One => each(self, group),
+                    _ => Err(Mismatch::Unreadable { phrase: text(group) }),
+                })
+                .collect(),
         }
     }
 
@@ -245,6 +297,25 @@ impl<'c> Interpreter<'c> {
         };
         Some(among.iter().filter(wins).copied().collect())
     }
+}
+
+/// The condition that an object is at a place.
+fn place_of(thing: &SceneObject, relations: &[Relation], references: &[SceneObject]) -> ReadAtom {
+    ReadAtom::Place {
+        subject: thing.id.clone(),
+        relations: relations.to_vec(),
+        references: references.iter().map(|thing| thing.id.clone()).collect(),
+    }
+}
+
+/// All orders of the numbers below `count`.
+pub(super) fn permutations(count: usize) -> Vec<Vec<usize>> {
+    (0..count).fold(vec![Vec::new()], |orders, last| {
+        let insert = |order: &Vec<usize>| -> Vec<Vec<usize>> {
+            (0..=order.len()).map(|at| [&order[..at], &[last], &order[at..]].concat()).collect()
+        };
+        orders.iter().flat_map(insert).collect()
+    })
 }
 
 /// Conjunctions of every alternative of one list with every alternative of the other.

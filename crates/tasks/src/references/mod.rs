@@ -23,6 +23,7 @@ mod mismatch;
 mod necessity;
 pub(crate) mod sentence;
 mod space;
+mod spoken;
 #[cfg(test)]
 mod tests;
 mod words;

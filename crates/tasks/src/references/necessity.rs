@@ -107,7 +107,8 @@ fn each_group(command: &mut Command, visit: &mut impl FnMut(&mut Group)) {
             subjects.iter_mut().for_each(|own| group(own, visit));
             places.iter_mut().for_each(|own| place(own, visit));
         }
-        Command::Change { object, .. } => group(object, visit),
+        Command::Change { object, .. } | Command::Given(object) => group(object, visit),
+        Command::Tower(groups) => groups.iter_mut().for_each(|own| group(own, visit)),
         Command::Either(commands) => commands.iter_mut().for_each(|own| each_group(own, visit)),
     }
 }

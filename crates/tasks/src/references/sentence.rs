@@ -3,10 +3,11 @@
 use genmanip_core::{ObjectCard, Relation};
 
 pub(crate) use super::change::{Action, Part};
-use super::grammar::{self, Group, Parsed, Place};
+use super::grammar::{self, Group, Number, Parsed, Place};
 use super::lexicon::{COMPARATIVES, SceneObject, lexicon};
 pub(crate) use super::meaning::changed as changed_state;
-use super::meaning::conjunctions;
+use super::meaning::{conjunctions, permutations};
+use super::spoken;
 use super::words::EXTREMES;
 
 /// A sentence with its noun phrases resolved in a catalogue.
@@ -24,14 +25,18 @@ pub(crate) struct Noun<'c> {
     pub phrase: String,
     /// Objects that the phrase may mean.
     pub meant: Vec<&'c ObjectCard>,
-    /// Objects of `meant` whose name contains the noun itself.
+    /// Objects of `meant` that the noun means first.
     pub best: Vec<&'c ObjectCard>,
+    /// True if the noun is the category of those in `best`, so that no others are meant.
+    pub is_exact: bool,
     /// Objects that share the noun or a word with the phrase; empty if it means any object.
     pub alike: Vec<&'c ObjectCard>,
     /// Location of the object in the initial scene, from a relative clause; `None` without one.
     pub at: Option<Where>,
-    /// True if the phrase compares the size of the object with that of another one.
-    pub compares: bool,
+    /// Number of other objects with whose size the phrase compares that of the object.
+    pub rivals: usize,
+    /// Part that is meant, such as the top drawer; `None` for the whole object.
+    pub part: Option<Part>,
 }
 
 /// A place beside, in or on an object, or between two.
@@ -52,6 +57,13 @@ pub(crate) enum Command {
     Change { object: usize, part: Option<Part>, action: Action },
 }
 
+impl<'c> Noun<'c> {
+    /// Objects that can stand for the noun.
+    pub fn candidates(&self) -> &[&'c ObjectCard] {
+        if self.is_exact { &self.best } else { &self.meant }
+    }
+}
+
 impl Sentence<'_> {
     /// Commands in which a noun has a part.
     pub fn commands_of(&self, noun: usize) -> impl Iterator<Item = &Command> {
@@ -62,12 +74,11 @@ impl Sentence<'_> {
     }
 }
 
-/// Reads a sentence; `None` if it is outside the grammar or compares locations (`the mug farthest from the robot`).
-pub(crate) fn read_sentence<'c>(sentence: &str, cards: &'c [ObjectCard]) -> Option<Sentence<'c>> {
-    let mut readings = grammar::readings(sentence).filter_map(|parsed| resolve(&parsed, cards));
-    let first = readings.next()?;
-    let is_clear = |sentence: &Sentence| sentence.nouns.iter().all(|noun| !noun.meant.is_empty());
-    if is_clear(&first) { Some(first) } else { Some(readings.find(is_clear).unwrap_or(first)) }
+/// Reads a sentence; otherwise the reason why it is no request that a scene without layout can state, such as
+/// a comparison of locations (`the mug farthest from the robot`).
+pub(crate) fn read_sentence<'c>(sentence: &str, cards: &'c [ObjectCard]) -> Result<Sentence<'c>, String> {
+    let parsed = spoken::hear(sentence)?;
+    resolve(&parsed, cards).ok_or_else(|| "a phrase compares locations or means a choice of objects".into())
 }
 
 /// Resolves a parsed sentence in a catalogue; `None` if it compares locations.
@@ -85,8 +96,8 @@ struct Resolver<'c, 'p> {
     things: Vec<SceneObject<'c, ()>>,
     /// Clauses of the sentence that contain no command.
     context: &'p str,
-    /// Noun phrases resolved so far, each with the index of its noun.
-    groups: Vec<(Group, usize)>,
+    /// Noun phrases resolved so far, each with the indices of its nouns.
+    groups: Vec<(Group, Vec<usize>)>,
     nouns: Vec<Noun<'c>>,
 }
 
@@ -99,53 +110,105 @@ impl<'c> Resolver<'c, '_> {
                 Some(options?.concat())
             }
             grammar::Command::Put { subjects, places } => {
-                let subjects: Vec<usize> = subjects.iter().map(|group| self.noun(group)).collect::<Option<_>>()?;
-                let places: Vec<Where> = places.iter().map(|place| self.place(place)).collect::<Option<_>>()?;
-                let put = |subject: &usize, place: &Where| Command::Put { subject: *subject, place: place.clone() };
-                Some(places.iter().map(|place| subjects.iter().map(|subject| put(subject, place)).collect()).collect())
+                let mut options = Vec::new();
+                for place in places {
+                    options.extend(self.put(subjects, place)?);
+                }
+                Some(options)
             }
+            grammar::Command::Tower(groups) => {
+                let nouns: Vec<Vec<usize>> = groups.iter().map(|group| self.nouns(group)).collect::<Option<_>>()?;
+                let nouns = nouns.concat();
+                let orders = if groups.len() == 1 { permutations(nouns.len()) } else { vec![(0..nouns.len()).collect()] };
+                let on = |pair: &[usize]| Command::Put {
+                    subject: nouns[pair[1]],
+                    place: Where { relations: &[Relation::On, Relation::Top], references: vec![nouns[pair[0]]] },
+                };
+                Some(orders.iter().map(|order| order.windows(2).map(on).collect()).collect())
+            }
+            grammar::Command::Given(group) => self.nouns(group).map(|_| vec![Vec::new()]),
             grammar::Command::Change { object, part, action } => {
                 Some(vec![vec![Command::Change { object: self.noun(object)?, part: *part, action: *action }]])
             }
         }
     }
 
+    /// Alternative lists of commands that bring all subjects to a place.
+    fn put(&mut self, subjects: &[Group], place: &Place) -> Option<Vec<Vec<Command>>> {
+        if let ([subject], [each]) = (subjects, place.objects.as_slice())
+            && matches!(each.number, Number::Each(_))
+        {
+            let references = self.nouns(each)?;
+            let number = if subject.number == Number::One { Number::Many(references.len()) } else { subject.number };
+            let subjects = self.nouns(&Group { number, ..subject.clone() })?;
+            if subjects.len() != references.len() {
+                return None;
+            }
+            let pair = |(subject, to): (&usize, &usize)| Command::Put {
+                subject: *subject,
+                place: Where { relations: place.relations, references: vec![references[*to]] },
+            };
+            let pairs = |order: &Vec<usize>| subjects.iter().zip(order).map(pair).collect();
+            return Some(permutations(subjects.len()).iter().map(pairs).collect());
+        }
+        let subjects: Vec<Vec<usize>> = subjects.iter().map(|group| self.nouns(group)).collect::<Option<_>>()?;
+        let place = self.place(place)?;
+        let put = |subject: &usize| Command::Put { subject: *subject, place: place.clone() };
+        Some(vec![subjects.concat().iter().map(put).collect()])
+    }
+
     fn place(&mut self, place: &Place) -> Option<Where> {
         let references = match place.objects.as_slice() {
             [two] if place.relations == [Relation::Between] => {
-                let rest = two.words.strip_prefix(&["two".to_owned()][..])?;
-                let group = Group { words: rest.to_vec(), at: None };
-                vec![self.add(&group)?, self.add(&group)?]
+                let nouns = self.nouns(two)?;
+                (nouns.len() == 2).then_some(nouns)?
             }
             objects => objects.iter().map(|group| self.noun(group)).collect::<Option<_>>()?,
         };
         Some(Where { relations: place.relations, references })
     }
 
-    /// Index of the noun of a phrase; the same phrase, or the end of an earlier one, means the same object.
+    /// Index of the noun of a phrase for one object.
     fn noun(&mut self, group: &Group) -> Option<usize> {
-        let repeats = |known: &Group| group.at.is_none() && known.words.ends_with(&group.words);
-        match self.groups.iter().find(|(known, _)| known == group || repeats(known)) {
-            Some((_, noun)) => Some(*noun),
-            None => self.add(group),
+        match self.nouns(group)?.as_slice() {
+            [noun] => Some(*noun),
+            _ => None,
         }
     }
 
-    fn add(&mut self, group: &Group) -> Option<usize> {
+    /// Indices of the nouns of a phrase, one per object; the same phrase, or the end of an earlier one, means the same
+    /// objects. `all the pencils` are two.
+    fn nouns(&mut self, group: &Group) -> Option<Vec<usize>> {
+        let count = match group.number {
+            Number::One => 1,
+            Number::Many(count) | Number::Each(Some(count)) => count,
+            Number::All | Number::Each(None) => 2,
+        };
+        let repeats = |known: &Group| group.at.is_none() && known.words.ends_with(&group.words);
+        let known = self.groups.iter().find(|(known, nouns)| nouns.len() == count && (known == group || repeats(known)));
+        if let Some((_, nouns)) = known {
+            return Some(nouns.clone());
+        }
         let at = match &group.at {
             Some(place) => Some(self.place(place)?),
             None => None,
         };
+        let nouns: Vec<usize> = (0..count).map(|_| self.add(group, at.clone())).collect::<Option<_>>()?;
+        self.groups.push((group.clone(), nouns.clone()));
+        Some(nouns)
+    }
+
+    fn add(&mut self, group: &Group, at: Option<Where>) -> Option<usize> {
         let words: Vec<&str> = group.words.iter().map(String::as_str).collect();
         let is_extreme = words.iter().any(|word| EXTREMES.contains(word));
-        let (said, compares) = match words.as_slice() {
-            [word, "of", "the", "two", rest @ ..]
+        let (said, rivals) = match words.as_slice() {
+            [word, "of", "the", count @ ("two" | "three"), rest @ ..]
                 if COMPARATIVES.contains(word) || ["large", "small"].contains(word) =>
             {
-                (rest, true)
+                (rest, if *count == "two" { 1 } else { 2 })
             }
             [.., "of", "the", "two" | "three", _] => return None,
-            _ => (&words[..], false),
+            _ => (&words[..], 0),
         };
         if is_extreme || said.is_empty() {
             return None;
@@ -154,12 +217,20 @@ impl<'c> Resolver<'c, '_> {
         let plain: Vec<&str> = said.iter().copied().filter(|word| !COMPARATIVES.contains(word)).collect();
         let denote = |words: &[&str]| lexicon().denote(words, self.context, &self.things).unwrap_or_default();
         let cards = |things: Vec<SceneObject<'c, ()>>| things.into_iter().map(|thing| thing.card).collect::<Vec<_>>();
-        let meant = cards(denote(&plain));
-        let best = meant.iter().copied().filter(|card| lexicon().is_named(&plain, card)).collect();
+        let mut meant = cards(denote(&plain));
+        if meant.is_empty() {
+            // `the little car` among cars of one size
+            let sizeless: Vec<&str> = plain.iter().copied().filter(|word| !lexicon().is_size(word)).collect();
+            meant = if sizeless.is_empty() { meant } else { cards(denote(&sizeless)) };
+        }
+        if lexicon().is_label(&plain, &meant) {
+            meant.clear();
+        }
+        let (best, is_exact) = lexicon().plainest(&plain, &meant);
         let alike = if meant.is_empty() { self.alike(&plain) } else { Vec::new() };
-        let noun = Noun { phrase: words.join(" "), meant, best, alike, at, compares: compares || compared };
+        let rivals = rivals.max(usize::from(compared));
+        let noun = Noun { phrase: words.join(" "), meant, best, alike, at, rivals, part: group.part, is_exact };
         self.nouns.push(noun);
-        self.groups.push((group.clone(), self.nouns.len() - 1));
         Some(self.nouns.len() - 1)
     }
 

@@ -1,0 +1,221 @@
+//! Noun phrases: number, words, location, and the objects that pronouns stand for.
+
+use super::super::change::own_part;
+use super::super::grammar::{Group, Number, Place};
+use super::super::lexicon::{COMPARATIVES, is_color, lexicon};
+use super::Listener;
+use super::clauses::{is_boundary, is_mark};
+
+pub(super) const ARTICLES: [&str; 15] = [
+    "the", "a", "an", "some", "my", "your", "our", "this", "any", "her", "his", "their", "that", "these", "those",
+];
+const NUMBERS: [(&str, usize); 6] = [("one", 1), ("two", 2), ("three", 3), ("four", 4), ("five", 5), ("six", 6)];
+/// Words that begin a noun phrase besides articles and numbers.
+const QUANTIFIERS: [&str; 8] = ["all", "both", "each", "every", "another", "it", "them", "whichever"];
+/// Phrases that mean objects named before.
+const PRONOUNS: [&str; 12] = [
+    "both of them", "all of them", "both of these", "the two of them", "the same", "it", "them", "this", "that",
+    "these", "those", "both",
+];
+/// Phrases between a noun and its location.
+const RELATIVES: [&str; 20] = [
+    "that is lying", "that is standing", "that is sitting", "which is lying", "which is standing", "which is sitting",
+    "that is currently", "that is already", "that is", "which is", "that are", "which are", "that lies", "that stands",
+    "that sits", "lying", "sitting", "standing", "currently", "you see",
+];
+/// Words that end a noun phrase.
+const ENDS: [&str; 59] = [
+    "should", "must", "shall", "ought", "needs", "need", "has", "have", "had", "is", "are", "be", "was", "were", "goes",
+    "go", "belongs", "belong", "will", "could", "would", "may", "might", "wants", "want", "ends", "end", "stands",
+    "lies", "sits", "to", "together", "down", "carefully", "again", "already", "instead", "too", "so", "then", "at",
+    "where", "because", "which", "while", "who", "what", "away", "back", "over", "as", "after", "before", "until", "if",
+    "i", "you", "we", "there",
+];
+/// Words that end a noun phrase before a preposition only.
+const HEDGES: [&str; 12] = [
+    "right", "directly", "somewhere", "anywhere", "immediately", "straight", "exactly", "just", "little", "up", "out",
+    "halfway",
+];
+/// Particles that end a clause with a change of state.
+const PARTICLES: [&str; 9] = ["on", "off", "out", "up", "open", "shut", "closed", "in", "inside"];
+
+impl Listener {
+    /// True if a noun phrase can begin at an index without doubt.
+    pub(super) fn is_determined(&self, index: usize) -> bool {
+        let word = self.token(index);
+        ARTICLES.contains(&word) || QUANTIFIERS.contains(&word) || NUMBERS.iter().any(|(number, _)| *number == word)
+    }
+
+    /// One or several noun phrases joined by `and` or commas; those that a pronoun stands for.
+    pub(super) fn noun_phrases(&mut self) -> Option<Vec<Group>> {
+        let mut groups = self.meant()?;
+        while let Some(more) = self.attempt(|listener| {
+            let joined = listener.take(",") | listener.take("and") | listener.take("plus") | listener.take("along with");
+            let goes_on = joined && !super::verbs::is_verb(listener.ahead(0)) && !super::places::begins(listener);
+            goes_on.then(|| listener.meant()).flatten()
+        }) {
+            groups.extend(more);
+        }
+        Some(groups)
+    }
+
+    /// The objects of a pronoun, or one noun phrase.
+    fn meant(&mut self) -> Option<Vec<Group>> {
+        if let Some(known) = self.attempt(Self::pronoun) {
+            if known.is_empty() {
+                return self.blame(format!("`{}` names no object", self.token(self.mind.next.saturating_sub(1))));
+            }
+            return Some(known);
+        }
+        self.noun_phrase().map(|group| vec![group])
+    }
+
+    /// Objects that a pronoun stands for, empty if none was named before; `None` if no pronoun stands here.
+    pub(super) fn pronoun(&mut self) -> Option<Vec<Group>> {
+        let said = self.take_any(&PRONOUNS)?;
+        let follows = self.mind.next;
+        let ends = self.is_end(follows) || self.preposition(follows).is_some() || ENDS.contains(&self.token(follows));
+        let ends = ends || PARTICLES.contains(&self.token(follows)) || HEDGES.contains(&self.token(follows));
+        let ends = ends || super::places::is_source(self, follows) || said == "it" || said == "them";
+        ends.then(|| self.mind.topic.clone())
+    }
+
+    /// One noun phrase with its location.
+    pub(super) fn noun_phrase(&mut self) -> Option<Group> {
+        let start = self.mind.next;
+        let (number, is_definite) = self.number();
+        let mut words: Vec<String> = Vec::new();
+        let mut at = None;
+        while !self.is_end(self.mind.next) || self.continues(&words) {
+            let index = self.mind.next;
+            if let Some(place) = self.attempt(Self::location) {
+                at = Some(Box::new(place));
+                break;
+            }
+            let word = self.token(index);
+            let hedge = HEDGES.contains(&word) && super::places::begins_at(self, index + 1);
+            let particle = PARTICLES.contains(&word) && self.is_end(index + 1);
+            let is_part = words.is_empty() && particle;
+            let follows = self.token(index + 1);
+            // `the can can go there`
+            let is_modal = word == "can" && ["be", "go", "stand", "lie"].contains(&follows);
+            let is_level = ["up", "down"].contains(&word) && follows == "to";
+            let has_trait = words.iter().any(|word| word == "with");
+            let is_top = self.at_index(index, "on top").is_some() && self.token(index + 2) != "of";
+            let is_unknown = super::places::UNKNOWN.contains(&word);
+            let stops = ENDS.contains(&word) || super::places::is_source(self, index) || hedge || particle;
+            let stops = stops || is_modal || is_level || !has_trait && (is_top || is_unknown);
+            if !is_part && stops || !words.is_empty() && super::places::begins_at(self, index) {
+                break;
+            }
+            if ["it", "them"].contains(&word) {
+                return self.blame(format!("`{}` is not understood", self.clause(start)));
+            }
+            // An article inside a phrase belongs to a preposition within it.
+            let joins = ["of", "with", "without", "and", "in", "on", "for", "around"];
+            let is_stray = ARTICLES.contains(&word) && word != "that";
+            if is_stray && !words.last().is_some_and(|last| joins.contains(&last.as_str())) {
+                return self.blame(format!("`{}` is not understood", self.clause(start)));
+            }
+            words.push(word.to_owned());
+            self.mind.next += 1;
+        }
+        if words.is_empty() {
+            return None;
+        }
+        self.choose_among(&mut words);
+        self.complete(&mut words);
+        // `the open top drawer` is a place in a scene in which it is open.
+        if words.last().is_some_and(|last| last == "drawer") {
+            words.retain(|word| word != "open" && word != "opened");
+        }
+        let part = own_part(&mut words);
+        let head_is_plural = is_plural(&words);
+        let number = match number {
+            Number::One if is_definite && head_is_plural => Number::All,
+            // `both the apple and the pear`, `all the bread`
+            Number::Many(_) | Number::All if !head_is_plural => Number::One,
+            number => number,
+        };
+        Some(Group { words, at, number, part })
+    }
+
+    /// Number and definiteness from the words before the noun.
+    fn number(&mut self) -> (Number, bool) {
+        let (mut number, mut is_definite) = (Number::One, false);
+        loop {
+            let word = self.ahead(0);
+            let count = NUMBERS.iter().find(|(name, _)| *name == word).map(|(_, count)| *count);
+            let is_comparison = COMPARATIVES.contains(&self.ahead(1));
+            match (word, count) {
+                ("all", _) => number = Number::All,
+                ("both", _) => number = Number::Many(2),
+                ("each" | "every", _) => number = Number::Each(None),
+                ("couple" | "pair", _) if self.ahead(1) == "of" => number = Number::Many(2),
+                ("of", _) if number != Number::One => {}
+                ("the" | "my" | "your" | "our" | "these" | "those" | "her" | "his" | "their", _) => is_definite = true,
+                ("one", _) if self.ahead(1) == "of" => self.mind.next += 1,
+                ("one", _) if self.is_end(self.mind.next + 1) || is_comparison => break,
+                (_, Some(1)) => {}
+                (_, Some(count)) if matches!(number, Number::Each(_)) => number = Number::Each(Some(count)),
+                (_, Some(count)) => number = Number::Many(count),
+                ("same", _) => {}
+                (word, _) if ARTICLES.contains(&word) => {}
+                _ => break,
+            }
+            self.mind.next += 1;
+        }
+        (number, is_definite)
+    }
+
+    /// A relative clause with a location.
+    fn location(&mut self) -> Option<Place> {
+        self.take_any(&RELATIVES)?;
+        self.place()
+    }
+
+    /// True at the end of a clause, where no noun phrase goes on.
+    pub(super) fn is_end(&self, index: usize) -> bool {
+        let word = self.token(index);
+        word.is_empty() || is_mark(word) || is_boundary(word) || word == "or"
+    }
+
+    /// True if `and` continues a description (`with black wheels and red roof`, `red and white`).
+    fn continues(&self, words: &[String]) -> bool {
+        let follows = self.ahead(1);
+        let (is_and, has_trait) = (self.ahead(0) == "and", words.iter().any(|word| word == "with"));
+        let is_pair = words.last().is_some_and(|word| is_color(word)) && is_color(follows) && !self.is_end(self.mind.next + 2);
+        is_and && !super::verbs::is_verb(follows) && (is_pair || has_trait && is_color(follows))
+    }
+
+    /// After `of the two apples`, `the smaller one` is one of those.
+    fn choose_among(&mut self, words: &mut Vec<String>) {
+        let is_comparison = words.first().is_some_and(|word| COMPARATIVES.contains(&word.as_str()));
+        if self.mind.among.is_empty() || !is_comparison || words.len() > 2 {
+            return;
+        }
+        words.truncate(1);
+        words.extend(["of", "the"].map(String::from));
+        words.append(&mut self.mind.among);
+    }
+
+    /// Replaces `one` by the noun it stands for, and remembers the noun.
+    fn complete(&mut self, words: &mut [String]) {
+        let is_one = |word: &String| word == "one" || word == "ones";
+        if let (Some(last), Some(noun)) = (words.last_mut().filter(|last| is_one(last)), &self.mind.noun) {
+            last.clone_from(noun);
+        }
+        let after = ["with", "without", "of", "marked", "lettered"];
+        let head = words.iter().take_while(|word| !after.contains(&word.as_str())).last();
+        if let Some(head) = head.filter(|head| !is_one(head)) {
+            self.mind.noun = Some(head.clone());
+        }
+    }
+}
+
+/// True if the noun of a phrase is the plural of a noun for whole objects; `sardines` mean one tin.
+fn is_plural(words: &[String]) -> bool {
+    let after = ["with", "without", "marked", "lettered", "of"];
+    let core = words.iter().take_while(|word| !after.contains(&word.as_str()));
+    core.last().is_some_and(|head| lexicon().is_plural(head))
+}

@@ -1,0 +1,328 @@
+//! Places: prepositions with their references, sides, and where an object comes from.
+
+use genmanip_core::Relation;
+
+use super::super::grammar::{Group, Number, Place};
+use super::super::lexicon::is_color;
+use super::super::words::{EXTREMES, LOOSE, PLACES, SOURCE};
+use super::Listener;
+use super::verbs::Class;
+
+/// Words and phrases before a place that do not change it.
+const MODIFIERS: [&str; 50] = [
+    "so that it is", "so that it ends up", "so that it stands", "so that it lies", "so that it sits", "so that they are",
+    "so it is", "so it stands", "so it sits", "so it ends up", "to the spot", "in the spot", "to the place",
+    "to the position", "in the position", "to the area", "in the area", "in the gap", "into the gap", "in the space",
+    "into the space", "to a spot", "to a place", "in a spot", "in a place", "to a position", "somewhere", "anywhere",
+    "some place", "right", "directly", "immediately", "straight", "exactly", "just", "over", "down", "up", "back", "out",
+    "away", "together", "either", "both", "safely", "little", "halfway", "midway", "across", "along",
+];
+
+/// Prepositions of people that the table of the grammar lacks.
+const MORE: [(&str, &[Relation]); 14] = [
+    ("up against", &[Relation::Near]),
+    ("against", &[Relation::Near]),
+    ("beside of", &[Relation::Near]),
+    ("nearby", &[Relation::Near]),
+    ("next", &[]),
+    ("at the side of", &[Relation::Near]),
+    ("by the side of", &[Relation::Near]),
+    ("to the side of", &[Relation::Near]),
+    ("in the vicinity of", &[Relation::Near]),
+    ("in back of", &[Relation::Back]),
+    ("on the near side of", &[Relation::Back]),
+    ("down into", &[Relation::In, Relation::Top]),
+    ("down onto", &[Relation::On, Relation::Top]),
+    ("within", &[Relation::In, Relation::Top]),
+];
+
+/// Prepositions without a relation in goals.
+pub(super) const UNKNOWN: [&str; 9] =
+    ["under", "underneath", "beneath", "below", "above", "around", "through", "opposite", "across from"];
+
+/// Words for the table itself.
+const TABLES: [&str; 10] = [
+    "table", "tabletop", "table top", "worktop", "counter", "countertop", "desk", "bench", "work surface", "surface",
+];
+
+/// True if a place begins at an index.
+pub(super) fn begins_at(listener: &Listener, index: usize) -> bool {
+    listener.preposition(index).is_some() || listener.side_at(index).is_some()
+}
+
+/// True if a place begins here.
+pub(super) fn begins(listener: &Listener) -> bool {
+    begins_at(listener, listener.mind.next)
+}
+
+/// True if the words at an index say where something comes from.
+pub(super) fn is_source(listener: &Listener, index: usize) -> bool {
+    ["from", "off", "out of", "away from"].iter().any(|word| {
+        listener.at_index(index, word).is_some_and(|length| {
+            let follows = index + length;
+            *word == "from" && !EXTREMES.contains(&listener.token(index.wrapping_sub(1)))
+                || listener.is_determined(follows)
+                || listener.token(follows) == "of"
+        })
+    })
+}
+
+impl Listener {
+    /// One place or several alternatives, after words that do not matter.
+    pub(super) fn places(&mut self) -> Option<Vec<Place>> {
+        self.skip_modifiers();
+        let unknown = UNKNOWN.iter().find(|word| self.at(word).is_some());
+        if let Some(word) = unknown {
+            return self.blame(format!("`{word}` is no relation that a goal can have"));
+        }
+        if let Some(length) = self.table_at(self.mind.next) {
+            self.mind.next += length;
+            self.take(",");
+            self.skip_modifiers();
+            if !begins(self) {
+                return self.blame(
+                    "the bare table is no place that a goal can name: say next to what the object should be",
+                );
+            }
+        }
+        let mut places = vec![self.place()?];
+        while let Some(place) = self.attempt(|listener| {
+            listener.take("or").then_some(())?;
+            listener.skip_modifiers();
+            match begins(listener) {
+                true => listener.place(),
+                // `on the plate or the saucer`
+                false => Some(Place { relations: places[0].relations, objects: vec![listener.noun_phrase()?] }),
+            }
+        }) {
+            places.push(place);
+        }
+        Some(places)
+    }
+
+    pub(super) fn skip_modifiers(&mut self) {
+        loop {
+            let is_side = self.side_at(self.mind.next).is_some();
+            if is_side || self.preposition(self.mind.next).is_some_and(|(relations, _)| !relations.is_empty()) {
+                // `right next to` is a preposition, but `in the gap between` is not `in`.
+                let before = self.mind.next;
+                let phrases = MODIFIERS.iter().filter(|phrase| phrase.contains(' ')).copied().collect::<Vec<_>>();
+                if self.take_any(&phrases).is_none() || !begins(self) {
+                    self.mind.next = before;
+                    return;
+                }
+            } else if self.take_any(&MODIFIERS).is_none() {
+                return;
+            }
+        }
+    }
+
+    /// Number of tokens of `on the table` and the like at an index; `None` for another place.
+    fn table_at(&self, index: usize) -> Option<usize> {
+        let first = ["on", "onto", "to", "upon", "on top of", "at"].iter().find_map(|word| self.at_index(index, word))?;
+        let article = ["the bare", "the empty", "the", "my", "your", "our"];
+        let second = article.iter().find_map(|word| self.at_index(index + first, word)).unwrap_or(0);
+        let third = TABLES.iter().filter_map(|word| self.at_index(index + first + second, word)).max()?;
+        let end = index + first + second + third;
+        let goes_on = self.is_end(end) || begins_at(self, end) || MODIFIERS.contains(&self.token(end));
+        goes_on.then_some(end - index)
+    }
+
+    /// A place with its references.
+    pub(super) fn place(&mut self) -> Option<Place> {
+        let place = self.attempt(Self::side_place).or_else(|| self.attempt(Self::plain_place))?;
+        self.mind.place = Some(place.clone());
+        Some(place)
+    }
+
+    fn plain_place(&mut self) -> Option<Place> {
+        let (relations, length) = self.preposition(self.mind.next)?;
+        let said = self.token(self.mind.next).to_owned();
+        self.mind.next += length;
+        if relations.is_empty() {
+            return None;
+        }
+        // `drop the die inside`
+        if self.is_end(self.mind.next) {
+            let host = self.antecedent(relations)?;
+            return ["inside", "in", "into"].contains(&said.as_str()).then(|| Place { relations, objects: vec![host] });
+        }
+        if let Some(known) = self.attempt(Self::pronoun) {
+            let host = if known.len() == 1 || relations == [Relation::Between] { self.antecedents(relations) } else { None };
+            let Some(objects) = host else {
+                return self.blame(format!("`{}` may mean several objects", self.clause(self.mind.next - 1)));
+            };
+            return Some(Place { relations, objects });
+        }
+        let mut objects = vec![self.noun_phrase()?];
+        if relations == [Relation::Between] {
+            if self.take("and") {
+                objects.push(self.noun_phrase()?);
+            } else if matches!(objects[0].number, Number::One | Number::Each(_)) {
+                return self.blame(format!("`between` needs two objects, and `{}` is one", objects[0].words.join(" ")));
+            }
+        }
+        let supports = |relations: &[Relation]| relations.iter().any(|relation| relation.is_support());
+        // `on the board next to the bread`: the second place is the location of the board.
+        if let [object] = objects.as_mut_slice()
+            && object.at.is_none()
+            && supports(relations)
+            && self.preposition(self.mind.next).is_some_and(|(next, _)| !next.is_empty() && !supports(next))
+        {
+            object.at = Some(Box::new(self.place()?));
+        }
+        Some(Place { relations, objects })
+    }
+
+    /// Parses `on the right-hand side of the mug`, `to its left`, `on the mug's right`.
+    fn side_place(&mut self) -> Option<Place> {
+        let (relation, length, owner) = self.side_at(self.mind.next)?;
+        let start = self.mind.next;
+        self.mind.next += length;
+        let relations = match relation {
+            Relation::Left => &[Relation::Left][..],
+            _ => &[Relation::Right][..],
+        };
+        let objects = match owner {
+            Owner::Follows => match self.attempt(Self::pronoun) {
+                Some(_) => self.antecedents(relations)?,
+                None => vec![self.noun_phrase()?],
+            },
+            Owner::Pronoun => self.antecedents(relations)?,
+            Owner::Words(words) => {
+                let words = self.tokens[words.0..words.1].iter().map(|word| word.trim_end_matches("'s").to_owned());
+                vec![Group::of(words.collect())]
+            }
+            Owner::None => match &self.mind.source {
+                Some(source) => source.objects.clone(),
+                None => return self.blame(format!("`{}` of what?", self.tokens[start..self.mind.next].join(" "))),
+            },
+        };
+        Some(Place { relations, objects })
+    }
+
+    /// Side, number of tokens and owner of a phrase such as `on the right-hand side of`.
+    fn side_at(&self, index: usize) -> Option<(Relation, usize, Owner)> {
+        let prepositions = ["over to", "to", "on", "onto", "at", "from", "by", "towards", "toward"];
+        let first = prepositions.iter().find_map(|word| self.at_index(index, word)).unwrap_or(0);
+        let mut next = index + first;
+        let mut owner = Owner::Follows;
+        if ["its", "their"].contains(&self.token(next)) {
+            owner = Owner::Pronoun;
+            next += 1;
+        } else if self.token(next) == "the" {
+            next += 1;
+        }
+        let is_side = |word: &str| word == "left" || word == "right";
+        if !is_side(self.token(next)) {
+            let end = (next..next + 4).find(|&at| self.token(at).ends_with("'s"))? + 1;
+            if !is_side(self.token(end)) || first == 0 || ["robot's", "camera's"].contains(&self.token(end - 1)) {
+                return None;
+            }
+            owner = Owner::Words((next, end));
+            next = end;
+        }
+        let relation = if self.token(next) == "left" { Relation::Left } else { Relation::Right };
+        next += 1;
+        let is_long = ["hand side", "hand edge", "hand", "side", "edge"];
+        next += is_long.iter().find_map(|word| self.at_index(next, word)).unwrap_or(0);
+        match owner {
+            Owner::Follows if ["of", "from"].contains(&self.token(next)) => next += 1,
+            Owner::Follows if first > 0 && self.is_end(next) => owner = Owner::None,
+            Owner::Follows => return None,
+            _ if !self.is_end(next) => return None,
+            _ => {}
+        }
+        Some((relation, next - index, owner))
+    }
+
+    /// Relations of the preposition at an index and its number of tokens; `None` if there is none, or if it belongs to a
+    /// description.
+    pub(super) fn preposition(&self, index: usize) -> Option<(&'static [Relation], usize)> {
+        let table = MORE.iter().chain(&PLACES);
+        let found = table.filter_map(|(phrase, relations)| Some((*relations, self.at_index(index, phrase)?)));
+        let (relations, length) = found.max_by_key(|(_, length)| *length)?;
+        if self.side_at(index).is_some() {
+            return None;
+        }
+        let (word, follows) = (self.token(index), self.token(index + length));
+        let alone = length == 1;
+        if self.is_end(index + length) {
+            return (["inside", "in"].contains(&word) && alone).then_some((relations, length));
+        }
+        let is_loose = LOOSE.contains(&word) && alone;
+        let is_object = match word {
+            "to" | "by" => self.is_determined(index + length) || self.is_terse && Class::Carry.base(follows).is_none(),
+            // `lettered in red`, `with a cross on top`
+            "in" => self.is_determined(index + length) || !is_color(follows) || !self.is_end(index + length + 1),
+            _ => self.is_determined(index + length) || follows != "top",
+        };
+        let is_level = is_loose && ["high", "low", "max", "full"].contains(&follows);
+        let compares = EXTREMES.contains(&self.token(index.wrapping_sub(1)));
+        (!compares && !is_level && (!is_loose || is_object)).then_some((relations, length))
+    }
+
+    /// The place an object comes from: `off the tray`, `from the left side of the milk`; `Some(None)` for the table.
+    pub(super) fn source(&mut self) -> Option<Option<Place>> {
+        if !is_source(self, self.mind.next) {
+            return None;
+        }
+        self.take_any(&["out from", "from off", "off of", "off from", "out of", "away from", "from", "off"])?;
+        self.take_any(&["out of", "off"]);
+        let article = ["the", "my", "your", "our"].iter().find_map(|word| self.at(word)).unwrap_or(0);
+        let table = TABLES.iter().filter_map(|word| self.at_index(self.mind.next + article, word)).max();
+        if let Some(length) = table {
+            self.mind.next += article + length;
+            return Some(None);
+        }
+        if begins(self) {
+            return Some(Some(self.place()?));
+        }
+        let objects = match self.attempt(Self::pronoun) {
+            Some(_) => self.antecedents(SOURCE)?,
+            None => vec![self.noun_phrase()?],
+        };
+        Some(Some(Place { relations: SOURCE, objects }))
+    }
+
+    /// The object to which a pronoun in a place refers; `None` if none or several were named.
+    fn antecedent(&mut self, relations: &[Relation]) -> Option<Group> {
+        match self.antecedents(relations)?.as_slice() {
+            [one] => Some(one.clone()),
+            _ => None,
+        }
+    }
+
+    /// The objects to which a pronoun in a place refers: that from which this request takes something, or those of the
+    /// request before. What something was put into is meant by `in it` rather than what was put there.
+    fn antecedents(&mut self, relations: &[Relation]) -> Option<Vec<Group>> {
+        if let Some(source) = &self.mind.source {
+            return Some(source.objects.clone());
+        }
+        let place = self.mind.place.as_ref().filter(|place| place.relations.contains(&Relation::In));
+        if let Some(place) = place.filter(|_| relations.contains(&Relation::In)) {
+            return Some(place.objects.clone());
+        }
+        // `the fork to the left of the plate and the knife to its right`
+        let is_side = |relations: &[Relation]| matches!(relations, [Relation::Left] | [Relation::Right]);
+        if let Some(place) = self.mind.place.as_ref().filter(|place| is_side(place.relations) && is_side(relations)) {
+            return Some(place.objects.clone());
+        }
+        if self.mind.topic.is_empty() {
+            return self.blame(format!("`{}` names no object", self.clause(self.mind.next.saturating_sub(1))));
+        }
+        Some(self.mind.topic.clone())
+    }
+}
+
+/// Owner of a side.
+enum Owner {
+    /// A noun phrase follows.
+    Follows,
+    /// `its`
+    Pronoun,
+    /// The words from one index to another, in the possessive.
+    Words((usize, usize)),
+    /// None is named.
+    None,
+}
