@@ -27,8 +27,8 @@ use genmanip_lab::teleop::TeleopArguments;
 use genmanip_lab::transfer::TransferArguments;
 use genmanip_lab::{
     agent, answers, assets, batch, blame, bridge, data, design, environment, expert, fit, grasp, hand_eye, hostile,
-    identification, layout, learn, learned_controls, matching, motion, readers, relations, render, rendered, scale, segment,
-    statistics, strangers, studio, suite, teleop, transfer, wording,
+    identification, layout, learn, learned_controls, matching, motion, readers, relations, render, rendered, scale,
+    segment, statistics, strangers, studio, suite, teleop, transfer, wording,
 };
 use genmanip_workspace::WorkspaceError;
 

@@ -23,10 +23,10 @@ mod knowledge;
 mod naming;
 mod phrasing;
 mod report;
+mod room;
 mod sentence;
 #[cfg(test)]
 mod sentence_tests;
-mod room;
 mod series;
 mod settings;
 mod sketch;

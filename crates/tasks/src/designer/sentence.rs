@@ -11,9 +11,9 @@ use super::choices::Choices;
 use super::composer::{Composer, Place};
 use super::kinds::draft;
 use super::naming::Style;
+use super::room::{open_state, support, why_no_room};
 use super::settings::DesignSettings;
 use super::sketch::{Condition, Sketch};
-use super::room::{open_state, support, why_no_room};
 use super::things::is_movable;
 use super::{counted, gate};
 use crate::references::sentence::{Action, Command, Noun, Part, Sentence, Where, changed_state, read_sentence};
@@ -178,7 +178,8 @@ fn check_nouns(sentence: &Sentence) -> Result<(), SentenceError> {
                     return Err(unsuitable(subject, "is nothing that the gripper can carry"));
                 }
                 let host = &sentence.nouns[place.references[0]];
-                let fits = |host: &ObjectCard| subject.candidates().iter().any(|item| support(place, host, item).is_some());
+                let fits =
+                    |host: &ObjectCard| subject.candidates().iter().any(|item| support(place, host, item).is_some());
                 if is_support(place) && !host.candidates().iter().any(|host| fits(host)) {
                     return Err(unsuitable(host, why_no_room(place, host.candidates())));
                 }
@@ -349,9 +350,12 @@ impl<'s, 'a> Scene<'s, 'a> {
                 let references: Vec<usize> =
                     at.references.iter().map(|reference| self.place(*reference, composer)).collect::<Made<_>>()?;
                 match (support(at, self.cards[at.references[0]], card), references.as_slice(), at.relations) {
-                    (Some(relation), [host], _) => {
-                        Some(composer.sketch.put_said(card, relation, *host).ok_or("it does not fit where it is to be taken from")?)
-                    }
+                    (Some(relation), [host], _) => Some(
+                        composer
+                            .sketch
+                            .put_said(card, relation, *host)
+                            .ok_or("it does not fit where it is to be taken from")?,
+                    ),
                     (None, [anchor], [relation]) => composer.add_beside(card, *relation, *anchor),
                     _ => return Err("it does not fit where it is to be taken from"),
                 }

@@ -57,7 +57,16 @@ fn sentences_of_people_are_tasks_or_questions() {
             (Ok(task), None) if is_expected(&goal_of(&task), expected) => {
                 assert_eq!(references::check(&task), Ok(()), "{sentence}");
                 made += 1;
-                if let Ok(dir) = std::env::var("SENT_OUT") { std::fs::write(format!("{dir}/{made:03}.json"), { let mut t = task.clone(); t.id = format!("s{made:03}"); let mut v = serde_json::to_value(&t).unwrap(); v["schema"] = "genmanip.task/2".into(); v.to_string() }).unwrap(); }
+                if let Ok(dir) = std::env::var("SENT_OUT") {
+                    std::fs::write(format!("{dir}/{made:03}.json"), {
+                        let mut t = task.clone();
+                        t.id = format!("s{made:03}");
+                        let mut v = serde_json::to_value(&t).unwrap();
+                        v["schema"] = "genmanip.task/2".into();
+                        v.to_string()
+                    })
+                    .unwrap();
+                }
             }
             (Err(error), Some(part)) if error.contains(part) => {}
             (Ok(task), _) => wrong.push(format!("{sentence}\n    {}\n    expected {expected}", goal_of(&task))),

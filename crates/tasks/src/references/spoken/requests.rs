@@ -9,24 +9,61 @@ use super::verbs::{Class, is_verb};
 
 /// Phrases before the object of a wish.
 const WISHES: [&str; 43] = [
-    "i want", "i want for", "i would like for", "i would like", "i would love", "i would prefer", "i need", "we need", "we want", "i would rather have",
-    "make sure that", "make sure", "ensure that", "ensure", "see to it that", "see that", "check that", "let", "have",
-    "get", "i wish", "can i have", "could i have", "may i have", "can we have", "could we have", "could", "can", "would",
-    "may", "might", "there should be", "there must be", "there needs to be", "there has to be", "there ought to be",
-    "i want there to be", "i would like there to be", "make sure that there is", "make sure there is",
-    "make sure there are", "ensure there is", "there should end up being",
+    "i want",
+    "i want for",
+    "i would like for",
+    "i would like",
+    "i would love",
+    "i would prefer",
+    "i need",
+    "we need",
+    "we want",
+    "i would rather have",
+    "make sure that",
+    "make sure",
+    "ensure that",
+    "ensure",
+    "see to it that",
+    "see that",
+    "check that",
+    "let",
+    "have",
+    "get",
+    "i wish",
+    "can i have",
+    "could i have",
+    "may i have",
+    "can we have",
+    "could we have",
+    "could",
+    "can",
+    "would",
+    "may",
+    "might",
+    "there should be",
+    "there must be",
+    "there needs to be",
+    "there has to be",
+    "there ought to be",
+    "i want there to be",
+    "i would like there to be",
+    "make sure that there is",
+    "make sure there is",
+    "make sure there are",
+    "ensure there is",
+    "there should end up being",
 ];
 /// Words between an object and where or how it should be.
 const COPULAS: [&str; 51] = [
-    "should", "must", "shall", "ought", "to", "needs", "need", "has", "have", "will", "can", "could", "would", "may", "be",
-    "being", "is", "are", "supposed", "meant", "going", "go", "goes", "end", "ends", "up", "stand", "stands", "standing",
-    "lie", "lies", "lying", "sit", "sits", "sitting", "stay", "rest", "rests", "live", "lives", "belong", "belongs",
-    "hang", "hangs", "come", "comes", "all", "both", "now", "also", "wants",
+    "should", "must", "shall", "ought", "to", "needs", "need", "has", "have", "will", "can", "could", "would", "may",
+    "be", "being", "is", "are", "supposed", "meant", "going", "go", "goes", "end", "ends", "up", "stand", "stands",
+    "standing", "lie", "lies", "lying", "sit", "sits", "sitting", "stay", "rest", "rests", "live", "lives", "belong",
+    "belongs", "hang", "hangs", "come", "comes", "all", "both", "now", "also", "wants",
 ];
 /// Words without which a phrase with a place states a fact.
 const DUTIES: [&str; 22] = [
-    "should", "must", "shall", "ought", "needs", "need", "to", "go", "goes", "belongs", "belong", "can", "could", "would",
-    "wants", "has", "have", "will", "comes", "lives", "supposed", "may",
+    "should", "must", "shall", "ought", "needs", "need", "to", "go", "goes", "belongs", "belong", "can", "could",
+    "would", "wants", "has", "have", "will", "comes", "lives", "supposed", "may",
 ];
 /// Particles of a change of state.
 const PARTICLES: [&str; 11] = ["wide open", "open", "shut", "closed", "on", "off", "out", "up", "down", "in", "to off"];
@@ -68,9 +105,15 @@ impl Listener {
     /// Commands of the request that begins here; `None` if there is none.
     pub(super) fn request(&mut self) -> Option<Vec<Command>> {
         self.choice();
-        let parsers =
-            [
-            Self::tower, Self::state, Self::take_up, Self::carry, Self::wish, Self::given, Self::statement, Self::fragment,
+        let parsers = [
+            Self::tower,
+            Self::state,
+            Self::take_up,
+            Self::carry,
+            Self::wish,
+            Self::given,
+            Self::statement,
+            Self::fragment,
             Self::named,
         ];
         for parse in parsers {
@@ -112,7 +155,8 @@ impl Listener {
         let several = phrases.into_iter().find_map(|phrase| {
             let (first, rest) = phrase.split_once(' ')?;
             let length = self.at_index(self.mind.next + 1, rest)?;
-            (class.base(self.ahead(0)) == class.base(first) && class.base(first).is_some()).then_some((phrase, length + 1))
+            (class.base(self.ahead(0)) == class.base(first) && class.base(first).is_some())
+                .then_some((phrase, length + 1))
         });
         if let Some((phrase, length)) = several {
             self.mind.next += length;
@@ -127,7 +171,8 @@ impl Listener {
     fn tower(&mut self) -> Option<Vec<Command>> {
         self.verb(Class::Build)?;
         self.take_any(&["me", "us"]);
-        let names = ["a tower", "a stack", "a pile", "a column", "one tower", "the tower", "a little tower", "a small tower"];
+        let names =
+            ["a tower", "a stack", "a pile", "a column", "one tower", "the tower", "a little tower", "a small tower"];
         let is_named = self.take_any(&names).is_some();
         if is_named {
             self.take_any(&["with", "of", "from", "out of", "using", "made of", "made from", "consisting of"]);
@@ -151,7 +196,8 @@ impl Listener {
                 while listener.take_any(&[",", "and", "then"]).is_some() {
                     is_joined = true;
                 }
-                (is_joined && !is_verb(listener.ahead(0)) && !listener.is_done() && listener.ahead(0) != ".").then_some(())
+                (is_joined && !is_verb(listener.ahead(0)) && !listener.is_done() && listener.ahead(0) != ".")
+                    .then_some(())
             });
             if joined.is_none() {
                 break;
@@ -167,9 +213,15 @@ impl Listener {
             items.iter_mut().for_each(|(level, _)| *level = Some(0));
         }
         let several = matches!(items.as_slice(), [(_, group)] if group.number != Number::One);
-        if !several && items.iter().any(|(level, _)| level.is_none()) && items.iter().filter(|(level, _)| level.is_some()).count() < 2
+        if !several
+            && items.iter().any(|(level, _)| level.is_none())
+            && items.iter().filter(|(level, _)| level.is_some()).count() < 2
         {
-            return if is_stack { self.blame("which object of the tower is at the bottom and which on top?") } else { None };
+            return if is_stack {
+                self.blame("which object of the tower is at the bottom and which on top?")
+            } else {
+                None
+            };
         }
         if items.len() < 2 && !(several && is_stack) {
             return None;
@@ -307,14 +359,18 @@ impl Listener {
             listener.take("or").then_some(())?;
             listener.noun_phrase()
         });
-        let elliptic = self.mind.place.clone().filter(|_| verb == "add" || self.ahead(0) == "too" || self.at("as well").is_some());
+        let elliptic =
+            self.mind.place.clone().filter(|_| verb == "add" || self.ahead(0) == "too" || self.at("as well").is_some());
         let places = match self.attempt(Self::places) {
             Some(places) => places,
             None => match elliptic.filter(|_| self.at_boundary()) {
                 Some(place) => vec![place],
                 None => {
                     let said: Vec<String> = subjects.iter().map(|subject| subject.words.join(" ")).collect();
-                    if self.at_boundary() || ["there", "here", "away", "aside"].contains(&self.ahead(0)) || self.at("over there").is_some() {
+                    if self.at_boundary()
+                        || ["there", "here", "away", "aside"].contains(&self.ahead(0))
+                        || self.at("over there").is_some()
+                    {
                         return self.blame(format!("no place is given for `{}`", said.join(" and ")));
                     }
                     return None;
@@ -415,7 +471,8 @@ impl Listener {
     /// Parses `closed`, `switched on`, `off`, `to be opened`, `turned to high` at the end of a clause.
     fn wanted_state(&mut self) -> Option<Action> {
         let before = self.ahead(0).to_owned();
-        let adjective = self.take_any(&["wide open", "open", "opened", "shut", "closed", "on", "off", "pressed", "pushed"]);
+        let adjective =
+            self.take_any(&["wide open", "open", "opened", "shut", "closed", "on", "off", "pressed", "pushed"]);
         let found = match adjective {
             Some("on") => Action::On,
             Some("off") => Action::Off,
@@ -442,7 +499,16 @@ impl Listener {
         let is_there = self.take_any(&["there is already", "there is", "there are", "here is"]).is_some();
         let mut group = self.noun_phrase()?;
         if !is_there {
-            self.take_any(&["is already", "is currently", "is still", "is now", "is", "are already", "are currently", "are"])?;
+            self.take_any(&[
+                "is already",
+                "is currently",
+                "is still",
+                "is now",
+                "is",
+                "are already",
+                "are currently",
+                "are",
+            ])?;
             self.take_any(&["standing", "lying", "sitting"]);
         }
         let at = match group.at.take() {
