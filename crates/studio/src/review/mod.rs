@@ -23,7 +23,8 @@ pub use agreement::{Agreement, agreement};
 pub use build::{Built, build_suite};
 pub use content::content_sha256;
 pub use desk::{
-    Dashboard, Helpful, LeftOutEpisodes, MeasuredScenario, QueueRow, ReferencePolicy, ReviewDesk, ReviewQueue, ReviewState, Reviewable,
+    Dashboard, Helpful, LeftOutEpisodes, MeasuredScenario, QueueRow, ReferencePolicy, ReviewDesk, ReviewQueue,
+    ReviewState, Reviewable,
 };
 pub use inputs::{LeftOut, ReviewInputs, TARGETS_HINT, check_targets};
 pub use likeness::groups;

@@ -214,7 +214,8 @@ fn results_of_other_content_measure_nothing() {
     assert_eq!(older.left_out, BTreeMap::from([(LeftOut::UnknownContent, episodes)]));
     named(&mut report);
     engine(&mut report, "another 1.0");
-    let reasons = |report: &EvaluationReport| ReviewInputs::default().with_reports(std::slice::from_ref(report)).left_out;
+    let reasons =
+        |report: &EvaluationReport| ReviewInputs::default().with_reports(std::slice::from_ref(report)).left_out;
     assert_eq!(reasons(&report), BTreeMap::from([(LeftOut::OtherEngine, episodes)]));
     engine(&mut report, &genmanip_sim::engine_version());
     report.cameras = Some("mine".into());
