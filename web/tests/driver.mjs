@@ -25,9 +25,10 @@ export const SIZE = { width: 1366, height: 768 };
 export const launch = () => chromium.launch({ executablePath: CHROMIUM, args: FLAGS });
 
 /** A page of its own, with a list of its `failures`. `script`, a function and its argument, runs in it before the page
- * does; `isDist` takes the scripts of this folder in place of the program's own. */
-export async function openPage(browser, url, { script = null, isDist = false, ...options } = {}) {
+ * does; `isDist` takes the scripts of this folder in place of the program's own; `patience_s` bounds each wait. */
+export async function openPage(browser, url, { script = null, isDist = false, patience_s = 30, ...options } = {}) {
   const context = await browser.newContext({ viewport: SIZE, ...options });
+  context.setDefaultTimeout(1000 * patience_s);
   if (isDist) await context.route(/\/assets\//, (route) => route.fulfill({ path: path.join(DIST, new URL(route.request().url()).pathname) }));
   const page = await context.newPage();
   if (script) await page.addInitScript(...script);

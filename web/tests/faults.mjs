@@ -97,7 +97,7 @@ export async function withstand(browser, server, key, { count, seed, kinds = CON
   const editors = [];
   for (const [index, name] of ["ada", "bo"].entries()) {
     const script = [(author) => localStorage.setItem("genmanip.studio.author", author), name];
-    editors.push(new Editor(await openPage(browser, address(server.token), { script }), index));
+    editors.push(new Editor(await openPage(browser, address(server.token), { script, patience_s: 120 }), index));
     await editors[index].take();
   }
   const start = await Promise.all(editors.map((editor) => editor.height_m()));

@@ -94,7 +94,7 @@ for (const name of positionals.length > 0 ? positionals : Object.keys(PARTS)) {
     rmSync(folder, { recursive: true });
   } catch (error) {
     failed += 1;
-    for (const [index, context] of browser.contexts().entries()) if (context.pages()[0]) await shot(context.pages()[0], `failed-${name}-${index}`);
+    for (const [index, context] of browser.contexts().entries()) if (context.pages()[0]) await shot(context.pages()[0], `failed-${name}-${index}`).catch(() => undefined);
     console.log(`FAILED  ${name} (${seconds()} s), its files are in ${folder}\n${String(error.stack ?? error).replace(/^/gm, "        ")}`);
   }
   for (const context of browser.contexts()) await context.close();

@@ -22,11 +22,11 @@ export async function manyTabs(browser, program, folder, suite, count) {
     const tabs = [];
     for (let index = 0; index < count; index++) {
       const script = [(name) => localStorage.setItem("genmanip.studio.author", name), `tab ${index}`];
-      tabs.push(await openPage(browser, studio.url, { script }));
+      tabs.push(await openPage(browser, studio.url, { script, patience_s: 120 }));
     }
     const everybody = (work) => Promise.all(tabs.map(work));
     const objects = await tabs[0].locator("ul[aria-label=Objects] button").count();
-    await everybody((page) => until("all are here", async () => (await page.textContent(".presence"))?.split(",").length === count - 1));
+    await everybody((page) => until("all are here", async () => (await page.textContent(".presence"))?.split(",").length === count - 1, 120_000));
     const revisionIs = (wanted) => everybody((page) => page.waitForFunction((value) => window.studio.state().revision === value, wanted));
     const lift = async (page, index) => {
       const button = page.locator("ul[aria-label=Objects] button").nth(index % objects);

@@ -27,7 +27,7 @@ function prepare(program, folder, suites) {
   return id;
 }
 
-const person = (browser, url, name) => openPage(browser, url, { script: [(author) => localStorage.setItem("genmanip.studio.author", author), name] });
+const person = (browser, url, name) => openPage(browser, url, { script: [(author) => localStorage.setItem("genmanip.studio.author", author), name], patience_s: 120 });
 
 /** Applies the first repair of every problem in turn until the verdict names none. */
 async function repair(page) {

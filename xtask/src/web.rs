@@ -91,7 +91,9 @@ pub fn long(workspace: &Workspace, options: &[String]) -> Result {
     let test =
         ["test", "--release"].into_iter().chain(ALL).chain(["--test", "cli", "--", "--ignored", "studio_killed"]);
     let mut killing = workspace.cargo(test);
-    kills.iter().for_each(|kills| drop(killing.env(KILLS.1, kills)));
+    if let Some(kills) = kills {
+        killing.env(KILLS.1, kills);
+    }
     process::visible(&mut killing)?;
     let mut browser = npm(workspace);
     browser.args(["run", "--silent", "long", "--", "--program"]).arg(workspace.genmanip()?).args(others);
