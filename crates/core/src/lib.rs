@@ -95,6 +95,6 @@ pub use task::{Atom, Goal, GraphEdge, GraphNode, NamedSurface, SceneGraph, Share
 pub use verdict::{AtomVerdict, GoalVerdict, Measurement, Unit};
 pub use world::{
     ArmPhysics, BetweenReading, Board, CameraAppearance, CameraResponse, Photograph, PhysicsSettings, RelationSettings,
-    SupportSurface, ToneCurve, Workspace, WorkspaceAppearance, WorkspaceLight, World, WorldDifference, WorldFault, WorldFile,
-    WorldHashes, WorldPart, WorldRobot,
+    SupportSurface, ToneCurve, Workspace, WorkspaceAppearance, WorkspaceLight, World, WorldDifference, WorldFault,
+    WorldFile, WorldHashes, WorldPart, WorldRobot,
 };

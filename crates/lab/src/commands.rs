@@ -26,8 +26,8 @@ use genmanip_lab::studio::StudioArguments;
 use genmanip_lab::teleop::TeleopArguments;
 use genmanip_lab::{
     agent, answers, assets, batch, blame, bridge, data, design, environment, expert, fit, grasp, hand_eye, hostile,
-    layout, learn, learned_controls, matching, motion, readers, relations, render, rendered, scale, segment, statistics,
-    strangers, studio, suite, teleop, wording,
+    layout, learn, learned_controls, matching, motion, readers, relations, render, rendered, scale, segment,
+    statistics, strangers, studio, suite, teleop, wording,
 };
 use genmanip_workspace::WorkspaceError;
 

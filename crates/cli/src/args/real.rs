@@ -240,7 +240,9 @@ mod tests {
         let read = chart("static=C:/a=b.png:1,2,3,4,5,6,7,8.5").unwrap();
         assert_eq!((read.camera.as_str(), read.file.to_str()), ("static", Some("C:/a=b.png")));
         assert_eq!(read.corners_px[3], [7.0, 8.5]);
-        for wrong in ["static.png:1,2,3,4,5,6,7,8", "static=a.png", "static=a.png:1,2,3", "static=a.png:1,2,3,4,5,6,7,x"] {
+        for wrong in
+            ["static.png:1,2,3,4,5,6,7,8", "static=a.png", "static=a.png:1,2,3", "static=a.png:1,2,3,4,5,6,7,x"]
+        {
             assert!(chart(wrong).is_err(), "{wrong}");
         }
         assert_eq!(color("250, 240,0"), Ok([250, 240, 0]));

@@ -137,7 +137,12 @@ impl CameraResponse {
                 faults.push(WorldFault::new(format!("{place}.{name}"), expected, got));
             }
         };
-        check((1e-3..=1e3).contains(&self.exposure), "exposure", "a factor of 0.001 to 1000", self.exposure.to_string());
+        check(
+            (1e-3..=1e3).contains(&self.exposure),
+            "exposure",
+            "a factor of 0.001 to 1000",
+            self.exposure.to_string(),
+        );
         let balanced = self.white_balance.iter().all(|factor| (0.01..=100.0).contains(factor));
         check(balanced, "white_balance", "three factors of 0.01 to 100", format!("{:?}", self.white_balance));
         let matrix = glam::DMat3::from_cols_array_2d(&self.matrix);

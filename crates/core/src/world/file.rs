@@ -116,7 +116,8 @@ impl WorldFile {
         let physics: Option<PhysicsSettings> = self.section("physics", &mut faults);
         let relations: Option<RelationSettings> = self.section("relations", &mut faults);
         let look = self.body.contains_key("look").then(|| self.section("look", &mut faults)).flatten();
-        let appearance = self.body.contains_key("appearance").then(|| self.section("appearance", &mut faults)).flatten();
+        let appearance =
+            self.body.contains_key("appearance").then(|| self.section("appearance", &mut faults)).flatten();
         if floor_z_m.is_none() || workspace.is_none() || named.is_none() || physics.is_none() || relations.is_none() {
             // Validate the sections that could be read.
             check_parts(&cameras, physics.as_ref(), relations.as_ref(), &mut faults);
@@ -126,7 +127,8 @@ impl WorldFile {
         else {
             return Err(faults);
         };
-        let world = World { surfaces, floor_z_m, workspace, robot: named, cameras, physics, relations, look, appearance };
+        let world =
+            World { surfaces, floor_z_m, workspace, robot: named, cameras, physics, relations, look, appearance };
         faults.extend(world.faults(robot));
         if faults.is_empty() { Ok(world) } else { Err(faults) }
     }

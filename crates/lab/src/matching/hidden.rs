@@ -7,8 +7,8 @@ use genmanip_assets::{Catalogue, panda};
 use genmanip_core::glam::{DVec2, DVec3, Vec2, Vec3};
 use genmanip_core::sensor::SENSORS;
 use genmanip_core::{
-    AppearanceFactor, Camera, CameraResponse, CameraSensor, Material, ObjectModel, Pose, Projection,
-    RobotModel, Seed, Texture, TriMesh, VisualPart, World,
+    AppearanceFactor, Camera, CameraResponse, CameraSensor, Material, ObjectModel, Pose, Projection, RobotModel, Seed,
+    Texture, TriMesh, VisualPart, World,
 };
 use genmanip_render::color::{linear_from_srgb8, luminance, srgb8_from_linear};
 use genmanip_render::internals::Lighting;
@@ -145,7 +145,8 @@ impl Hidden {
         let camera = &self.world.cameras[camera];
         let (assets, frame) = posed(&self.world, &self.robot, arm, objects)?;
         let mut variation = self.variation.clone();
-        let response = Response::new(&self.shown).ok_or_else(|| WorkspaceError::input("a response that does not rise"))?;
+        let response =
+            Response::new(&self.shown).ok_or_else(|| WorkspaceError::input("a response that does not rise"))?;
         let look = CameraLook { camera: camera.name.clone(), response: Arc::new(response), photograph: None };
         variation.looks = vec![look];
         let mut renderer = Renderer::new(Arc::clone(&assets), variation.clone());
@@ -196,7 +197,8 @@ impl Hidden {
         let [columns, rows] = PATCHES;
         let corner = |column: usize, row: usize| {
             let middle = patch_center(column, row);
-            let pixel = projection.pixel(pose.transform_point(middle.extend(THICKNESS_M))).map_or(DVec2::ZERO, |it| it.0);
+            let pixel =
+                projection.pixel(pose.transform_point(middle.extend(THICKNESS_M))).map_or(DVec2::ZERO, |it| it.0);
             pixel + DVec2::new(rng.random_range(-CORNER_PX..CORNER_PX), rng.random_range(-CORNER_PX..CORNER_PX))
         };
         let corners = [(0, 0), (columns - 1, 0), (columns - 1, rows - 1), (0, rows - 1)];
@@ -245,9 +247,10 @@ fn placed(categories: &[&str], seed: Seed) -> Result<Vec<(Arc<ObjectModel>, Pose
     let rng = &mut seed.rng();
     let mut out = Vec::new();
     for (index, category) in categories.iter().enumerate() {
-        let fits = catalogue.cards().iter().filter(|card| {
-            card.category.contains(category) && card.size_m.z > 0.06 && card.size_m.max_element() < 0.3
-        });
+        let fits = catalogue
+            .cards()
+            .iter()
+            .filter(|card| card.category.contains(category) && card.size_m.z > 0.06 && card.size_m.max_element() < 0.3);
         let fits: Vec<_> = fits.collect();
         let card = fits.get(rng.random_range(0..fits.len().max(1)));
         let card = card.ok_or_else(|| WorkspaceError::input(format!("the catalogue has no upright {category}")))?;

@@ -13,9 +13,9 @@ use genmanip_render_reference::{ReferenceSettings, trace};
 use genmanip_workspace::Progress;
 use serde::Serialize;
 
-use genmanip_visual_matching::flip::mean_flip;
 use super::{CHANNELS, GRID, OBJECTS, episode, objects, render_failed, sized};
 use crate::LabError;
+use genmanip_visual_matching::flip::mean_flip;
 
 /// Width and height of the images, px.
 const SIZE: [u32; 2] = [512, 288];

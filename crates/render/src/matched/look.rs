@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{Camera, World, WorkspaceAppearance, WorkspaceLight};
+use genmanip_core::{Camera, WorkspaceAppearance, WorkspaceLight, World};
 use glam::{Vec2, Vec3A};
 
 use super::photograph::{LinearPhotograph, decoded};
@@ -31,9 +31,7 @@ impl PartialEq for CameraLook {
     /// True for the same camera with the same data in memory.
     fn eq(&self, other: &Self) -> bool {
         let photographs = [self, other].map(|look| look.photograph.as_ref().map(Arc::as_ptr));
-        self.camera == other.camera
-            && Arc::ptr_eq(&self.response, &other.response)
-            && photographs[0] == photographs[1]
+        self.camera == other.camera && Arc::ptr_eq(&self.response, &other.response) && photographs[0] == photographs[1]
     }
 }
 
@@ -141,7 +139,8 @@ impl RenderVariation {
         // A colour with its largest channel 1, and that channel's value.
         let split = |color: [f64; 3]| {
             let brightest = color.iter().fold(0.0_f64, |most, &value| most.max(value));
-            let share = color.map(|value| if brightest > 0.0 { srgb_from_linear((value / brightest) as f32) } else { 1.0 });
+            let share =
+                color.map(|value| if brightest > 0.0 { srgb_from_linear((value / brightest) as f32) } else { 1.0 });
             (share, brightest as f32)
         };
         self.light_direction = light.direction.map(|axis| axis as f32);

@@ -6,8 +6,8 @@ use base64::Engine;
 use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::{DVec3, Vec3};
 use genmanip_core::{
-    Camera, CameraAppearance, CameraResponse, Intrinsics, Material, ObjectModel, Photograph, Pose, World,
-    WorkspaceAppearance, WorkspaceLight,
+    Camera, CameraAppearance, CameraResponse, Intrinsics, Material, ObjectModel, Photograph, Pose, WorkspaceAppearance,
+    WorkspaceLight, World,
 };
 
 use crate::color::linear_from_srgb8;
@@ -21,7 +21,13 @@ fn world(photograph: Option<Photograph>) -> World {
     let intrinsics = Intrinsics::from_vertical_fov(SIZE[0], SIZE[1], 0.5);
     let seen = DVec3::new(0.5, 0.0, 0.0);
     world.cameras = vec![Camera::looking_at("real", DVec3::new(1.7, 0.3, 1.0), seen, intrinsics)];
-    let response = CameraResponse { exposure: 0.9, white_balance: [1.2, 0.95, 0.9], contrast: 1.1, white: 1.5, ..CameraResponse::default() };
+    let response = CameraResponse {
+        exposure: 0.9,
+        white_balance: [1.2, 0.95, 0.9],
+        contrast: 1.1,
+        white: 1.5,
+        ..CameraResponse::default()
+    };
     let light =
         WorkspaceLight { direction: [0.3, 0.6, 1.0], angular_radius_rad: 0.02, key: [0.7; 3], ambient: [0.4; 3] };
     world.appearance = Some(WorkspaceAppearance {
@@ -70,12 +76,14 @@ fn objects_and_their_shadows_stand_on_the_photograph() {
 
     let brick = object("brick", block(Vec3::new(0.04, 0.04, 0.08)), Material::plain([0.9, 0.1, 0.1], 0.6));
     let with = drawn(&world, &[(brick, Pose::from_position(DVec3::new(0.5, 0.0, 0.08)))]);
-    let brightness = |image: &FrameBuffers, at: usize| linear_from_srgb8(image.rgb[3 * at..][..3].try_into().unwrap()).y;
+    let brightness =
+        |image: &FrameBuffers, at: usize| linear_from_srgb8(image.rgb[3 * at..][..3].try_into().unwrap()).y;
     let tables = || (0..with.instance.len()).filter(|&at| with.instance[at] == TABLE);
     let shadowed = tables().filter(|&at| brightness(&with, at) < 0.6 * brightness(&empty, at)).count();
     let same = tables().filter(|&at| (brightness(&with, at) / brightness(&empty, at) - 1.0).abs() < 0.05).count();
     assert!(shadowed > 20 && same > 10 * shadowed, "{shadowed} pixels in shadow, {same} as before");
-    let red = (0..with.instance.len()).filter(|&at| with.instance[at] > TABLE && with.rgb[3 * at] > 2 * with.rgb[3 * at + 1]);
+    let red =
+        (0..with.instance.len()).filter(|&at| with.instance[at] > TABLE && with.rgb[3 * at] > 2 * with.rgb[3 * at + 1]);
     assert!(red.count() > 100, "the object hides the photograph");
 }
 

@@ -7,8 +7,7 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, Frame, InstanceId, Intrinsics, ObjectModel, Pose, RobotModel, Scenario, World};
 use genmanip_render::encode::jpeg_rgb;
 use genmanip_render::{
-    Channels, FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance,
-    sensor,
+    Channels, FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance, sensor,
 };
 use genmanip_workspace::WorkspaceError;
 
