@@ -257,14 +257,21 @@ fn raised(direction: DVec3) -> DVec3 {
     DVec3::new(direction.x, direction.y, direction.z.max(LOWEST)).normalize()
 }
 
-/// Part of the key light with the smallest cost, and that cost: golden-section search.
+/// Part of the key light with the smallest cost, and that cost: the best of evenly spaced ones, since the robust cost has
+/// several minima, then golden-section search around it.
 fn best_part(lit: &[Lit<'_>], value: &dyn Fn(Vec3A) -> f64) -> (f64, f64) {
     const RATIO: f64 = 0.618_033_988_75;
+    const STEPS: usize = 8;
+    // Some light always comes from around.
+    const MOST: f64 = 0.9;
     let cost = |part: f64| lit.iter().map(|lit| lit.cost(part, value)).sum::<f64>();
-    let (mut low, mut high) = (0.0, 1.0);
+    let spaced = (0..=STEPS).map(|step| MOST * step as f64 / STEPS as f64).map(|part| (cost(part), part));
+    let (_, middle) = spaced.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default();
+    let reach = MOST / STEPS as f64;
+    let (mut low, mut high) = ((middle - reach).max(0.0), (middle + reach).min(MOST));
     let (mut a, mut b) = (high - RATIO * (high - low), low + RATIO * (high - low));
     let (mut cost_a, mut cost_b) = (cost(a), cost(b));
-    for _ in 0..12 {
+    for _ in 0..6 {
         if cost_a < cost_b {
             (high, b, cost_b) = (b, a, cost_a);
             a = high - RATIO * (high - low);
