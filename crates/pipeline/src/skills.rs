@@ -135,7 +135,7 @@ pub struct KeptEpisode {
     pub skill: String,
 }
 
-/// Which episodes a transfer makes.
+/// Request for episodes by transfer.
 #[derive(Clone, Debug)]
 pub struct TransferRequest {
     /// Skills to choose from.

@@ -33,7 +33,7 @@ use crate::clock::cpu_clock;
 /// Time limit of a generated episode, s.
 const HORIZON_S: f64 = 60.0;
 
-/// What is measured.
+/// Amounts, and kinds of manipulation.
 #[derive(Clone, Debug)]
 pub struct TransferArguments {
     /// Kinds of manipulation.
@@ -53,7 +53,7 @@ pub struct TransferArguments {
 pub struct Report {
     /// Results by the name of the skill.
     pub skills: BTreeMap<&'static str, SkillReport>,
-    /// What stands behind them, by the name of the skill.
+    /// Counts behind the results, by the name of the skill.
     pub details: BTreeMap<&'static str, Details>,
     /// Ranges of the initial scenes, which take turns.
     pub resets: [ResetRange; 3],
