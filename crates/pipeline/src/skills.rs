@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use genmanip_assets::search::Filter;
 use genmanip_assets::{AssetSource, Catalogue};
-use genmanip_core::{Document, EpisodeResult, ObjectCard, Seed, Task};
+use genmanip_core::{Document, EpisodeResult, EpisodeSource, ObjectCard, Seed, Task};
 use genmanip_data::EpisodeStore;
 use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources, in_parallel};
 use genmanip_rollout::{RolloutError, Stage, run_episode};
@@ -135,7 +135,7 @@ pub struct KeptEpisode {
     pub skill: String,
 }
 
-/// Which episodes a transfer makes.
+/// Request for episodes by transfer.
 #[derive(Clone, Debug)]
 pub struct TransferRequest {
     /// Skills to choose from.
@@ -181,7 +181,8 @@ pub fn transfer(
         };
         let stage = Stage::open(Arc::new(scenario), resources.catalogue, planner.robot())?;
         let mut policy = Transfer::new(&stage, &planner, Arc::clone(&skills), TransferSettings::default());
-        let episode = run_episode(&stage, &mut policy, &id, attempt.seed, &settings.rollout)?;
+        let mut episode = run_episode(&stage, &mut policy, &id, attempt.seed, &settings.rollout)?;
+        episode.result.source = Some(EpisodeSource::Transfer);
         if !episode.result.success {
             return Ok((None, format!("{id}: {}", reason(&episode.result))));
         }

@@ -44,7 +44,7 @@ pub fn squeeze_m(verb: Verb) -> Option<f64> {
 /// Squeeze of a handle that pivots between the pads, m.
 const LID_SQUEEZE_M: f64 = 0.001;
 
-/// How a person handles a link.
+/// Manner in which a person handles a link.
 struct Manner {
     /// Approach direction of the hand in the link's frame.
     approach: DVec3,

@@ -71,7 +71,7 @@ fn only_move(stage: &Stage) -> Option<Move> {
     moves.next().filter(|_| moves.next().is_none())
 }
 
-/// What a cut gives: segments, grip, motion and kind.
+/// Segments, grip, motion and kind of a skill.
 type Cut = (Segments, Grip, JointMotion, Verb);
 
 /// An episode and the contact of the robot with the object that it moved.

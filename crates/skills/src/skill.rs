@@ -55,7 +55,7 @@ pub struct SkillSource {
     pub scenario: String,
     /// Name of the policy that acted.
     pub policy: String,
-    /// Who acted, where it was neither a policy nor the expert.
+    /// Source of the commands, where it was neither a policy nor the expert.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub operator: Option<EpisodeSource>,
     /// Seed of the episode.

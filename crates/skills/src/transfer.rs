@@ -36,7 +36,7 @@ pub struct Transfer {
     used: Option<String>,
 }
 
-/// What the policy does next.
+/// Stage of a transfer.
 enum Phase {
     /// Looks for the next move.
     Free,

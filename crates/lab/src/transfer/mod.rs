@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
 use genmanip_assets::worlds::default_world;
-use genmanip_core::{Episode, Policy, Pose, Seed};
+use genmanip_core::{Episode, EpisodeSource, Policy, Pose, Seed};
 use genmanip_data::EpisodeStore;
 use genmanip_layout::articulation::joint_changes;
 use genmanip_rollout::collect::{PipelineSettings, Resources};
@@ -33,7 +33,7 @@ use crate::clock::cpu_clock;
 /// Time limit of a generated episode, s.
 const HORIZON_S: f64 = 60.0;
 
-/// What is measured.
+/// Amounts, and kinds of manipulation.
 #[derive(Clone, Debug)]
 pub struct TransferArguments {
     /// Kinds of manipulation.
@@ -53,7 +53,7 @@ pub struct TransferArguments {
 pub struct Report {
     /// Results by the name of the skill.
     pub skills: BTreeMap<&'static str, SkillReport>,
-    /// What stands behind them, by the name of the skill.
+    /// Counts behind the results, by the name of the skill.
     pub details: BTreeMap<&'static str, Details>,
     /// Ranges of the initial scenes, which take turns.
     pub resets: [ResetRange; 3],
@@ -196,7 +196,8 @@ impl Bench<'_> {
             let stage = reset(base, self.case, range, id.clone(), own_seed, self.resources)?;
             let settings = TransferSettings::default();
             let mut policy = Transfer::new(&stage, self.resources.planner, Arc::clone(&skills), settings);
-            let episode = self.run(&stage, &mut policy, &id, own_seed)?;
+            let mut episode = self.run(&stage, &mut policy, &id, own_seed)?;
+            episode.result.source = Some(EpisodeSource::Transfer);
 
             detail.transfer_cpu_s += clock();
             let is_kept = episode.result.success;

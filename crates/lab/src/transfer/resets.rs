@@ -33,7 +33,7 @@ pub const RANGES: [ResetRange; 3] = [
     ResetRange { name: "D2", offset_m: [0.06, 0.2], yaw_rad: 0.6, joint_varies: true },
 ];
 
-/// What a skill is measured on.
+/// Objects, states and place on which a skill is measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkillCase {
     /// Kind of manipulation.

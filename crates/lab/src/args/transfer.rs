@@ -1,0 +1,38 @@
+//! Arguments of `transfer`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use genmanip_skills::Verb;
+use genmanip_terminal::parse;
+
+/// Arguments of `genmanip-lab transfer`.
+#[derive(Debug, Args)]
+pub struct TransferArguments {
+    /// Seed of scenes, operators and policies
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
+    pub seed: u64,
+    /// Kinds of manipulation
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "pull,push,turn,lift,press",
+          value_parser = skill)]
+    pub skills: Vec<Verb>,
+    /// Source demonstrations per skill
+    #[arg(long, value_name = "COUNT", default_value_t = 5, value_parser = parse::count)]
+    pub source_demos: usize,
+    /// Scenes of the instance of the takes, and as many of other instances
+    #[arg(long, default_value_t = 100, value_parser = parse::count)]
+    pub count: usize,
+    /// Measure the transfer without each of its ingredients too
+    #[arg(long)]
+    pub ablate: bool,
+    /// Keep takes and transferred episodes in this new folder, an episode store
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+fn skill(name: &str) -> Result<Verb, String> {
+    Verb::named(name).ok_or_else(|| {
+        let known: Vec<&str> = Verb::ALL.iter().map(|verb| verb.name()).collect();
+        format!("expected one of {}", known.join(", "))
+    })
+}
