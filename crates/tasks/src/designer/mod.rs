@@ -21,11 +21,12 @@ mod kinds;
 mod knowledge;
 mod naming;
 mod phrasing;
+mod questions;
 mod report;
+mod room;
 mod sentence;
 #[cfg(test)]
 mod sentence_tests;
-mod room;
 mod series;
 mod settings;
 mod sketch;

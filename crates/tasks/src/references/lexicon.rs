@@ -90,7 +90,8 @@ impl Lexicon {
             None => (self.by_head(&self.singular(tail.last()?), things)?, &tail[..0]),
         };
         // `can of tuna` means a flat tin, although `can` alone does not.
-        let is_content = |thing: &SceneObject<'c, Id>| tail.iter().skip(1).all(|word| self.is_borne_out(word, thing.card));
+        let is_content =
+            |thing: &SceneObject<'c, Id>| tail.iter().skip(1).all(|word| self.is_borne_out(word, thing.card));
         if let Some(content) = tail.last().filter(|_| tail.len() == 2 && !meant.iter().any(is_content))
             && let Some(sorts) = self.heads.get(*content)
         {
@@ -145,7 +146,11 @@ impl Lexicon {
         };
         let pair = words[..with].split_last().and_then(|(_, before)| Some(format!("{} {noun}", before.last()?)));
         let is_known = |noun: &String| self.heads.contains_key(noun);
-        !is_known(&noun) && !pair.is_some_and(|pair| is_known(&pair)) && !self.means_anything(&noun) && !words.contains(&"of") && !cards.iter().any(is_called)
+        !is_known(&noun)
+            && !pair.is_some_and(|pair| is_known(&pair))
+            && !self.means_anything(&noun)
+            && !words.contains(&"of")
+            && !cards.iter().any(is_called)
     }
 
     /// True if the word is in the vocabulary.
@@ -282,7 +287,8 @@ impl Lexicon {
     pub fn is_plural(&self, word: &str) -> bool {
         let one = self.singular(word);
         let sorts = self.heads.get(&one);
-        let is_content = |sort: &String| sort.split_once(':').is_some_and(|(category, own)| own == one && category != one);
+        let is_content =
+            |sort: &String| sort.split_once(':').is_some_and(|(category, own)| own == one && category != one);
         one != word && !sorts.is_some_and(|sorts| sorts.iter().all(is_content))
     }
 

@@ -75,8 +75,10 @@ impl<'c> Interpreter<'c> {
                 for group in groups {
                     things.extend(self.several(group)?);
                 }
-                let orders = if groups.len() == 1 { permutations(things.len()) } else { vec![(0..things.len()).collect()] };
-                let on = |pair: &[usize]| place_of(&things[pair[1]], &[Relation::On, Relation::Top], &[things[pair[0]]]);
+                let orders =
+                    if groups.len() == 1 { permutations(things.len()) } else { vec![(0..things.len()).collect()] };
+                let on =
+                    |pair: &[usize]| place_of(&things[pair[1]], &[Relation::On, Relation::Top], &[things[pair[0]]]);
                 Ok(orders.iter().map(|order| order.windows(2).map(on).collect()).collect())
             }
             Command::Given(group) => {

@@ -119,7 +119,8 @@ impl<'c> Resolver<'c, '_> {
             grammar::Command::Tower(groups) => {
                 let nouns: Vec<Vec<usize>> = groups.iter().map(|group| self.nouns(group)).collect::<Option<_>>()?;
                 let nouns = nouns.concat();
-                let orders = if groups.len() == 1 { permutations(nouns.len()) } else { vec![(0..nouns.len()).collect()] };
+                let orders =
+                    if groups.len() == 1 { permutations(nouns.len()) } else { vec![(0..nouns.len()).collect()] };
                 let on = |pair: &[usize]| Command::Put {
                     subject: nouns[pair[1]],
                     place: Where { relations: &[Relation::On, Relation::Top], references: vec![nouns[pair[0]]] },
@@ -185,7 +186,8 @@ impl<'c> Resolver<'c, '_> {
             Number::All | Number::Each(None) => 2,
         };
         let repeats = |known: &Group| group.at.is_none() && known.words.ends_with(&group.words);
-        let known = self.groups.iter().find(|(known, nouns)| nouns.len() == count && (known == group || repeats(known)));
+        let known =
+            self.groups.iter().find(|(known, nouns)| nouns.len() == count && (known == group || repeats(known)));
         if let Some((_, nouns)) = known {
             return Some(nouns.clone());
         }

@@ -4,22 +4,101 @@ use super::Listener;
 use super::verbs::{Class, is_verb};
 
 /// Words and phrases between clauses that carry no meaning of their own.
-const COURTESIES: [&str; 49] = [
-    ",", ".", ";", "and", "then", "and then", "so", "but", "also", "now", "first", "first of all", "firstly", "second",
-    "secondly", "third", "finally", "lastly", "last", "afterwards", "afterward", "after that", "next", "again", "too",
-    "as well", "robot", "dear robot", "hey", "hi", "hello", "ok", "okay", "alright", "all right", "right then", "well",
-    "could you", "can you", "would you", "will you", "you could", "you can", "could i ask you to", "may i ask you to",
-    "sir", "mate", "buddy", "there is a good robot",
+const COURTESIES: [&str; 48] = [
+    ",",
+    ".",
+    ";",
+    "and",
+    "then",
+    "and then",
+    "so",
+    "but",
+    "also",
+    "now",
+    "first",
+    "first of all",
+    "firstly",
+    "second",
+    "secondly",
+    "third",
+    "finally",
+    "lastly",
+    "last",
+    "afterwards",
+    "afterward",
+    "after that",
+    "next",
+    "again",
+    "too",
+    "as well",
+    "robot",
+    "dear robot",
+    "hey",
+    "hi",
+    "hello",
+    "ok",
+    "okay",
+    "alright",
+    "all right",
+    "right then",
+    "well",
+    "could you",
+    "can you",
+    "would you",
+    "will you",
+    "you could",
+    "you can",
+    "could i ask you to",
+    "may i ask you to",
+    "sir",
+    "mate",
+    "buddy",
 ];
 /// Words that end a clause.
 const BOUNDARIES: [&str; 16] = [
-    "and", "then", "so", "but", "because", "since", "for", "afterwards", "first", "would", "could", "will", "now", "as",
-    "too", "plus",
+    "and",
+    "then",
+    "so",
+    "but",
+    "because",
+    "since",
+    "for",
+    "afterwards",
+    "first",
+    "would",
+    "could",
+    "will",
+    "now",
+    "as",
+    "too",
+    "plus",
 ];
 /// First words of a clause that gives a reason, a purpose or a circumstance.
 const SUBORDINATE: [&str; 24] = [
-    "because", "since", "as", "when", "while", "if", "before", "after", "for", "to", "in", "once", "until", "that", "we",
-    "i", "he", "she", "they", "my", "our", "it", "whatever", "whichever",
+    "because",
+    "since",
+    "as",
+    "when",
+    "while",
+    "if",
+    "before",
+    "after",
+    "for",
+    "to",
+    "in",
+    "once",
+    "until",
+    "that",
+    "we",
+    "i",
+    "he",
+    "she",
+    "they",
+    "my",
+    "our",
+    "it",
+    "whatever",
+    "whichever",
 ];
 /// Words that make a statement a request.
 const OBLIGATIONS: [&str; 14] = [
@@ -28,8 +107,7 @@ const OBLIGATIONS: [&str; 14] = [
 ];
 const QUESTIONS: [&str; 14] =
     ["where", "what", "who", "why", "how", "which", "whose", "is", "are", "does", "did", "do", "was", "has"];
-const PROHIBITIONS: [&str; 8] =
-    ["do not", "never", "avoid", "without", "not", "except", "stop", "nothing"];
+const PROHIBITIONS: [&str; 8] = ["do not", "never", "avoid", "without", "not", "except", "stop", "nothing"];
 
 /// True for punctuation that separates clauses.
 pub(super) fn is_mark(word: &str) -> bool {
@@ -46,7 +124,8 @@ impl Listener {
         loop {
             // `next to the plate` is a place, `could the mug go there` a request.
             let is_place = super::places::begins(self);
-            let is_modal = ["could you", "can you", "would you", "will you"].iter().any(|phrase| self.at(phrase).is_some());
+            let is_modal =
+                ["could you", "can you", "would you", "will you"].iter().any(|phrase| self.at(phrase).is_some());
             if is_place && !is_modal || self.take_any(&COURTESIES).is_none() {
                 return;
             }
@@ -59,9 +138,11 @@ impl Listener {
             return Err(format!("`{word} …` forbids something, which no goal can say"));
         }
         let index = self.mind.next;
-        let end = (index..self.tokens.len()).find(|&at| super::clauses::is_mark(self.token(at)));
+        let end = (index..self.tokens.len()).find(|&at| is_mark(self.token(at)));
         let clause = &self.tokens[index..end.unwrap_or(self.tokens.len())];
-        let denies = |pair: &[String]| pair[0] == "not" || pair[0] == "never" || pair[0] == "without" && pair[1].ends_with("ing");
+        let denies = |pair: &[String]| {
+            pair[0] == "not" || pair[0] == "never" || pair[0] == "without" && pair[1].ends_with("ing")
+        };
         if clause.windows(2).any(denies) {
             return Err("the sentence forbids something, which no goal can say".into());
         }
@@ -75,11 +156,15 @@ impl Listener {
     pub(super) fn at_boundary(&self) -> bool {
         let index = self.mind.next;
         let word = self.token(index);
-        let is_purpose = ["to", "in", "before", "while", "when", "until", "where", "if", "after", "like", "with"].contains(&word)
+        let is_purpose = ["to", "in", "before", "while", "when", "until", "where", "if", "after", "like", "with"]
+            .contains(&word)
             && !super::places::begins_at(self, index)
             && !(word == "with" && self.is_determined(index + 1));
-        let ends = word.is_empty() || is_mark(word) || is_boundary(word) || ["also", "again", "instead", "next"].contains(&word);
-        ends || is_purpose || super::clauses::COURTESIES.iter().any(|phrase| phrase.contains(' ') && self.at(phrase).is_some())
+        let ends = word.is_empty()
+            || is_mark(word)
+            || is_boundary(word)
+            || ["also", "again", "instead", "next"].contains(&word);
+        ends || is_purpose || COURTESIES.iter().any(|phrase| phrase.contains(' ') && self.at(phrase).is_some())
     }
 
     /// Takes a clause that states a reason, a purpose or a fact, and returns its words; `None` if it may be a request.
@@ -89,7 +174,8 @@ impl Listener {
         let end = (start..self.tokens.len()).find(|&index| is_mark(self.token(index))).unwrap_or(self.tokens.len());
         let words = &self.tokens[start..end];
         let is_subordinate = SUBORDINATE.contains(&first);
-        let states = ["is", "are", "was", "were", "has", "have", "looks", "smells", "tastes", "feels", "hurts", "am", "will"];
+        let states =
+            ["is", "are", "was", "were", "has", "have", "looks", "smells", "tastes", "feels", "hurts", "am", "will"];
         let is_statement = words.iter().skip(1).any(|word| states.contains(&word.as_str()));
         let purpose = ["want to", "need to", "have to", "has to", "needs to", "like to"];
         let is_purpose = words.windows(2).any(|pair| purpose.contains(&format!("{} {}", pair[0], pair[1]).as_str()));
@@ -102,7 +188,8 @@ impl Listener {
         }
         // `We are having breakfast so put the cup on the saucer`
         let breaks = (start + 2..end).find(|&index| {
-            ["so", "and", "then"].contains(&self.token(index)) && is_verb(self.token(index + 1))
+            ["so", "and", "then"].contains(&self.token(index))
+                && is_verb(self.token(index + 1))
                 && !self.tokens[start..index].iter().any(|word| word == "to")
         });
         let end = breaks.unwrap_or(end);

@@ -258,7 +258,10 @@ mod tests {
         let cases = [
             ("Would you mind putting it there?", "putting it there ."),
             ("Carefully park the toy-car on the right-hand side!", "park the toy car on the right hand side ."),
-            ("There's a dark-red mug; pop it in the gray bowl, please", "there is a dark-red mug ; pop it in the grey bowl ,"),
+            (
+                "There's a dark-red mug; pop it in the gray bowl, please",
+                "there is a dark-red mug ; pop it in the grey bowl ,",
+            ),
             ("Put 2 eggs in the middle of the plate", "put two eggs in the plate"),
         ];
         for (said, expected) in cases {

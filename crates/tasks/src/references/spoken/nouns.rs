@@ -6,34 +6,124 @@ use super::super::lexicon::{COMPARATIVES, is_color, lexicon};
 use super::Listener;
 use super::clauses::{is_boundary, is_mark};
 
-pub(super) const ARTICLES: [&str; 15] = [
-    "the", "a", "an", "some", "my", "your", "our", "this", "any", "her", "his", "their", "that", "these", "those",
-];
+pub(super) const ARTICLES: [&str; 15] =
+    ["the", "a", "an", "some", "my", "your", "our", "this", "any", "her", "his", "their", "that", "these", "those"];
 const NUMBERS: [(&str, usize); 6] = [("one", 1), ("two", 2), ("three", 3), ("four", 4), ("five", 5), ("six", 6)];
 /// Words that begin a noun phrase besides articles and numbers.
 const QUANTIFIERS: [&str; 8] = ["all", "both", "each", "every", "another", "it", "them", "whichever"];
 /// Phrases that mean objects named before.
 const PRONOUNS: [&str; 12] = [
-    "both of them", "all of them", "both of these", "the two of them", "the same", "it", "them", "this", "that",
-    "these", "those", "both",
+    "both of them",
+    "all of them",
+    "both of these",
+    "the two of them",
+    "the same",
+    "it",
+    "them",
+    "this",
+    "that",
+    "these",
+    "those",
+    "both",
 ];
 /// Phrases between a noun and its location.
 const RELATIVES: [&str; 20] = [
-    "that is lying", "that is standing", "that is sitting", "which is lying", "which is standing", "which is sitting",
-    "that is currently", "that is already", "that is", "which is", "that are", "which are", "that lies", "that stands",
-    "that sits", "lying", "sitting", "standing", "currently", "you see",
+    "that is lying",
+    "that is standing",
+    "that is sitting",
+    "which is lying",
+    "which is standing",
+    "which is sitting",
+    "that is currently",
+    "that is already",
+    "that is",
+    "which is",
+    "that are",
+    "which are",
+    "that lies",
+    "that stands",
+    "that sits",
+    "lying",
+    "sitting",
+    "standing",
+    "currently",
+    "you see",
 ];
 /// Words that end a noun phrase.
 const ENDS: [&str; 59] = [
-    "should", "must", "shall", "ought", "needs", "need", "has", "have", "had", "is", "are", "be", "was", "were", "goes",
-    "go", "belongs", "belong", "will", "could", "would", "may", "might", "wants", "want", "ends", "end", "stands",
-    "lies", "sits", "to", "together", "down", "carefully", "again", "already", "instead", "too", "so", "then", "at",
-    "where", "because", "which", "while", "who", "what", "away", "back", "over", "as", "after", "before", "until", "if",
-    "i", "you", "we", "there",
+    "should",
+    "must",
+    "shall",
+    "ought",
+    "needs",
+    "need",
+    "has",
+    "have",
+    "had",
+    "is",
+    "are",
+    "be",
+    "was",
+    "were",
+    "goes",
+    "go",
+    "belongs",
+    "belong",
+    "will",
+    "could",
+    "would",
+    "may",
+    "might",
+    "wants",
+    "want",
+    "ends",
+    "end",
+    "stands",
+    "lies",
+    "sits",
+    "to",
+    "together",
+    "down",
+    "carefully",
+    "again",
+    "already",
+    "instead",
+    "too",
+    "so",
+    "then",
+    "at",
+    "where",
+    "because",
+    "which",
+    "while",
+    "who",
+    "what",
+    "away",
+    "back",
+    "over",
+    "as",
+    "after",
+    "before",
+    "until",
+    "if",
+    "i",
+    "you",
+    "we",
+    "there",
 ];
 /// Words that end a noun phrase before a preposition only.
 const HEDGES: [&str; 12] = [
-    "right", "directly", "somewhere", "anywhere", "immediately", "straight", "exactly", "just", "little", "up", "out",
+    "right",
+    "directly",
+    "somewhere",
+    "anywhere",
+    "immediately",
+    "straight",
+    "exactly",
+    "just",
+    "little",
+    "up",
+    "out",
     "halfway",
 ];
 /// Particles that end a clause with a change of state.
@@ -50,7 +140,8 @@ impl Listener {
     pub(super) fn noun_phrases(&mut self) -> Option<Vec<Group>> {
         let mut groups = self.meant()?;
         while let Some(more) = self.attempt(|listener| {
-            let joined = listener.take(",") | listener.take("and") | listener.take("plus") | listener.take("along with");
+            let joined =
+                listener.take(",") | listener.take("and") | listener.take("plus") | listener.take("along with");
             let goes_on = joined && !super::verbs::is_verb(listener.ahead(0)) && !super::places::begins(listener);
             goes_on.then(|| listener.meant()).flatten()
         }) {
@@ -184,7 +275,8 @@ impl Listener {
     fn continues(&self, words: &[String]) -> bool {
         let follows = self.ahead(1);
         let (is_and, has_trait) = (self.ahead(0) == "and", words.iter().any(|word| word == "with"));
-        let is_pair = words.last().is_some_and(|word| is_color(word)) && is_color(follows) && !self.is_end(self.mind.next + 2);
+        let is_pair =
+            words.last().is_some_and(|word| is_color(word)) && is_color(follows) && !self.is_end(self.mind.next + 2);
         is_and && !super::verbs::is_verb(follows) && (is_pair || has_trait && is_color(follows))
     }
 

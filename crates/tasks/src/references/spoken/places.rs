@@ -10,12 +10,56 @@ use super::verbs::Class;
 
 /// Words and phrases before a place that do not change it.
 const MODIFIERS: [&str; 50] = [
-    "so that it is", "so that it ends up", "so that it stands", "so that it lies", "so that it sits", "so that they are",
-    "so it is", "so it stands", "so it sits", "so it ends up", "to the spot", "in the spot", "to the place",
-    "to the position", "in the position", "to the area", "in the area", "in the gap", "into the gap", "in the space",
-    "into the space", "to a spot", "to a place", "in a spot", "in a place", "to a position", "somewhere", "anywhere",
-    "some place", "right", "directly", "immediately", "straight", "exactly", "just", "over", "down", "up", "back", "out",
-    "away", "together", "either", "both", "safely", "little", "halfway", "midway", "across", "along",
+    "so that it is",
+    "so that it ends up",
+    "so that it stands",
+    "so that it lies",
+    "so that it sits",
+    "so that they are",
+    "so it is",
+    "so it stands",
+    "so it sits",
+    "so it ends up",
+    "to the spot",
+    "in the spot",
+    "to the place",
+    "to the position",
+    "in the position",
+    "to the area",
+    "in the area",
+    "in the gap",
+    "into the gap",
+    "in the space",
+    "into the space",
+    "to a spot",
+    "to a place",
+    "in a spot",
+    "in a place",
+    "to a position",
+    "somewhere",
+    "anywhere",
+    "some place",
+    "right",
+    "directly",
+    "immediately",
+    "straight",
+    "exactly",
+    "just",
+    "over",
+    "down",
+    "up",
+    "back",
+    "out",
+    "away",
+    "together",
+    "either",
+    "both",
+    "safely",
+    "little",
+    "halfway",
+    "midway",
+    "across",
+    "along",
 ];
 
 /// Prepositions of people that the table of the grammar lacks.
@@ -41,9 +85,8 @@ pub(super) const UNKNOWN: [&str; 9] =
     ["under", "underneath", "beneath", "below", "above", "around", "through", "opposite", "across from"];
 
 /// Words for the table itself.
-const TABLES: [&str; 10] = [
-    "table", "tabletop", "table top", "worktop", "counter", "countertop", "desk", "bench", "work surface", "surface",
-];
+const TABLES: [&str; 10] =
+    ["table", "tabletop", "table top", "worktop", "counter", "countertop", "desk", "bench", "work surface", "surface"];
 
 /// True if a place begins at an index.
 pub(super) fn begins_at(listener: &Listener, index: usize) -> bool {
@@ -80,9 +123,8 @@ impl Listener {
             self.take(",");
             self.skip_modifiers();
             if !begins(self) {
-                return self.blame(
-                    "the bare table is no place that a goal can name: say next to what the object should be",
-                );
+                return self
+                    .blame("the bare table is no place that a goal can name: say next to what the object should be");
             }
         }
         let mut places = vec![self.place()?];
@@ -119,7 +161,8 @@ impl Listener {
 
     /// Number of tokens of `on the table` and the like at an index; `None` for another place.
     fn table_at(&self, index: usize) -> Option<usize> {
-        let first = ["on", "onto", "to", "upon", "on top of", "at"].iter().find_map(|word| self.at_index(index, word))?;
+        let first =
+            ["on", "onto", "to", "upon", "on top of", "at"].iter().find_map(|word| self.at_index(index, word))?;
         let article = ["the bare", "the empty", "the", "my", "your", "our"];
         let second = article.iter().find_map(|word| self.at_index(index + first, word)).unwrap_or(0);
         let third = TABLES.iter().filter_map(|word| self.at_index(index + first + second, word)).max()?;
@@ -148,7 +191,8 @@ impl Listener {
             return ["inside", "in", "into"].contains(&said.as_str()).then(|| Place { relations, objects: vec![host] });
         }
         if let Some(known) = self.attempt(Self::pronoun) {
-            let host = if known.len() == 1 || relations == [Relation::Between] { self.antecedents(relations) } else { None };
+            let host =
+                if known.len() == 1 || relations == [Relation::Between] { self.antecedents(relations) } else { None };
             let Some(objects) = host else {
                 return self.blame(format!("`{}` may mean several objects", self.clause(self.mind.next - 1)));
             };

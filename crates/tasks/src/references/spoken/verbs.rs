@@ -2,20 +2,115 @@
 
 /// Verbs that bring an object to a place.
 const CARRY: [&str; 78] = [
-    "put", "place", "set", "move", "stack", "bring", "lay", "drop", "position", "insert", "store", "transfer", "slide",
-    "deposit", "leave", "carry", "arrange", "relocate", "throw", "toss", "pop", "stick", "pass", "push", "get", "park",
-    "chuck", "tuck", "dump", "rest", "shove", "nudge", "hang", "stand", "sit", "seat", "stash", "stow", "plonk",
-    "plop", "bung", "whack", "sling", "lob", "balance", "lean", "nestle", "slip", "squeeze", "load", "add", "return",
-    "shift", "drag", "pull", "deliver", "send", "perch", "situate", "locate", "pile", "scoot", "pack", "plunk",
-    "settle", "reposition", "plant", "ease", "lower", "take", "lift", "guide", "steer",
-    "roll", "fit", "file", "drive", "tidy",
+    "put",
+    "place",
+    "set",
+    "move",
+    "stack",
+    "bring",
+    "lay",
+    "drop",
+    "position",
+    "insert",
+    "store",
+    "transfer",
+    "slide",
+    "deposit",
+    "leave",
+    "carry",
+    "arrange",
+    "relocate",
+    "throw",
+    "toss",
+    "pop",
+    "stick",
+    "pass",
+    "push",
+    "get",
+    "park",
+    "chuck",
+    "tuck",
+    "dump",
+    "rest",
+    "shove",
+    "nudge",
+    "hang",
+    "stand",
+    "sit",
+    "seat",
+    "stash",
+    "stow",
+    "plonk",
+    "plop",
+    "bung",
+    "whack",
+    "sling",
+    "lob",
+    "balance",
+    "lean",
+    "nestle",
+    "slip",
+    "squeeze",
+    "load",
+    "add",
+    "return",
+    "shift",
+    "drag",
+    "pull",
+    "deliver",
+    "send",
+    "perch",
+    "situate",
+    "locate",
+    "pile",
+    "scoot",
+    "pack",
+    "plunk",
+    "settle",
+    "reposition",
+    "plant",
+    "ease",
+    "lower",
+    "take",
+    "lift",
+    "guide",
+    "steer",
+    "roll",
+    "fit",
+    "file",
+    "drive",
+    "tidy",
 ];
 
 /// Verbs that take up an object; where it goes follows in the same or another clause.
 const TAKE: [&str; 27] = [
-    "pick up", "pick out", "pick", "take out", "take", "grab hold of", "get hold of", "take hold of", "grab", "grasp",
-    "find", "fetch", "get", "collect", "retrieve", "remove", "lift up", "lift out", "lift", "snatch", "pluck",
-    "fish out", "pull out", "pull", "extract", "hold", "raise",
+    "pick up",
+    "pick out",
+    "pick",
+    "take out",
+    "take",
+    "grab hold of",
+    "get hold of",
+    "take hold of",
+    "grab",
+    "grasp",
+    "find",
+    "fetch",
+    "get",
+    "collect",
+    "retrieve",
+    "remove",
+    "lift up",
+    "lift out",
+    "lift",
+    "snatch",
+    "pluck",
+    "fish out",
+    "pull out",
+    "pull",
+    "extract",
+    "hold",
+    "raise",
 ];
 
 /// Verbs that change the state of an object.
@@ -27,14 +122,33 @@ const STATE: [&str; 40] = [
 ];
 
 /// Verbs that stack several objects.
-const BUILD: [&str; 10] = ["build", "make", "create", "construct", "stack", "stack up", "pile", "pile up", "form", "assemble"];
+const BUILD: [&str; 10] =
+    ["build", "make", "create", "construct", "stack", "stack up", "pile", "pile up", "form", "assemble"];
 
 /// Forms that follow no rule.
 const IRREGULAR: [(&str, &str); 22] = [
-    ("stood", "stand"), ("laid", "lay"), ("brought", "bring"), ("taken", "take"), ("took", "take"), ("hung", "hang"),
-    ("stuck", "stick"), ("kept", "keep"), ("thrown", "throw"), ("threw", "throw"), ("slid", "slide"), ("sent", "send"),
-    ("gotten", "get"), ("got", "get"), ("sat", "sit"), ("held", "hold"), ("swung", "swing"), ("made", "make"),
-    ("slung", "sling"), ("built", "build"), ("found", "find"), ("leaving", "leave"),
+    ("stood", "stand"),
+    ("laid", "lay"),
+    ("brought", "bring"),
+    ("taken", "take"),
+    ("took", "take"),
+    ("hung", "hang"),
+    ("stuck", "stick"),
+    ("kept", "keep"),
+    ("thrown", "throw"),
+    ("threw", "throw"),
+    ("slid", "slide"),
+    ("sent", "send"),
+    ("gotten", "get"),
+    ("got", "get"),
+    ("sat", "sit"),
+    ("held", "hold"),
+    ("swung", "swing"),
+    ("made", "make"),
+    ("slung", "sling"),
+    ("built", "build"),
+    ("found", "find"),
+    ("leaving", "leave"),
 ];
 
 /// Class of a verb.
@@ -90,9 +204,14 @@ mod tests {
 
     #[test]
     fn every_form_of_a_verb_has_one_base() {
-        for (word, base) in
-            [("putting", "put"), ("placed", "place"), ("popped", "pop"), ("stood", "stand"), ("tidied", "tidy"), ("laying", "lay")]
-        {
+        for (word, base) in [
+            ("putting", "put"),
+            ("placed", "place"),
+            ("popped", "pop"),
+            ("stood", "stand"),
+            ("tidied", "tidy"),
+            ("laying", "lay"),
+        ] {
             assert_eq!(Class::Carry.base(word), Some(base));
         }
         assert_eq!(Class::State.base("closed"), Some("close"));
