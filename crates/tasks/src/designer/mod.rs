@@ -22,6 +22,7 @@ mod kinds;
 mod knowledge;
 mod naming;
 mod phrasing;
+mod questions;
 mod report;
 mod room;
 mod sentence;

@@ -1,7 +1,7 @@
 //! Composes a task from a sentence: the independent reader parses it, the catalogue provides its objects, and the
 //! designer builds a scene in which the sentence states exactly one goal.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use genmanip_core::{ObjectCard, Relation, Seed, Task, TaskKind};
 use rand::seq::IndexedRandom;
@@ -11,18 +11,16 @@ use super::choices::Choices;
 use super::composer::{Composer, Place};
 use super::kinds::draft;
 use super::naming::Style;
-use super::room::{open_state, support, why_no_room};
+use super::questions::{can_change, check_consistency, check_nouns, is_support};
+use super::room::{open_state, support};
 use super::settings::DesignSettings;
 use super::sketch::{Condition, Sketch};
 use super::things::is_movable;
 use super::{counted, gate};
-use crate::references::sentence::{Action, Command, Noun, Part, Sentence, Where, changed_state, read_sentence};
+use crate::references::sentence::{Command, Noun, Sentence, Where, changed_state, read_sentence};
 
 /// Source of tasks that were composed from a sentence.
 pub const SENTENCE: &str = "sentence";
-
-/// Maximum number of candidates that a question lists.
-const MAX_CANDIDATES: usize = 6;
 
 /// Factor by which the area of a sketch grows if a sentence's objects find no room in the usual one.
 const SPACIOUS: f64 = 1.35;
@@ -155,80 +153,6 @@ pub fn phrases_of_sentence<'c>(
         SentencePhrase { phrase: noun.phrase, meant: [best, others].concat(), alike: noun.alike }
     };
     Ok(parsed.nouns.into_iter().map(phrase).collect())
-}
-
-/// Checks that every phrase fits an object that can have its part in the request.
-fn check_nouns(sentence: &Sentence) -> Result<(), SentenceError> {
-    for noun in &sentence.nouns {
-        if noun.meant.is_empty() {
-            let candidates = named(noun.alike.iter().copied());
-            return Err(SentenceError::NoObject { phrase: noun.phrase.clone(), candidates });
-        }
-    }
-    let unsuitable = |noun: &Noun, why| SentenceError::Unsuitable {
-        phrase: noun.phrase.clone(),
-        why,
-        candidates: named(noun.meant.iter().copied()),
-    };
-    for command in sentence.alternatives.iter().flatten() {
-        match command {
-            Command::Put { subject, place } => {
-                let subject = &sentence.nouns[*subject];
-                if !subject.candidates().iter().any(|card| is_movable(card)) {
-                    return Err(unsuitable(subject, "is nothing that the gripper can carry"));
-                }
-                let host = &sentence.nouns[place.references[0]];
-                let fits =
-                    |host: &ObjectCard| subject.candidates().iter().any(|item| support(place, host, item).is_some());
-                if is_support(place) && !host.candidates().iter().any(|host| fits(host)) {
-                    return Err(unsuitable(host, why_no_room(place, host.candidates())));
-                }
-            }
-            Command::Change { object, part, action } => {
-                let noun = &sentence.nouns[*object];
-                if !noun.candidates().iter().any(|card| can_change(card, *part, *action)) {
-                    return Err(unsuitable(noun, "has no such state"));
-                }
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Checks that no object is to be in two places or states in the end.
-fn check_consistency(sentence: &Sentence) -> Result<(), String> {
-    let phrase = |noun: usize| &sentence.nouns[noun].phrase;
-    for commands in &sentence.alternatives {
-        for (index, command) in commands.iter().enumerate() {
-            for other in &commands[index + 1..] {
-                match (command, other) {
-                    (Command::Put { subject, place }, Command::Put { subject: again, place: then })
-                        if subject == again && place != then && (is_support(place) || is_support(then)) =>
-                    {
-                        return Err(format!("`{}` cannot be in two places in the end", phrase(*subject)));
-                    }
-                    (Command::Change { object, action, .. }, Command::Change { object: again, action: then, .. })
-                        if object == again && action != then =>
-                    {
-                        return Err(format!("`{}` cannot be in two states in the end", phrase(*object)));
-                    }
-                    _ => {}
-                }
-            }
-        }
-    }
-    Ok(())
-}
-
-fn is_support(place: &Where) -> bool {
-    place.relations.iter().any(|relation| relation.is_support())
-}
-
-/// Names with uids of at most [`MAX_CANDIDATES`] objects, one of each category first.
-fn named<'a>(cards: impl Iterator<Item = &'a ObjectCard>) -> Vec<String> {
-    let mut categories = BTreeSet::new();
-    let (first, more): (Vec<&ObjectCard>, Vec<&ObjectCard>) = cards.partition(|card| categories.insert(&card.category));
-    first.iter().chain(&more).take(MAX_CANDIDATES).map(|card| format!("{} ({})", card.name, card.uid)).collect()
 }
 
 /// Kind of the task that a sentence states.
@@ -425,12 +349,6 @@ impl<'s, 'a> Scene<'s, 'a> {
         }
         Ok(())
     }
-}
-
-/// True if an action changes some state of an object; a cabinet with drawers has no door.
-fn can_change(card: &ObjectCard, part: Option<Part>, action: Action) -> bool {
-    let lacks_part = part == Some(Part::Other) && card.states.iter().any(|state| state == "top_open");
-    !lacks_part && card.states.iter().any(|now| changed_state(card, part, action, Some(now)).is_some())
 }
 
 /// False if the subject of a command cannot be brought to its place; true while one of them is not chosen yet.

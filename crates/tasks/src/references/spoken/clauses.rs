@@ -4,7 +4,7 @@ use super::Listener;
 use super::verbs::{Class, is_verb};
 
 /// Words and phrases between clauses that carry no meaning of their own.
-const COURTESIES: [&str; 49] = [
+const COURTESIES: [&str; 48] = [
     ",",
     ".",
     ";",
@@ -53,7 +53,6 @@ const COURTESIES: [&str; 49] = [
     "sir",
     "mate",
     "buddy",
-    "there is a good robot",
 ];
 /// Words that end a clause.
 const BOUNDARIES: [&str; 16] = [
@@ -139,7 +138,7 @@ impl Listener {
             return Err(format!("`{word} …` forbids something, which no goal can say"));
         }
         let index = self.mind.next;
-        let end = (index..self.tokens.len()).find(|&at| super::clauses::is_mark(self.token(at)));
+        let end = (index..self.tokens.len()).find(|&at| is_mark(self.token(at)));
         let clause = &self.tokens[index..end.unwrap_or(self.tokens.len())];
         let denies = |pair: &[String]| {
             pair[0] == "not" || pair[0] == "never" || pair[0] == "without" && pair[1].ends_with("ing")
@@ -165,8 +164,7 @@ impl Listener {
             || is_mark(word)
             || is_boundary(word)
             || ["also", "again", "instead", "next"].contains(&word);
-        ends || is_purpose
-            || super::clauses::COURTESIES.iter().any(|phrase| phrase.contains(' ') && self.at(phrase).is_some())
+        ends || is_purpose || COURTESIES.iter().any(|phrase| phrase.contains(' ') && self.at(phrase).is_some())
     }
 
     /// Takes a clause that states a reason, a purpose or a fact, and returns its words; `None` if it may be a request.

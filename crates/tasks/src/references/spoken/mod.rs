@@ -2,7 +2,7 @@
 //!
 //! A sentence is first brought into a plain form ([`normal`]): one spelling, no contractions, courtesies or adverbs of
 //! manner. Then its clauses are read one after another ([`clauses`]); each is a request with a verb of a known class
-//! ([`verbs`]), a statement of where or how something should be, a noun phrase with a place, a fact about the initial
+//! ([`verbs`], [`states`], [`towers`]), a statement of where or how something should be, a noun phrase with a place, a fact about the initial
 //! scene, or an aside. Noun phrases ([`nouns`]) and places ([`places`]) are the same everywhere. A clause of another
 //! form is not guessed: the reader says which words it did not understand.
 
@@ -11,7 +11,10 @@ mod normal;
 mod nouns;
 mod places;
 mod requests;
+mod states;
+mod towers;
 mod verbs;
+mod words;
 
 use super::grammar::{Command, Group, Parsed, Place};
 

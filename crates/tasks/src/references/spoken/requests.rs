@@ -1,105 +1,9 @@
 //! Requests: a verb with its objects, a statement of where or how something should be, or a phrase with a place.
 
-use genmanip_core::Relation;
-
-use super::super::change::{Action, Part, action};
-use super::super::grammar::{Command, Group, Number, Place};
+use super::super::grammar::{Command, Group, Place};
 use super::Listener;
 use super::verbs::{Class, is_verb};
-
-/// Phrases before the object of a wish.
-const WISHES: [&str; 43] = [
-    "i want",
-    "i want for",
-    "i would like for",
-    "i would like",
-    "i would love",
-    "i would prefer",
-    "i need",
-    "we need",
-    "we want",
-    "i would rather have",
-    "make sure that",
-    "make sure",
-    "ensure that",
-    "ensure",
-    "see to it that",
-    "see that",
-    "check that",
-    "let",
-    "have",
-    "get",
-    "i wish",
-    "can i have",
-    "could i have",
-    "may i have",
-    "can we have",
-    "could we have",
-    "could",
-    "can",
-    "would",
-    "may",
-    "might",
-    "there should be",
-    "there must be",
-    "there needs to be",
-    "there has to be",
-    "there ought to be",
-    "i want there to be",
-    "i would like there to be",
-    "make sure that there is",
-    "make sure there is",
-    "make sure there are",
-    "ensure there is",
-    "there should end up being",
-];
-/// Words between an object and where or how it should be.
-const COPULAS: [&str; 51] = [
-    "should", "must", "shall", "ought", "to", "needs", "need", "has", "have", "will", "can", "could", "would", "may",
-    "be", "being", "is", "are", "supposed", "meant", "going", "go", "goes", "end", "ends", "up", "stand", "stands",
-    "standing", "lie", "lies", "lying", "sit", "sits", "sitting", "stay", "rest", "rests", "live", "lives", "belong",
-    "belongs", "hang", "hangs", "come", "comes", "all", "both", "now", "also", "wants",
-];
-/// Words without which a phrase with a place states a fact.
-const DUTIES: [&str; 22] = [
-    "should", "must", "shall", "ought", "needs", "need", "to", "go", "goes", "belongs", "belong", "can", "could",
-    "would", "wants", "has", "have", "will", "comes", "lives", "supposed", "may",
-];
-/// Particles of a change of state.
-const PARTICLES: [&str; 11] = ["wide open", "open", "shut", "closed", "on", "off", "out", "up", "down", "in", "to off"];
-/// Levels of a knob.
-const LEVELS: [(&str, &str); 12] = [
-    ("high", "high"),
-    ("full", "high"),
-    ("full power", "high"),
-    ("full blast", "high"),
-    ("max", "high"),
-    ("maximum", "high"),
-    ("the maximum", "high"),
-    ("the highest setting", "high"),
-    ("low", "low"),
-    ("minimum", "low"),
-    ("the minimum", "low"),
-    ("the lowest setting", "low"),
-];
-const PARTS: [(&str, Part); 16] = [
-    ("top drawer", Part::Upper),
-    ("topmost drawer", Part::Upper),
-    ("upper drawer", Part::Upper),
-    ("bottom drawer", Part::Lower),
-    ("bottommost drawer", Part::Lower),
-    ("lower drawer", Part::Lower),
-    ("drawers", Part::Both),
-    ("two drawers", Part::Both),
-    ("door", Part::Other),
-    ("lid", Part::Other),
-    ("cover", Part::Other),
-    ("flap", Part::Other),
-    ("screen", Part::Other),
-    ("display", Part::Other),
-    ("handle", Part::Other),
-    ("front", Part::Other),
-];
+use super::words::{COPULAS, DUTIES, WISHES};
 
 impl Listener {
     /// Commands of the request that begins here; `None` if there is none.
@@ -149,7 +53,7 @@ impl Listener {
     }
 
     /// Takes a verb of a class; returns its base form.
-    fn verb(&mut self, class: Class) -> Option<&'static str> {
+    pub(super) fn verb(&mut self, class: Class) -> Option<&'static str> {
         let mut phrases: Vec<&'static str> = class.phrases().collect();
         phrases.sort_by_key(|phrase| std::cmp::Reverse(phrase.len()));
         let several = phrases.into_iter().find_map(|phrase| {
@@ -165,132 +69,6 @@ impl Listener {
         let base = class.base(self.ahead(0))?;
         self.mind.next += 1;
         Some(base)
-    }
-
-    /// Parses `build a tower with the blue cube at the bottom, …`.
-    fn tower(&mut self) -> Option<Vec<Command>> {
-        self.verb(Class::Build)?;
-        self.take_any(&["me", "us"]);
-        let names =
-            ["a tower", "a stack", "a pile", "a column", "one tower", "the tower", "a little tower", "a small tower"];
-        let is_named = self.take_any(&names).is_some();
-        if is_named {
-            self.take_any(&["with", "of", "from", "out of", "using", "made of", "made from", "consisting of"]);
-            while self.take_any(&[",", "out of"]).is_some() {}
-        }
-        let (lowest, middle, highest) = (
-            ["at the bottom", "on the bottom", "at the base", "as the base", "lowest", "in the bottom"],
-            ["in the middle", "in between", "in the centre", "in the center"],
-            ["on top", "at the top", "on the top", "uppermost", "at the very top", "on the very top"],
-        );
-        let mut items: Vec<(Option<usize>, Group)> = Vec::new();
-        loop {
-            let before = self.position(&[&lowest, &middle, &highest]);
-            self.take_any(&[","]);
-            let group = self.noun_phrase()?;
-            while self.take_any(&["goes", "is", "comes", "should be", "go", "should go"]).is_some() {}
-            let level = before.or_else(|| self.position(&[&lowest, &middle, &highest]));
-            items.push((level, group));
-            let joined = self.attempt(|listener| {
-                let mut is_joined = false;
-                while listener.take_any(&[",", "and", "then"]).is_some() {
-                    is_joined = true;
-                }
-                (is_joined && !is_verb(listener.ahead(0)) && !listener.is_done() && listener.ahead(0) != ".")
-                    .then_some(())
-            });
-            if joined.is_none() {
-                break;
-            }
-        }
-        let on_each_other = ["on top of each other", "on top of one another", "on each other", "into a tower", "up"];
-        let in_order = ["in this order", "in that order", "from bottom to top", "from the bottom up", "bottom to top"];
-        let is_stack = self.take_any(&on_each_other).is_some() | is_named;
-        if self.take_any(&["from top to bottom", "top to bottom"]).is_some() {
-            items.reverse();
-            items.iter_mut().for_each(|(level, _)| *level = Some(0));
-        } else if self.take_any(&in_order).is_some() {
-            items.iter_mut().for_each(|(level, _)| *level = Some(0));
-        }
-        let several = matches!(items.as_slice(), [(_, group)] if group.number != Number::One);
-        if !several
-            && items.iter().any(|(level, _)| level.is_none())
-            && items.iter().filter(|(level, _)| level.is_some()).count() < 2
-        {
-            return if is_stack {
-                self.blame("which object of the tower is at the bottom and which on top?")
-            } else {
-                None
-            };
-        }
-        if items.len() < 2 && !(several && is_stack) {
-            return None;
-        }
-        items.sort_by_key(|(level, _)| level.unwrap_or(1));
-        let groups: Vec<Group> = items.into_iter().map(|(_, group)| group).collect();
-        self.remember(groups.clone());
-        Some(vec![Command::Tower(groups)])
-    }
-
-    fn position(&mut self, levels: &[&[&str]]) -> Option<usize> {
-        levels.iter().position(|phrases| self.take_any(phrases).is_some())
-    }
-
-    /// Parses a change of state: `flick the fan switch on`, `pull out the top drawer of the cabinet`.
-    fn state(&mut self) -> Option<Vec<Command>> {
-        let verb = self.verb(Class::State)?;
-        let mut particle = self.take_any(&PARTICLES).or_else(|| self.level());
-        self.take_any(&["on"]);
-        let mut objects = self.changed_objects()?;
-        particle = self.level().or_else(|| self.take_any(&PARTICLES)).or(particle);
-        particle = self.level().or(particle);
-        self.take_any(&["again", "all the way", "fully", "wide"]);
-        if verb == "lift" && particle.is_none() && objects.iter().all(|object| object.part.is_none()) {
-            return None;
-        }
-        let Some(action) = action(verb, particle) else { return None };
-        self.changes(&mut objects, action)
-    }
-
-    fn changes(&mut self, objects: &mut [Group], action: Action) -> Option<Vec<Command>> {
-        self.remember(objects.to_vec());
-        self.mind.place = None;
-        let change = |object: &Group| Command::Change { object: object.clone(), part: object.part, action };
-        Some(objects.iter().map(change).collect())
-    }
-
-    /// Objects whose state changes, with the part that is named.
-    fn changed_objects(&mut self) -> Option<Vec<Group>> {
-        let part = self.attempt(|listener| {
-            listener.take_any(&["the", "both", "both the", "a", "its"]);
-            let part = PARTS.iter().find_map(|(phrase, part)| listener.take(phrase).then_some(*part))?;
-            listener.take_any(&["of", "on"]).map(|_| part)
-        });
-        // `put the battery in the box and close it`: what has a lid is not what was carried.
-        let holder = self.mind.place.clone().filter(|place| place.relations.contains(&Relation::In));
-        if let Some(place) = holder
-            && self.attempt(Self::pronoun).is_some()
-        {
-            return Some(place.objects);
-        }
-        let mut groups = self.noun_phrases()?;
-        if part.is_some() {
-            groups.iter_mut().for_each(|group| group.part = part);
-        }
-        Some(groups)
-    }
-
-    /// A level such as `to high` or `up to the maximum`, in the words of the table of actions.
-    fn level(&mut self) -> Option<&'static str> {
-        self.attempt(|listener| {
-            listener.take_any(&["up", "down", "all the way up", "all the way", "right up"]);
-            let is_said = listener.take_any(&["to", "on", "onto", "at"]).is_some();
-            let names: Vec<&str> = LEVELS.iter().map(|(name, _)| *name).collect();
-            let name = listener.take_any(&names).filter(|_| is_said)?;
-            listener.take_any(&["heat", "setting", "power"]);
-            LEVELS.iter().find(|(said, _)| *said == name).map(|(_, level)| *level)
-        })
-        .or_else(|| self.take("all the way up").then_some("high"))
     }
 
     /// Parses `take the orange out of the bowl`; where it goes may follow.
@@ -352,7 +130,6 @@ impl Listener {
         if is_pronoun {
             self.mind.pending.clear();
         }
-        // `put the apple and put it …`
         self.come_from(&mut subjects)?;
         // `put the apple or the pear in the bowl`
         let other = self.attempt(|listener| {
@@ -415,7 +192,7 @@ impl Listener {
         Some(commands)
     }
 
-    fn remember(&mut self, groups: Vec<Group>) {
+    pub(super) fn remember(&mut self, groups: Vec<Group>) {
         self.mind.topic = groups;
     }
 
@@ -466,32 +243,6 @@ impl Listener {
         let places = self.attempt(Self::places)?;
         self.come_from(subjects)?;
         self.put(std::mem::take(subjects), places)
-    }
-
-    /// Parses `closed`, `switched on`, `off`, `to be opened`, `turned to high` at the end of a clause.
-    fn wanted_state(&mut self) -> Option<Action> {
-        let before = self.ahead(0).to_owned();
-        let adjective =
-            self.take_any(&["wide open", "open", "opened", "shut", "closed", "on", "off", "pressed", "pushed"]);
-        let found = match adjective {
-            Some("on") => Action::On,
-            Some("off") => Action::Off,
-            Some("pressed" | "pushed") => {
-                self.take_any(&["down", "in"]);
-                Action::Press
-            }
-            Some("wide open" | "open" | "opened") => Action::Open,
-            Some(_) => Action::Close,
-            None => {
-                let verb = Class::State.base(&before);
-                if verb.is_some() {
-                    self.mind.next += 1;
-                }
-                let particle = self.level().or_else(|| self.take_any(&PARTICLES));
-                action(verb.unwrap_or("turn"), particle)?
-            }
-        };
-        self.at_boundary().then_some(found)
     }
 
     /// Parses a fact about the initial scene: `the potato is already in the pot`, `there is an apple in the bowl`.

@@ -1,0 +1,94 @@
+//! Changes of state, as a request or as a wish.
+
+use genmanip_core::Relation;
+
+use super::super::change::{Action, action};
+use super::super::grammar::{Command, Group};
+use super::Listener;
+use super::verbs::Class;
+use super::words::{LEVELS, PARTICLES, PARTS};
+
+impl Listener {
+    /// Parses a change of state: `flick the fan switch on`, `pull out the top drawer of the cabinet`.
+    pub(super) fn state(&mut self) -> Option<Vec<Command>> {
+        let verb = self.verb(Class::State)?;
+        let mut particle = self.take_any(&PARTICLES).or_else(|| self.level());
+        self.take_any(&["on"]);
+        let mut objects = self.changed_objects()?;
+        particle = self.level().or_else(|| self.take_any(&PARTICLES)).or(particle);
+        particle = self.level().or(particle);
+        self.take_any(&["again", "all the way", "fully", "wide"]);
+        if verb == "lift" && particle.is_none() && objects.iter().all(|object| object.part.is_none()) {
+            return None;
+        }
+        let Some(action) = action(verb, particle) else { return None };
+        self.changes(&mut objects, action)
+    }
+
+    pub(super) fn changes(&mut self, objects: &mut [Group], action: Action) -> Option<Vec<Command>> {
+        self.remember(objects.to_vec());
+        self.mind.place = None;
+        let change = |object: &Group| Command::Change { object: object.clone(), part: object.part, action };
+        Some(objects.iter().map(change).collect())
+    }
+
+    /// Objects whose state changes, with the part that is named.
+    pub(super) fn changed_objects(&mut self) -> Option<Vec<Group>> {
+        let part = self.attempt(|listener| {
+            listener.take_any(&["the", "both", "both the", "a", "its"]);
+            let part = PARTS.iter().find_map(|(phrase, part)| listener.take(phrase).then_some(*part))?;
+            listener.take_any(&["of", "on"]).map(|_| part)
+        });
+        // `put the battery in the box and close it`: what has a lid is not what was carried.
+        let holder = self.mind.place.clone().filter(|place| place.relations.contains(&Relation::In));
+        if let Some(place) = holder
+            && self.attempt(Self::pronoun).is_some()
+        {
+            return Some(place.objects);
+        }
+        let mut groups = self.noun_phrases()?;
+        if part.is_some() {
+            groups.iter_mut().for_each(|group| group.part = part);
+        }
+        Some(groups)
+    }
+
+    /// A level such as `to high` or `up to the maximum`, in the words of the table of actions.
+    fn level(&mut self) -> Option<&'static str> {
+        self.attempt(|listener| {
+            listener.take_any(&["up", "down", "all the way up", "all the way", "right up"]);
+            let is_said = listener.take_any(&["to", "on", "onto", "at"]).is_some();
+            let names: Vec<&str> = LEVELS.iter().map(|(name, _)| *name).collect();
+            let name = listener.take_any(&names).filter(|_| is_said)?;
+            listener.take_any(&["heat", "setting", "power"]);
+            LEVELS.iter().find(|(said, _)| *said == name).map(|(_, level)| *level)
+        })
+        .or_else(|| self.take("all the way up").then_some("high"))
+    }
+
+    /// Parses `closed`, `switched on`, `off`, `to be opened`, `turned to high` at the end of a clause.
+    pub(super) fn wanted_state(&mut self) -> Option<Action> {
+        let before = self.ahead(0).to_owned();
+        let adjective =
+            self.take_any(&["wide open", "open", "opened", "shut", "closed", "on", "off", "pressed", "pushed"]);
+        let found = match adjective {
+            Some("on") => Action::On,
+            Some("off") => Action::Off,
+            Some("pressed" | "pushed") => {
+                self.take_any(&["down", "in"]);
+                Action::Press
+            }
+            Some("wide open" | "open" | "opened") => Action::Open,
+            Some(_) => Action::Close,
+            None => {
+                let verb = Class::State.base(&before);
+                if verb.is_some() {
+                    self.mind.next += 1;
+                }
+                let particle = self.level().or_else(|| self.take_any(&PARTICLES));
+                action(verb.unwrap_or("turn"), particle)?
+            }
+        };
+        self.at_boundary().then_some(found)
+    }
+}

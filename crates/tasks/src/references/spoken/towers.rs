@@ -1,0 +1,76 @@
+//! Towers: `build a tower with the blue cube at the bottom, …`.
+
+use super::super::grammar::{Command, Group, Number};
+use super::Listener;
+use super::verbs::{Class, is_verb};
+
+impl Listener {
+    /// Parses `build a tower with the blue cube at the bottom, …`.
+    pub(super) fn tower(&mut self) -> Option<Vec<Command>> {
+        self.verb(Class::Build)?;
+        self.take_any(&["me", "us"]);
+        let names =
+            ["a tower", "a stack", "a pile", "a column", "one tower", "the tower", "a little tower", "a small tower"];
+        let is_named = self.take_any(&names).is_some();
+        if is_named {
+            self.take_any(&["with", "of", "from", "out of", "using", "made of", "made from", "consisting of"]);
+            while self.take_any(&[",", "out of"]).is_some() {}
+        }
+        let (lowest, middle, highest) = (
+            ["at the bottom", "on the bottom", "at the base", "as the base", "lowest", "in the bottom"],
+            ["in the middle", "in between", "in the centre", "in the center"],
+            ["on top", "at the top", "on the top", "uppermost", "at the very top", "on the very top"],
+        );
+        let mut items: Vec<(Option<usize>, Group)> = Vec::new();
+        loop {
+            let before = self.position(&[&lowest, &middle, &highest]);
+            self.take_any(&[","]);
+            let group = self.noun_phrase()?;
+            while self.take_any(&["goes", "is", "comes", "should be", "go", "should go"]).is_some() {}
+            let level = before.or_else(|| self.position(&[&lowest, &middle, &highest]));
+            items.push((level, group));
+            let joined = self.attempt(|listener| {
+                let mut is_joined = false;
+                while listener.take_any(&[",", "and", "then"]).is_some() {
+                    is_joined = true;
+                }
+                (is_joined && !is_verb(listener.ahead(0)) && !listener.is_done() && listener.ahead(0) != ".")
+                    .then_some(())
+            });
+            if joined.is_none() {
+                break;
+            }
+        }
+        let on_each_other = ["on top of each other", "on top of one another", "on each other", "into a tower", "up"];
+        let in_order = ["in this order", "in that order", "from bottom to top", "from the bottom up", "bottom to top"];
+        let is_stack = self.take_any(&on_each_other).is_some() | is_named;
+        if self.take_any(&["from top to bottom", "top to bottom"]).is_some() {
+            items.reverse();
+            items.iter_mut().for_each(|(level, _)| *level = Some(0));
+        } else if self.take_any(&in_order).is_some() {
+            items.iter_mut().for_each(|(level, _)| *level = Some(0));
+        }
+        let several = matches!(items.as_slice(), [(_, group)] if group.number != Number::One);
+        if !several
+            && items.iter().any(|(level, _)| level.is_none())
+            && items.iter().filter(|(level, _)| level.is_some()).count() < 2
+        {
+            return if is_stack {
+                self.blame("which object of the tower is at the bottom and which on top?")
+            } else {
+                None
+            };
+        }
+        if items.len() < 2 && !(several && is_stack) {
+            return None;
+        }
+        items.sort_by_key(|(level, _)| level.unwrap_or(1));
+        let groups: Vec<Group> = items.into_iter().map(|(_, group)| group).collect();
+        self.remember(groups.clone());
+        Some(vec![Command::Tower(groups)])
+    }
+
+    fn position(&mut self, levels: &[&[&str]]) -> Option<usize> {
+        levels.iter().position(|phrases| self.take_any(phrases).is_some())
+    }
+}
