@@ -51,10 +51,13 @@ pub fn fit(problem: &Problem, settings: &SearchSettings) -> Option<FrictionFit> 
         let coarse = resolution(measured(axis).into_iter()).hypot(12.0_f64.sqrt() * scatter);
         whiteness(&crate::search::channel_of(&residuals, channels, axis), coarse)
     });
+    let whiteness: Vec<Whiteness> = whiteness.collect();
+    // A track that no coefficient explains to the noise says less than its scatter promises (Birge, 1932).
+    let birge = whiteness.iter().map(|axis| axis.slow_ratio).fold(1.0, f64::max).sqrt();
     Some(FrictionFit {
         value,
-        sd,
-        channels: whiteness.collect(),
+        sd: sd * birge,
+        channels: whiteness,
         starts_rms: starts.into_iter().map(|(rms, _)| rms).collect(),
     })
 }
