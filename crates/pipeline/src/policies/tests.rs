@@ -30,7 +30,7 @@ fn what_is_wrong_is_said() {
         (
             "",
             "unknown policy ``",
-            "policies are expert, replay, do_nothing, random, blind, clumsy, playback, learned, agent",
+            "policies are expert, replay, do_nothing, random, blind, clumsy, playback, skill, learned, agent",
         ),
         ("playback", "policy playback needs a dataset", "playback:dataset=FOLDER"),
         ("playback:dataset=none", "cannot play none back", ""),
