@@ -195,7 +195,10 @@ impl Listener {
             let is_top = self.at_index(index, "on top").is_some() && self.token(index + 2) != "of";
             let is_unknown = super::places::UNKNOWN.contains(&word);
             let stops = ENDS.contains(&word) || super::places::is_source(self, index) || hedge || particle;
-            let stops = stops || is_modal || is_level || !has_trait && (is_top || is_unknown);
+            // `the spoon placed next to the bowl`
+            let is_participle = word.ends_with("ed") && super::verbs::Class::Carry.base(word).is_some();
+            let is_told = !words.is_empty() && is_participle && super::places::begins_at(self, index + 1);
+            let stops = stops || is_told || is_modal || is_level || !has_trait && (is_top || is_unknown);
             if !is_part && stops || !words.is_empty() && super::places::begins_at(self, index) {
                 break;
             }
