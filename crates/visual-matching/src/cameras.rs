@@ -14,9 +14,6 @@ use crate::views::{MatchedCamera, Scenes, View, display, radiance, usable};
 
 /// Fewest table pixels for a mean colour.
 const FEWEST_PIXELS: usize = 30;
-/// Base colour assumed for a table of unknown colour, linear RGB: light wood.
-pub const TABLE_COLOR: [f64; 3] = [0.45, 0.40, 0.33];
-
 /// Responses of all cameras: from their chart, else from a camera with a chart that sees the same table, else from the
 /// table's colour.
 ///
@@ -58,7 +55,7 @@ pub fn responses<'a>(
     if reference.is_none() && request.table_color.is_none() {
         unidentified.push(Unidentified {
             what: names::EXPOSURE.into(),
-            why: "only their product with the colour of the table is seen, which is taken as light wood".into(),
+            why: "only their product with the colour of the table is seen; the camera is taken as exposed and balanced for this light".into(),
             remedy: "photograph a colour chart on the table (--chart), or state the table's colour (--table-color)"
                 .into(),
         });
@@ -79,7 +76,7 @@ pub fn responses<'a>(
             Some(gains) => with_gains(gains, CameraResponse::default()),
             None => {
                 let seen = mean_table(scene, view)?;
-                from_color(request.table_color.unwrap_or(TABLE_COLOR), seen)
+                request.table_color.map_or_else(CameraResponse::default, |color| from_color(color, seen))
             }
         };
         views[index].found.response = response;

@@ -8,7 +8,7 @@ use genmanip_core::{CameraAppearance, Photograph, WorkspaceAppearance, Workspace
 use genmanip_render::{Channels, ROBOT, RenderVariation, Renderer, Response, color::srgb8_from_linear, encode};
 use glam::Vec3A;
 
-use crate::cameras::{TABLE_COLOR, responses};
+use crate::cameras::responses;
 use crate::empty::{Layers, emptied};
 use crate::error::MatchError;
 use crate::light::{LightEstimate, Observation, estimate};
@@ -177,16 +177,15 @@ fn table_color(
             continue;
         }
         let mean = on.iter().map(|&at| values[at] / lit[at].max(Vec3A::splat(0.05))).sum::<Vec3A>() / on.len() as f32;
-        if !has_chart {
-            let known = request.table_color.unwrap_or(TABLE_COLOR);
+        if let Some(known) = request.table_color.filter(|_| !has_chart) {
             let gains = view.found.response.gains();
             let gains = [0, 1, 2].map(|channel| gains[channel] * f64::from(mean[channel]) / known[channel].max(1e-3));
             view.found.response = with_gains(gains, view.found.response.clone());
         }
         (sum, count) = (sum + mean, count + 1.0);
     }
-    if !has_chart {
-        return Ok(request.table_color.unwrap_or(TABLE_COLOR));
+    if let Some(known) = request.table_color.filter(|_| !has_chart) {
+        return Ok(known);
     }
     Ok((sum / count.max(1.0)).clamp(Vec3A::ZERO, Vec3A::ONE).to_array().map(f64::from))
 }
