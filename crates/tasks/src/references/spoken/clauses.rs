@@ -4,7 +4,7 @@ use super::Listener;
 use super::verbs::{Class, is_verb};
 
 /// Words and phrases between clauses that carry no meaning of their own.
-const COURTESIES: [&str; 48] = [
+const COURTESIES: [&str; 52] = [
     ",",
     ".",
     ";",
@@ -46,6 +46,10 @@ const COURTESIES: [&str; 48] = [
     "can you",
     "would you",
     "will you",
+    "could the robot",
+    "can the robot",
+    "would the robot",
+    "will the robot",
     "you could",
     "you can",
     "could i ask you to",
@@ -169,6 +173,10 @@ impl Listener {
 
     /// Takes a clause that states a reason, a purpose or a fact, and returns its words; `None` if it may be a request.
     pub(super) fn aside(&mut self) -> Option<String> {
+        // `… and in the bowl` is another place, not a circumstance.
+        if super::places::begins(self) {
+            return None;
+        }
         let start = self.mind.next;
         let first = self.ahead(0);
         let end = (start..self.tokens.len()).find(|&index| is_mark(self.token(index))).unwrap_or(self.tokens.len());

@@ -184,13 +184,15 @@ impl Listener {
                 break;
             }
             let word = self.token(index);
-            let hedge = HEDGES.contains(&word) && super::places::begins_at(self, index + 1);
+            let leads = super::places::begins_at(self, index + 1) || super::places::is_source(self, index + 1);
+            let hedge = HEDGES.contains(&word) && leads;
             let particle = PARTICLES.contains(&word) && self.is_end(index + 1);
             let is_part = words.is_empty() && particle;
             let follows = self.token(index + 1);
             // `the can can go there`
             let is_modal = word == "can" && ["be", "go", "stand", "lie"].contains(&follows);
-            let is_level = ["up", "down"].contains(&word) && follows == "to";
+            let is_level =
+                ["up", "down"].contains(&word) && follows == "to" || self.at_index(index, "all the way").is_some();
             let has_trait = words.iter().any(|word| word == "with");
             let is_top = self.at_index(index, "on top").is_some() && self.token(index + 2) != "of";
             let is_unknown = super::places::UNKNOWN.contains(&word);

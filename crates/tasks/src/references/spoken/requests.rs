@@ -76,8 +76,13 @@ impl Listener {
         let verb = self.verb(Class::Take)?;
         self.take_any(&["me", "us", "out", "up"]);
         let mut subjects = self.noun_phrases()?;
+        self.take_any(&["up"]);
         self.come_from(&mut subjects)?;
         while self.take_any(&["up", "out", "off", "away"]).is_some() {}
+        // `off the tray and onto a plate`
+        if self.ahead(0) == "and" && super::places::begins_at(self, self.mind.next + 1) {
+            self.mind.next += 1;
+        }
         if !self.at_boundary() {
             let place = self.attempt(Self::places);
             let Some(places) = place else { return None };

@@ -66,8 +66,10 @@ pub(super) const DUTIES: [&str; 22] = [
 /// Particles of a change of state.
 pub(super) const PARTICLES: [&str; 11] =
     ["wide open", "open", "shut", "closed", "on", "off", "out", "up", "down", "in", "to off"];
-/// Levels of a knob.
-pub(super) const LEVELS: [(&str, &str); 12] = [
+/// Levels of a knob or a switch.
+pub(super) const LEVELS: [(&str, &str); 14] = [
+    ("on", "on"),
+    ("off", "off"),
     ("high", "high"),
     ("full", "high"),
     ("full power", "high"),
