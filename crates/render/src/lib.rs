@@ -64,7 +64,7 @@ pub use frame::encode;
 pub use frame::renderer::Renderer;
 pub use genmanip_core::{AppearanceFactor, AppearanceRandomisation};
 pub use job::{Channels, FIRST_OBJECT, FrameBuffers, FrameState, NOTHING, ROBOT, TABLE, ViewJob, object_of_instance};
-pub use matched::look::CameraLook;
+pub use matched::camera_look::CameraLook;
 pub use matched::photograph::{LinearPhotograph, decoded as decoded_photograph};
 pub use matched::response::Response;
 pub use scene::assets::RenderAssets;

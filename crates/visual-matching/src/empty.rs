@@ -7,7 +7,7 @@ const SHADOWED: f32 = 0.985;
 /// Smallest share of light by which a pixel is brightened: in deeper shadow there is more noise than image.
 const DARKEST: f32 = 0.08;
 
-/// Which pixels of a photograph show what, row by row.
+/// Kind of content that each pixel of a photograph shows, row by row.
 pub struct Layers<'a> {
     /// Width of the image, px.
     pub width: usize,

@@ -34,7 +34,7 @@ pub struct Matched {
     pub light: Option<LightEstimate>,
     /// Cameras with photographs.
     pub cameras: Vec<MatchedCamera>,
-    /// What the photographs do not tell.
+    /// Parameters that the photographs do not show.
     pub unidentified: Vec<Unidentified>,
 }
 
@@ -73,7 +73,7 @@ fn light(request: &MatchRequest, scene: &Scenes, views: &[View<'_>]) -> Result<O
     estimate(&coarse, &fine)
 }
 
-/// What a camera shows of shadows, in images reduced by a whole factor: those of objects, in which the texture of the
+/// Shadows that a camera shows, in images reduced by a whole factor: those of objects, in which the texture of the
 /// table cancels, and those of the arm.
 fn observations(
     request: &MatchRequest,

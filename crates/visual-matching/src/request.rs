@@ -1,4 +1,4 @@
-//! What a workspace is matched from.
+//! Photographs and settings from which a workspace is matched.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! What photographs do not tell.
+//! Parameters that photographs do not show.
 
 use serde::Serialize;
 

@@ -21,6 +21,9 @@ mod perception;
 mod suites;
 mod transfer;
 
+use motion::{IDENTIFY_HELP, MATCH_HELP};
+use transfer::TRANSFER_HELP;
+
 /// Measurements of GenManip on unseen seeds and files: agreement, validity, success rates, time
 #[derive(Debug, Parser)]
 #[command(name = "genmanip-lab", version, about, max_term_width = 100)]
@@ -80,15 +83,10 @@ pub enum LabCommand {
                       COUNT sets of 15 to 20 views for each mounting and noise, and as many degenerate ones of all kinds.")]
     Calibrate(LabCalibrateArguments),
     /// Identify hidden simulated arms from noisy recordings: errors, coverage, what cannot be identified, wrong models
-    #[command(after_help = "Example:\n  genmanip-lab identify --seed 7 --count 200 --json\n\n\
-                      A quarter of the hidden arms has an effect that the model lacks: backlash, Stribeck friction or\n\
-                      another time step. Joint sensors have noise of 0.02 to 0.2 mrad and steps of 0.01 to 0.1 mrad.")]
+    #[command(after_help = IDENTIFY_HELP)]
     Identify(LabIdentifyArguments),
     /// Match worlds to photographs of hidden worlds with known truth: response, light, held-out views
-    #[command(after_help = "Examples:\n  genmanip-lab match --seed 7 --count 30 --json\n  \
-                      genmanip-lab match --count 3 --out images\n\n\
-                      One thread. Of ten worlds, two hold nothing that throws a shadow, one of them without a colour chart;\n\
-                      every fifth is path-traced, with a tone curve that the matched response cannot have.")]
+    #[command(after_help = MATCH_HELP)]
     Match(LabMatchArguments),
     /// Send random streams of commands to the bridge of an arm, and run policies behind it and directly
     #[command(after_help = "Examples:\n  genmanip-lab bridge --seed 7 --count 10000 --json\n  \
@@ -140,11 +138,7 @@ pub enum LabCommand {
                       simulator (oracle).")]
     Teleop(TeleopArguments),
     /// Transfer skills from a few takes to many scenes, against the analytic skills and MimicGen as published
-    #[command(after_help = "Examples:\n  genmanip-lab transfer --seed 5 --skills pull,push,turn,lift,press \\\n      \
-                      --source-demos 5 --count 100 --json\n  \
-                      genmanip-lab transfer --seed 5 --skills pull --count 10 --out out/transfer\n\n\
-                      One thread. Takes are those of a scripted operator at virtual devices; COUNT scenes of the \
-                      instance of the takes and COUNT of other instances, each with all arms.")]
+    #[command(after_help = TRANSFER_HELP)]
     Transfer(TransferArguments),
     /// Step through episodes in the environment: cost relative to the bare simulation, and exactness
     #[command(after_help = "Examples:\n  genmanip-lab environment --seed 1 --count 10 --json\n  \

@@ -85,6 +85,11 @@ pub struct BridgeArguments {
     pub motions: usize,
 }
 
+/// Examples and conditions of `genmanip-lab identify`.
+pub(super) const IDENTIFY_HELP: &str = "Example:\n  genmanip-lab identify --seed 7 --count 200 --json\n\n\
+    A quarter of the hidden arms has an effect that the model lacks: backlash, Stribeck friction or\n\
+    another time step. Joint sensors have noise of 0.02 to 0.2 mrad and steps of 0.01 to 0.1 mrad.";
+
 /// Arguments of `genmanip-lab identify`.
 #[derive(Debug, Args)]
 pub struct LabIdentifyArguments {
@@ -114,6 +119,12 @@ pub struct LabCalibrateArguments {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
+
+/// Examples and conditions of `genmanip-lab match`.
+pub(super) const MATCH_HELP: &str = "Examples:\n  genmanip-lab match --seed 7 --count 30 --json\n  \
+    genmanip-lab match --count 3 --out images\n\n\
+    One thread. Of ten worlds, two hold nothing that throws a shadow, one of them without a colour chart;\n\
+    every fifth is path-traced, with a tone curve that the matched response cannot have.";
 
 /// Arguments of `genmanip-lab match`.
 #[derive(Debug, Args)]

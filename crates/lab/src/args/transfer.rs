@@ -6,6 +6,13 @@ use clap::Args;
 use genmanip_skills::Verb;
 use genmanip_terminal::parse;
 
+/// Examples and conditions of `genmanip-lab transfer`.
+pub(super) const TRANSFER_HELP: &str = "Examples:\n  \
+    genmanip-lab transfer --seed 5 --skills pull,push,turn,lift,press --source-demos 5 --count 100 --json\n  \
+    genmanip-lab transfer --seed 5 --skills pull --count 10 --out out/transfer\n\n\
+    One thread. Takes are those of a scripted operator at virtual devices; COUNT scenes of the\n\
+    instance of the takes and COUNT of other instances, each with all arms.";
+
 /// Arguments of `genmanip-lab transfer`.
 #[derive(Debug, Args)]
 pub struct TransferArguments {

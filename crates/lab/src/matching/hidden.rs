@@ -36,7 +36,7 @@ const CORNER_PX: f64 = 0.4;
 /// Objects that throw shadows in the photographs, and other ones of held-out views; all stand on the table.
 const CASTERS: [&str; 4] = ["mug", "milk carton", "soda can", "bottle"];
 
-/// What a hidden world's photographs show besides the empty table.
+/// Content of a hidden world's photographs besides the empty table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kind {
     /// The arm at its home position.
@@ -66,7 +66,7 @@ impl Kind {
 
 /// A hidden world.
 pub struct Hidden {
-    /// What its photographs show.
+    /// Content of its photographs.
     pub kind: Kind,
     /// World with the camera `static`, which is photographed with, and the camera `aside`, a second place of it.
     pub world: World,

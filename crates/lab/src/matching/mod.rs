@@ -43,11 +43,11 @@ pub struct Report {
     pub directions_found: [usize; 2],
     /// Median over held-out views of their mean ΔE2000 to the hidden truth, in the default world and in the matched one.
     pub delta_e_before: f64,
-    /// That of the matched world.
+    /// The same median in the matched world.
     pub delta_e_after: f64,
     /// Median over held-out views of their mean FLIP, in the default world and in the matched one.
     pub flip_before: f64,
-    /// That of the matched world.
+    /// The same median in the matched world.
     pub flip_after: f64,
     /// Median ΔE2000 before and after, of the photographed view with other objects and another posture of the arm.
     pub delta_e_same_view: [f64; 2],

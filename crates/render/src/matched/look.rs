@@ -5,6 +5,7 @@ use std::sync::Arc;
 use genmanip_core::{Camera, WorkspaceAppearance, WorkspaceLight, World};
 use glam::{Vec2, Vec3A};
 
+use super::camera_look::CameraLook;
 use super::photograph::{LinearPhotograph, decoded};
 use super::response::Response;
 use crate::error::RenderError;
@@ -16,26 +17,7 @@ use crate::scene::texture::srgb_from_linear;
 use crate::scene::variation::RenderVariation;
 use crate::shading::tone_map::tone_map;
 
-/// Response and photograph of one camera.
-#[derive(Clone, Debug)]
-pub struct CameraLook {
-    /// Name of the camera.
-    pub camera: String,
-    /// Response, which replaces exposure and tone mapping.
-    pub response: Arc<Response>,
-    /// Photograph of the empty workspace.
-    pub photograph: Option<Arc<LinearPhotograph>>,
-}
-
-impl PartialEq for CameraLook {
-    /// True for the same camera with the same data in memory.
-    fn eq(&self, other: &Self) -> bool {
-        let photographs = [self, other].map(|look| look.photograph.as_ref().map(Arc::as_ptr));
-        self.camera == other.camera && Arc::ptr_eq(&self.response, &other.response) && photographs[0] == photographs[1]
-    }
-}
-
-/// What the image of one camera is rendered with.
+/// Response and photographs for the image of one camera.
 #[derive(Debug)]
 pub(crate) struct Look<'a> {
     response: Option<&'a Response>,

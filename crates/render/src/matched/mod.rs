@@ -4,6 +4,7 @@
 //! base colour of upward surfaces there, which are then shaded like any other: shadows and occlusion of robot and objects
 //! fall on the photographed table. All else of surfaces and background is shown as photographed.
 
+pub(crate) mod camera_look;
 pub(crate) mod look;
 pub(crate) mod photograph;
 pub(crate) mod response;

@@ -6,7 +6,7 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use crate::job::FIRST_OBJECT;
-use crate::matched::look::CameraLook;
+use crate::matched::camera_look::CameraLook;
 use crate::scene::assets::RenderAssets;
 use crate::scene::material::Material;
 use crate::scene::table_tops::TableTop;

@@ -26,6 +26,7 @@ mod questions;
 mod report;
 mod room;
 mod sentence;
+mod sentence_error;
 #[cfg(test)]
 mod sentence_tests;
 mod series;
@@ -47,7 +48,8 @@ use sketch::Sketch;
 pub use gate::as_answer;
 pub use graspable::graspable_by;
 pub use report::{DesignReport, Occurrence, measure};
-pub use sentence::{SENTENCE, SentenceError, SentencePhrase, phrases_of_sentence, task_from_sentence};
+pub use sentence::{SENTENCE, SentencePhrase, phrases_of_sentence, task_from_sentence};
+pub use sentence_error::SentenceError;
 pub use series::{Missing, Series};
 
 /// Source of tasks that were designed by these rules.

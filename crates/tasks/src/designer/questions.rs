@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use genmanip_core::ObjectCard;
 
 use super::room::{support, why_no_room};
-use super::sentence::SentenceError;
+use super::sentence_error::SentenceError;
 use super::things::is_movable;
 use crate::references::sentence::{Action, Command, Noun, Part, Sentence, Where, changed_state};
 

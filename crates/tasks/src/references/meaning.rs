@@ -5,7 +5,7 @@ use std::sync::Arc;
 use genmanip_core::{HorizontalAxis, InstanceId, ObjectCard, Relation, SceneGraph};
 
 use super::change::{Action, Part};
-use super::grammar::{Command, Group, Number, Place};
+use super::command::{Command, Group, Number, Place};
 use super::lexicon::{SceneObject, lexicon};
 use super::space::{Certainty, Space};
 use super::{Mismatch, ReadAtom};

@@ -16,6 +16,7 @@
 mod agreement;
 mod change;
 mod colloquial;
+mod command;
 mod grammar;
 mod lexicon;
 mod meaning;
@@ -34,7 +35,7 @@ use std::sync::Arc;
 use genmanip_core::{Atom, InstanceId, MAX_INTERCHANGEABLE, ObjectCard, ReferenceId, Relation, SceneGraph, Task};
 
 pub use agreement::{disagreement, is_beyond_the_reader};
-use grammar::Parsed;
+use command::Parsed;
 use meaning::Interpreter;
 use mismatch::in_words;
 pub use mismatch::{Mismatch, ReadAtom};

@@ -2,7 +2,8 @@
 
 use genmanip_core::{Task, TaskKind};
 
-use super::grammar::{self, Command, Group, Parsed, Place};
+use super::command::{Command, Group, Parsed, Place};
+use super::grammar;
 use super::lexicon::lexicon;
 use super::{Mismatch, check_goal, understand};
 

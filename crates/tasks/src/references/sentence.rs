@@ -3,7 +3,8 @@
 use genmanip_core::{ObjectCard, Relation};
 
 pub(crate) use super::change::{Action, Part};
-use super::grammar::{self, Group, Number, Parsed, Place};
+use super::command::{self, Group, Number, Parsed, Place};
+use super::grammar;
 use super::lexicon::{COMPARATIVES, SceneObject, lexicon};
 pub(crate) use super::meaning::changed as changed_state;
 use super::meaning::{conjunctions, permutations};
@@ -103,20 +104,20 @@ struct Resolver<'c, 'p> {
 
 impl<'c> Resolver<'c, '_> {
     /// Alternative lists of commands that fulfil a command of the grammar.
-    fn options(&mut self, command: &grammar::Command) -> Option<Vec<Vec<Command>>> {
+    fn options(&mut self, command: &command::Command) -> Option<Vec<Vec<Command>>> {
         match command {
-            grammar::Command::Either(commands) => {
+            command::Command::Either(commands) => {
                 let options: Option<Vec<_>> = commands.iter().map(|command| self.options(command)).collect();
                 Some(options?.concat())
             }
-            grammar::Command::Put { subjects, places } => {
+            command::Command::Put { subjects, places } => {
                 let mut options = Vec::new();
                 for place in places {
                     options.extend(self.put(subjects, place)?);
                 }
                 Some(options)
             }
-            grammar::Command::Tower(groups) => {
+            command::Command::Tower(groups) => {
                 let nouns: Vec<Vec<usize>> = groups.iter().map(|group| self.nouns(group)).collect::<Option<_>>()?;
                 let nouns = nouns.concat();
                 let orders =
@@ -127,8 +128,8 @@ impl<'c> Resolver<'c, '_> {
                 };
                 Some(orders.iter().map(|order| order.windows(2).map(on).collect()).collect())
             }
-            grammar::Command::Given(group) => self.nouns(group).map(|_| vec![Vec::new()]),
-            grammar::Command::Change { object, part, action } => {
+            command::Command::Given(group) => self.nouns(group).map(|_| vec![Vec::new()]),
+            command::Command::Change { object, part, action } => {
                 Some(vec![vec![Command::Change { object: self.noun(object)?, part: *part, action: *action }]])
             }
         }

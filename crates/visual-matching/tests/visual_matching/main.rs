@@ -112,7 +112,7 @@ fn warmth_of_hidden_light() -> f64 {
     f64::from(light.x / light.z)
 }
 
-/// What photographs cannot tell is named: the light without shadows, exposure without a known colour, and the response of
+/// Parameters that photographs cannot show are named: the light without shadows, exposure without a known colour, and the response of
 /// a camera that saw no chart.
 #[test]
 fn what_is_not_identifiable_is_named() {

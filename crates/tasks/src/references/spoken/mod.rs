@@ -16,7 +16,7 @@ mod towers;
 mod verbs;
 mod words;
 
-use super::grammar::{Command, Group, Parsed, Place};
+use super::command::{Command, Group, Parsed, Place};
 
 /// Reads a sentence; otherwise the reason why it is no request, as a message to its author.
 pub(super) fn hear(text: &str) -> Result<Parsed, String> {
@@ -43,7 +43,7 @@ pub(super) fn hear(text: &str) -> Result<Parsed, String> {
     if parsed.commands.iter().any(is_request) { Ok(parsed) } else { Err("it asks for nothing".into()) }
 }
 
-/// What the reader knows at a position of the sentence.
+/// State of the reader at a position of the sentence.
 #[derive(Clone, Debug, Default)]
 struct Mind {
     /// Index of the next token.

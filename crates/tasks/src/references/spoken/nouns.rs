@@ -1,7 +1,7 @@
 //! Noun phrases: number, words, location, and the objects that pronouns stand for.
 
 use super::super::change::own_part;
-use super::super::grammar::{Group, Number, Place};
+use super::super::command::{Group, Number, Place};
 use super::super::lexicon::{COMPARATIVES, is_color, lexicon};
 use super::Listener;
 use super::clauses::{is_boundary, is_mark};

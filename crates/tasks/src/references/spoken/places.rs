@@ -2,7 +2,7 @@
 
 use genmanip_core::Relation;
 
-use super::super::grammar::{Group, Number, Place};
+use super::super::command::{Group, Number, Place};
 use super::super::lexicon::is_color;
 use super::super::words::{EXTREMES, LOOSE, PLACES, SOURCE};
 use super::Listener;

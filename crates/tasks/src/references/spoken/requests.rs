@@ -1,6 +1,6 @@
 //! Requests: a verb with its objects, a statement of where or how something should be, or a phrase with a place.
 
-use super::super::grammar::{Command, Group, Place};
+use super::super::command::{Command, Group, Place};
 use super::Listener;
 use super::verbs::{Class, is_verb};
 use super::words::{COPULAS, DUTIES, WISHES};
@@ -238,7 +238,7 @@ impl Listener {
         }
     }
 
-    /// Where or how objects should be.
+    /// Requested places or states of objects.
     fn goal(&mut self, subjects: &mut Vec<Group>) -> Option<Vec<Command>> {
         if let Some(action) = self.attempt(Self::wanted_state) {
             return self.changes(subjects, action);

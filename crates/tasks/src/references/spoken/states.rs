@@ -3,7 +3,7 @@
 use genmanip_core::Relation;
 
 use super::super::change::{Action, action};
-use super::super::grammar::{Command, Group};
+use super::super::command::{Command, Group};
 use super::Listener;
 use super::verbs::Class;
 use super::words::{LEVELS, PARTICLES, PARTS};

@@ -1,6 +1,6 @@
 //! Towers: `build a tower with the blue cube at the bottom, …`.
 
-use super::super::grammar::{Command, Group, Number};
+use super::super::command::{Command, Group, Number};
 use super::Listener;
 use super::verbs::{Class, is_verb};
 
