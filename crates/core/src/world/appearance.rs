@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::WorldFault;
+use super::fault::WorldFault;
 use crate::Camera;
 
 /// Appearance measured from photographs of a real workspace; images of the world are rendered to look like them.

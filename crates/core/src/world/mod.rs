@@ -10,6 +10,7 @@
 mod appearance;
 mod check;
 mod compare;
+mod fault;
 mod file;
 mod settings;
 mod surface;
@@ -21,8 +22,9 @@ use serde::{Deserialize, Serialize};
 pub use appearance::{
     CameraAppearance, CameraResponse, MIDDLE_GREY, Photograph, ToneCurve, WorkspaceAppearance, WorkspaceLight,
 };
-pub use check::{WorldFault, camera_faults};
+pub use check::camera_faults;
 pub use compare::{WorldDifference, WorldHashes, WorldPart};
+pub use fault::WorldFault;
 pub use file::{WorldFile, read_camera};
 pub use settings::{ArmPhysics, BetweenReading, PhysicsSettings, RelationSettings};
 pub use surface::{Board, SupportSurface};

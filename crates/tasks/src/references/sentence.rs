@@ -4,7 +4,6 @@ use genmanip_core::{ObjectCard, Relation};
 
 pub(crate) use super::change::{Action, Part};
 use super::command::{self, Group, Number, Parsed, Place};
-use super::grammar;
 use super::lexicon::{COMPARATIVES, SceneObject, lexicon};
 pub(crate) use super::meaning::changed as changed_state;
 use super::meaning::{conjunctions, permutations};

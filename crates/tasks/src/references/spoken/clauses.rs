@@ -1,7 +1,8 @@
 //! Clauses: where one ends, and which of them are no requests.
 
-use super::Listener;
+use super::listener::Listener;
 use super::verbs::{Class, is_verb};
+use super::words::{is_boundary, is_mark};
 
 /// Words and phrases between clauses that carry no meaning of their own.
 const COURTESIES: [&str; 52] = [
@@ -58,25 +59,6 @@ const COURTESIES: [&str; 52] = [
     "mate",
     "buddy",
 ];
-/// Words that end a clause.
-const BOUNDARIES: [&str; 16] = [
-    "and",
-    "then",
-    "so",
-    "but",
-    "because",
-    "since",
-    "for",
-    "afterwards",
-    "first",
-    "would",
-    "could",
-    "will",
-    "now",
-    "as",
-    "too",
-    "plus",
-];
 /// First words of a clause that gives a reason, a purpose or a circumstance.
 const SUBORDINATE: [&str; 24] = [
     "because",
@@ -112,16 +94,6 @@ const OBLIGATIONS: [&str; 14] = [
 const QUESTIONS: [&str; 14] =
     ["where", "what", "who", "why", "how", "which", "whose", "is", "are", "does", "did", "do", "was", "has"];
 const PROHIBITIONS: [&str; 8] = ["do not", "never", "avoid", "without", "not", "except", "stop", "nothing"];
-
-/// True for punctuation that separates clauses.
-pub(super) fn is_mark(word: &str) -> bool {
-    matches!(word, "," | "." | ";")
-}
-
-/// True for a word that ends a clause.
-pub(super) fn is_boundary(word: &str) -> bool {
-    BOUNDARIES.contains(&word)
-}
 
 impl Listener {
     pub(super) fn skip_courtesies(&mut self) {

@@ -3,11 +3,9 @@
 use super::super::change::own_part;
 use super::super::command::{Group, Number, Place};
 use super::super::lexicon::{COMPARATIVES, is_color, lexicon};
-use super::Listener;
-use super::clauses::{is_boundary, is_mark};
+use super::listener::Listener;
+use super::words::{ARTICLES, is_boundary, is_mark};
 
-pub(super) const ARTICLES: [&str; 15] =
-    ["the", "a", "an", "some", "my", "your", "our", "this", "any", "her", "his", "their", "that", "these", "those"];
 const NUMBERS: [(&str, usize); 6] = [("one", 1), ("two", 2), ("three", 3), ("four", 4), ("five", 5), ("six", 6)];
 /// Words that begin a noun phrase besides articles and numbers.
 const QUANTIFIERS: [&str; 8] = ["all", "both", "each", "every", "another", "it", "them", "whichever"];

@@ -5,7 +5,7 @@ use genmanip_core::Relation;
 use super::super::command::{Group, Number, Place};
 use super::super::lexicon::is_color;
 use super::super::words::{EXTREMES, LOOSE, PLACES, SOURCE};
-use super::Listener;
+use super::listener::Listener;
 use super::verbs::Class;
 
 /// Words and phrases before a place that do not change it.

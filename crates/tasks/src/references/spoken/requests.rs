@@ -1,7 +1,7 @@
 //! Requests: a verb with its objects, a statement of where or how something should be, or a phrase with a place.
 
 use super::super::command::{Command, Group, Place};
-use super::Listener;
+use super::listener::Listener;
 use super::verbs::{Class, is_verb};
 use super::words::{COPULAS, DUTIES, WISHES};
 

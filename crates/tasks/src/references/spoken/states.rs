@@ -4,7 +4,7 @@ use genmanip_core::Relation;
 
 use super::super::change::{Action, action};
 use super::super::command::{Command, Group};
-use super::Listener;
+use super::listener::Listener;
 use super::verbs::Class;
 use super::words::{LEVELS, PARTICLES, PARTS};
 

@@ -1,7 +1,7 @@
 //! Towers: `build a tower with the blue cube at the bottom, …`.
 
 use super::super::command::{Command, Group, Number};
-use super::Listener;
+use super::listener::Listener;
 use super::verbs::{Class, is_verb};
 
 impl Listener {

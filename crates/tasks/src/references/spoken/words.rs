@@ -101,3 +101,34 @@ pub(super) const PARTS: [(&str, Part); 16] = [
     ("handle", Part::Other),
     ("front", Part::Other),
 ];
+pub(super) const ARTICLES: [&str; 15] =
+    ["the", "a", "an", "some", "my", "your", "our", "this", "any", "her", "his", "their", "that", "these", "those"];
+/// Words that end a clause.
+const BOUNDARIES: [&str; 16] = [
+    "and",
+    "then",
+    "so",
+    "but",
+    "because",
+    "since",
+    "for",
+    "afterwards",
+    "first",
+    "would",
+    "could",
+    "will",
+    "now",
+    "as",
+    "too",
+    "plus",
+];
+
+/// True for punctuation that separates clauses.
+pub(super) fn is_mark(word: &str) -> bool {
+    matches!(word, "," | "." | ";")
+}
+
+/// True for a word that ends a clause.
+pub(super) fn is_boundary(word: &str) -> bool {
+    BOUNDARIES.contains(&word)
+}
