@@ -11,7 +11,7 @@ use crate::{copy_of_finished_run, either_program, example, genmanip, quick_examp
 /// A call, the exit code it ends with, and what its message must contain.
 type Case = (&'static str, i32, &'static [&'static str]);
 
-const CASES: [Case; 66] = [
+const CASES: [Case; 68] = [
     // Seeds are kept in JSON, exact to 53 bits.
     ("layout task.json --out out --seed 9007199254740992", 2, &["from 0 to 9007199254740991"]),
     ("lab design --seed 18446744073709551615", 2, &["from 0 to 9007199254740991"]),
