@@ -25,34 +25,36 @@ pub fn default_world() -> Arc<World> {
 /// Default world for a robot as a commented TOML file: the workspace and the fixed cameras are scaled to a short reach
 /// ([`RobotModel::reach_scale`]) about the robot's base, so that images show the workspace at the same size.
 pub fn text_for(robot: &RobotModel) -> String {
-    let text = DEFAULT_TEXT.replace("name = \"panda\"", &format!("name = \"{}\"", robot.name));
-    let scale = robot.reach_scale();
-    if scale == 1.0 {
-        return text;
-    }
-    let scaled = |line: &str| {
-        let (key, numbers) = line.split_once(" = [").filter(|(key, _)| SCALED_KEYS.contains(key))?;
-        let metres = numbers.strip_suffix(']')?.split(", ").map(str::parse::<f64>);
-        let metres: Vec<String> =
-            metres.map(|number| Some(format!("{:.3}", number.ok()? * scale))).collect::<Option<_>>()?;
-        Some(format!("{key} = [{}]", metres.join(", ")))
-    };
-    text.lines().map(|line| scaled(line).unwrap_or_else(|| line.to_owned()) + "\n").collect()
+    scaled_text(robot.reach_scale()).replace("name = \"panda\"", &format!("name = \"{}\"", robot.name))
 }
 
 /// Lengths of the default world that follow the robot's reach.
 const SCALED_KEYS: [&str; 4] = ["x", "y", "eye_m", "target_m"];
 
-/// Default world for a robot, see [`text_for`].
+fn scaled_text(scale: f64) -> String {
+    if scale == 1.0 {
+        return DEFAULT_TEXT.to_owned();
+    }
+    let scaled = |line: &str| {
+        let (key, numbers) = line.split_once(" = [").filter(|(key, _)| SCALED_KEYS.contains(key))?;
+        let metres = numbers.strip_suffix(']')?.split(", ").map(str::parse::<f64>);
+        let metres: Vec<String> =
+            metres.map(|number| Some(format!("{:.4}", number.ok()? * scale))).collect::<Option<_>>()?;
+        Some(format!("{key} = [{}]", metres.join(", ")))
+    };
+    DEFAULT_TEXT.lines().map(|line| scaled(line).unwrap_or_else(|| line.to_owned()) + "\n").collect()
+}
+
+/// Default world for a robot, see [`text_for`]; one without a wrist camera keeps that of the default robot.
 ///
 /// # Errors
-/// [`AssetError::UnknownRobot`] with near misses; [`AssetError::Data`] if the robot does not suit the world.
+/// [`AssetError::UnknownRobot`] with near misses; [`AssetError::Data`] if its reach does not suit the world.
 pub fn for_robot(name: &str) -> Result<World, AssetError> {
-    let text = text_for(&*robots::named(name)?);
-    read(&text).map(|(world, _)| world).map_err(|faults| {
+    let (world, _) = read(&scaled_text(robots::named(name)?.reach_scale())).map_err(|faults| {
         let faults: Vec<String> = faults.iter().map(ToString::to_string).collect();
         AssetError::Data { file: format!("the default world for robot {name}"), message: faults.join("; ") }
-    })
+    })?;
+    with_robot(&world, name)
 }
 
 /// Parses a world from TOML or JSON text, with its robot from the registry.

@@ -349,7 +349,8 @@ fn every_action_specification_reproduces_the_recorded_commands() {
                 let target: Vec<f64> = command[..7].iter().map(|&q| f64::from(q)).collect();
                 let (motion, grip) = action.split_at(action.len() - 1);
                 let motion: Vec<f64> = motion.iter().map(|&value| f64::from(value)).collect();
-                assert!((spec.gripper.width_m(grip[0], &robot.gripper) - command[7]).abs() < 1e-6);
+                let held = spec.gripper.width_m(spec.gripper.number(command[7], &robot.gripper), &robot.gripper);
+                assert!((spec.gripper.width_m(grip[0], &robot.gripper) - held).abs() < 1e-6);
                 let moved = |share: f64| arm.iter().zip(&motion).map(|(q, v)| q + v * share).collect();
                 let read = |numbers: &[f64]| {
                     let rotation = spec.rotation.decode(&numbers[3..]).unwrap();

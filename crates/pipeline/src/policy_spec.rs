@@ -290,7 +290,7 @@ mod tests {
             (json!({"rate_hz": "fast"}), "got \"fast\""),
             (json!({"execute_steps": -1}), "`execute_steps`: expected a whole number from 0; got -1"),
             (json!({"privileged": "yes"}), "`privileged`: expected true or false"),
-            (json!({"action": "wheels"}), "`action`: expected one of joint, joint_delta"),
+            (json!({"action": "wheels"}), "`action`: expected one of joint, joint_degrees, joint_delta"),
             (json!({"action": {"space": "ee_delta"}}), "`action.gripper` is missing"),
             (json!({"action": {"gripper": gripper}}), "`action.space` is missing"),
             (json!({"action": {"space": "wheels", "gripper": gripper}}), "`action.space`: unknown variant `wheels`"),

@@ -71,8 +71,9 @@ impl EpisodeColumns<'_> {
                     return Some((row, "observation.state", expected, q.to_string()));
                 }
             }
-            if let Some(ee) = ee
-                && let Some((expected, found)) = differ(&robot.tcp_pose(&arm), width_m, ee.row(row))
+            let seen = ee.map(|ee| held(ee.row(row), spec, robot));
+            if let Some(seen) = seen
+                && let Some((expected, found)) = differ(&robot.tcp_pose(&arm), width_m, &seen)
             {
                 return Some((
                     row,
@@ -144,7 +145,8 @@ impl EpisodeColumns<'_> {
                 return Some((row, "action", expected, format!("{motion:?}")));
             };
             let width = f64::from(spec.gripper.width_m(grip[0] as f32, &robot.gripper));
-            if let Some((expected, found)) = differ(&pose_of(ee.row(row)), ee.row(row)[6], &row_of(&pose, width)) {
+            let commanded = held(ee.row(row), &spec, robot);
+            if let Some((expected, found)) = differ(&pose_of(&commanded), commanded[6], &row_of(&pose, width)) {
                 let expected = format!("{expected}, according to ee.action");
                 return Some((row, "action", expected, format!("{found}, decoded as {spec}")));
             }
@@ -152,6 +154,15 @@ impl EpisodeColumns<'_> {
         }
         None
     }
+}
+
+/// Row of `ee.state` or `ee.action` with the opening that a gripper value of the contract can hold: values in percent end
+/// where the gripper is closed or open.
+fn held(row: &[f64], spec: &ActionSpec, robot: &RobotModel) -> [f64; 7] {
+    let mut held: [f64; 7] = std::array::from_fn(|index| row[index]);
+    let number = spec.gripper.number(held[6] as f32, &robot.gripper);
+    held[6] = f64::from(spec.gripper.width_m(number, &robot.gripper));
+    held
 }
 
 /// Pose of a row of `ee.state` or `ee.action`.

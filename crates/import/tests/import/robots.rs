@@ -391,8 +391,9 @@ fn a_desk_arm_gets_a_home() {
     let found = add::propose(read(&five([0.04, 0.04, 0.1, 0.1, 0.06])).unwrap(), "desk", None).unwrap();
     assert!(!found.notes.iter().any(|note| note.contains("no posture")), "{:?}", found.notes);
     let tool = found.model.tcp_pose(&found.model.home);
-    assert!(tool.position.z > 0.05 && tool.position.z < 0.11, "{tool:?}");
-    assert!(tool.transform_vector(DVec3::Z).z < -0.99, "{tool:?}");
+    // Too short to point down above the objects, it looks ahead.
+    let approach = tool.transform_vector(DVec3::Z);
+    assert!(tool.position.z > 0.19 && approach.z < -0.1 && approach.x > 0.3, "{tool:?}");
 }
 
 #[test]
