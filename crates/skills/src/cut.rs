@@ -77,11 +77,12 @@ mod tests {
             release: [c, d],
             retreat: [d, 200],
         };
-        check(200, &[40..120], 50..100, Ok(whole(40, 52, 99, 120)));
+        let whole_contact = std::slice::from_ref(&(40..120));
+        check(200, whole_contact, 50..100, Ok(whole(40, 52, 99, 120)));
         // A touch on the way that ended long before does not count, nor does an instant without contact.
         check(200, &[10..15, 40..70, 75..120], 50..100, Ok(whole(40, 52, 99, 120)));
         check(200, &[], 50..100, Err("contact"));
         check(200, &[40..60, 80..120], 50..100, Err("let go"));
-        check(200, &[40..120], 150..400, Err("moved"));
+        check(200, whole_contact, 150..400, Err("moved"));
     }
 }

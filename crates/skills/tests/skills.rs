@@ -1,5 +1,7 @@
 //! A take of the scripted operator becomes a skill, and the skill an episode of another object.
 
+#![allow(clippy::unwrap_used)] // The exemption for tests does not reach helpers of an integration test.
+
 use std::sync::Arc;
 
 use genmanip_assets::worlds::default_world;

@@ -54,9 +54,9 @@ pub fn from_chart(seen: &[Option<[f64; 3]>]) -> Option<(CameraResponse, f64)> {
     // Gains first: a start at the right brightness.
     let mut first = start();
     for (channel, gain) in first.iter_mut().enumerate().take(3) {
-        let total =
-            |side: fn(&([f64; 3], [f64; 3])) -> [f64; 3]| pairs.iter().map(|pair| side(pair)[channel]).sum::<f64>();
-        *gain = (total(|pair| pair.1) / total(|pair| pair.0)).max(1e-3).ln();
+        let before: f64 = pairs.iter().map(|(before, _)| before[channel]).sum();
+        let after: f64 = pairs.iter().map(|(_, after)| after[channel]).sum();
+        *gain = (after / before).max(1e-3).ln();
     }
     let (found, _) = minimise(first, evaluate, step)?;
     let left = residuals(&found, &pairs)?;

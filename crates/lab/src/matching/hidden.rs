@@ -97,7 +97,7 @@ impl Hidden {
         let mut variation = sampling::sampled(seed.fork("look"), &vary);
         variation.exposure = 1.0;
         let mut world = (*default_world()).clone();
-        let place = |camera: &str| world.camera(camera).map(|camera| sized(camera)).into_iter();
+        let place = |camera: &str| world.camera(camera).map(sized).into_iter();
         let mut cameras: Vec<Camera> = place("static").chain(place("right")).collect();
         for camera in &mut cameras {
             camera.sensor = Some(CameraSensor { depth: None, color: SENSORS[0].sensor.color });

@@ -1,5 +1,7 @@
 //! A workspace is matched from rendered photographs of a hidden light, and unsuitable photographs are refused.
 
+#![allow(clippy::unwrap_used)] // The exemption for tests does not reach helpers of an integration test.
+
 use std::sync::Arc;
 
 use genmanip_assets::worlds::default_world;

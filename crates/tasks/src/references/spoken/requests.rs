@@ -84,8 +84,7 @@ impl Listener {
             self.mind.next += 1;
         }
         if !self.at_boundary() {
-            let place = self.attempt(Self::places);
-            let Some(places) = place else { return None };
+            let places = self.attempt(Self::places)?;
             let (before, is_next) = (self.mind.next, self.puts_it());
             self.mind.next = before;
             if !is_next {

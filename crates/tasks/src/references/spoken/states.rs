@@ -21,7 +21,7 @@ impl Listener {
         if verb == "lift" && particle.is_none() && objects.iter().all(|object| object.part.is_none()) {
             return None;
         }
-        let Some(action) = action(verb, particle) else { return None };
+        let action = action(verb, particle)?;
         self.changes(&mut objects, action)
     }
 
