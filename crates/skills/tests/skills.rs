@@ -33,31 +33,34 @@ fn robot() -> Arc<RobotModel> {
     robots::named(&default_world().robot.name).unwrap()
 }
 
-/// Take of the scripted operator at a virtual SpaceMouse.
-fn take(stage: &Stage) -> Episode {
+/// Take of the scripted operator, at another device for each seed.
+fn take(stage: &Stage, seed: u64) -> Episode {
     let placed = &stage.scenario.objects[0];
     let change = joint_changes(stage.start(), 0, "pressed").remove(0);
     let tcp = stage.robot.tcp_pose(&stage.scenario.world.robot.home);
     let script = joint_script(&stage.models[0], &placed.pose, &placed.joint_positions, &change, &tcp).unwrap();
     let settings = TeleopSettings::default();
     let operator = ScriptedOperator::new(
-        VirtualKind::ALL[0],
+        VirtualKind::ALL[seed as usize % VirtualKind::ALL.len()],
         script,
         Habits::default(),
         settings.mapping.clone(),
         1.0 / stage.control_rate_hz(),
     );
     let mut policy = Teleoperation::new(settings, Box::new(operator), &stage.robot, &stage.scenario.world).unwrap();
-    let rollout = RolloutSettings { horizon_s: 40.0, ..RolloutSettings::default() };
-    run_episode(stage, &mut policy, "take", Seed::new(3), &rollout).unwrap()
+    let rollout = RolloutSettings { horizon_s: 60.0, ..RolloutSettings::default() };
+    run_episode(stage, &mut policy, "take", Seed::new(seed), &rollout).unwrap()
 }
 
 #[test]
 fn a_take_becomes_a_skill_and_a_verified_episode() {
     let planner = Arc::new(Planner::new(robot(), PlannerSettings::default()).unwrap());
     // The operator errs now and then, as people do.
-    let takes = (1..8).map(|seed| stage("push-button-1", &planner, seed));
-    let skill = takes.into_iter().find_map(|source| record(&source, &take(&source), "press-1", "0123").ok()).unwrap();
+    let skill_of = |seed: u64| {
+        let source = stage("push-button-1", &planner, seed);
+        record(&source, &take(&source, seed), "press-1", "0123").ok()
+    };
+    let skill = (1..16).find_map(skill_of).unwrap();
     assert_eq!(skill.verb, Verb::Press);
     assert!(matches!(skill.grip, Grip::Fixed { .. }), "{:?}", skill.grip);
     let [begin, end] = skill.segments.manipulate;
