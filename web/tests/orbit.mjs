@@ -1,18 +1,18 @@
 // Orbiting of the 3-D view by mouse, with what it costs: frames, heap, geometries and contexts of the GPU.
 
-/** Runs in a page before its own scripts do: counts the canvases that have a context of the GPU. */
+/** Runs in a page before its own scripts do: keeps the contexts of the GPU that are made. */
 export function countContexts() {
   const own = HTMLCanvasElement.prototype.getContext;
-  window.canvasesOnGpu = new Set();
+  window.contextsOfGpu = new Set();
   HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
     const context = own.call(this, kind, ...rest);
-    if (context && /webgl/.test(kind)) window.canvasesOnGpu.add(this);
+    if (context && /webgl/.test(kind)) window.contextsOfGpu.add(context);
     return context;
   };
 }
 
-/** Number of contexts that were made since the page was opened. */
-export const contextsAt = (page) => page.evaluate(() => window.canvasesOnGpu.size);
+/** Number of contexts that were made since the page was opened and not released; the page asks a short-lived one whether it draws in software. */
+export const contextsAt = (page) => page.evaluate(() => [...window.contextsOfGpu].filter((context) => !context.isContextLost()).length);
 
 /** Orbits for some seconds; frames per second. */
 export async function turn(page, seconds) {
