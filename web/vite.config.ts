@@ -8,8 +8,8 @@ const SHADERS = ["meshphong", "meshbasic", "depth", "vsm"];
 const ALWAYS = ["tonemapping_pars_fragment", "colorspace_pars_fragment", "colorspace_fragment"];
 
 /**
- * Leaves out what the page never uses of three.js: headsets, reflections of the surroundings, shaders of other
- * materials, and comments and indentation of shaders.
+ * Leaves out what the page never uses of three.js: headsets, reflections of the surroundings, the table and the shaders
+ * of other materials, and comments and indentation of shaders.
  */
 function lighterThree(): Plugin {
   let used: Set<string> | null = null;
@@ -17,6 +17,7 @@ function lighterThree(): Plugin {
     name: "lighter-three",
     load(id) {
       if (id.endsWith("/extras/PMREMGenerator.js")) return NO_REFLECTIONS;
+      if (id.endsWith("/shaders/DFGLUTData.js")) return NO_SPECULAR_TABLE;
       return id.endsWith("/webxr/WebXRManager.js") ? NO_HEADSETS : null;
     },
     transform(code, id) {
@@ -51,6 +52,9 @@ const NO_REFLECTIONS = `
 export class PMREMGenerator {
   dispose() {}
 }`;
+
+const NO_SPECULAR_TABLE = `
+export function getDFGLUT() { return null; }`;
 
 const NO_HEADSETS = `
 import { EventDispatcher } from "three/src/core/EventDispatcher.js";
