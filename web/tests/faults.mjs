@@ -106,6 +106,19 @@ export async function withstand(browser, server, key, { count, seed, kinds = CON
     for (const editor of editors) for (let left = random(most + 1); left > 0; left--) await editor.move(random(2) === 0);
   };
   const everybody = (work) => Promise.all(editors.map(work));
+  let token = server.token;
+  /** Starts the server again; another token is taken by the pages from the address that they load. */
+  const again = async (options, meanwhile = () => undefined) => {
+    await Promise.all([server.again(options), meanwhile()]);
+    if (server.token === token) return;
+    token = server.token;
+    await everybody(async (editor) => {
+      // Another address with the same page: only a load takes the new token.
+      await editor.page.goto("about:blank");
+      await editor.page.goto(address(token));
+      await editor.take();
+    });
+  };
   let [cuts, firstCut] = [{}, cut_s * 1000];
   const faults = {
     cut: async () => {
@@ -126,26 +139,17 @@ export async function withstand(browser, server, key, { count, seed, kinds = CON
       await editors[0].take();
     },
     restart: async () => {
-      const edited = edits(2);
-      await server.again();
-      await edited;
+      await again({}, () => edits(2));
     },
     expire: async () => {
-      await server.again({ isTokenNeeded: !server.token });
-      await edits(2);
-      await everybody(async (editor) => {
-        // Another address with the same page: only a load takes the new token.
-        await editor.page.goto("about:blank");
-        await editor.page.goto(address(server.token));
-        await editor.take();
-      });
+      await again({ isTokenNeeded: !server.token }, () => edits(2));
     },
     full: async () => {
-      await server.again({ isFull: true });
+      await again({ isFull: true });
       await everybody((editor) => editor.settled());
       await editors[random(2)].move(random(2) === 0);
       await editors[0].page.waitForTimeout(300);
-      await server.again();
+      await again({});
     },
   };
   for (let number = 0; number < count; number++) {

@@ -95,7 +95,7 @@ for (const name of positionals.length > 0 ? positionals : Object.keys(PARTS)) {
   } catch (error) {
     failed += 1;
     for (const [index, context] of browser.contexts().entries()) if (context.pages()[0]) await shot(context.pages()[0], `failed-${name}-${index}`).catch(() => undefined);
-    console.log(`FAILED  ${name} (${seconds()} s), its files are in ${folder}\n${String(error.stack ?? error).replace(/^/gm, "        ")}`);
+    console.log(`FAILED  ${name} (${seconds()} s), its files are in ${folder}\n${`${error.message}\n${error.stack}`.replace(/^/gm, "        ")}`);
   }
   for (const context of browser.contexts()) await context.close();
 }

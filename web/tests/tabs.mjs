@@ -9,6 +9,8 @@ import { startStudio } from "./program.mjs";
 
 /** Crowded, so that every tab has an object of its own. */
 const SCENARIO = "appearance-200-00061-000";
+/** Number of its objects, from the first, that carry none and lie in none: a bowl moves the tomato that lies in it. */
+const FREE = 7;
 /** Times that all tabs come and go, before the memory is taken and after. */
 const CYCLES = 20;
 
@@ -39,7 +41,7 @@ export async function manyTabs(browser, program, folder, suite, count) {
       await lift(page, index);
       await revisionIs(++revision);
     }
-    const together = tabs.slice(0, objects);
+    const together = tabs.slice(0, Math.min(objects, FREE));
     await Promise.all(together.map(lift));
     await revisionIs((revision += together.length));
     const state = (page) => page.evaluate(() => JSON.stringify({ ...window.studio.state(), can_undo: 0, can_redo: 0 }));

@@ -29,17 +29,20 @@ function prepare(program, folder, suites) {
 
 const person = (browser, url, name) => openPage(browser, url, { script: [(author) => localStorage.setItem("genmanip.studio.author", author), name], patience_s: 120 });
 
+/** The stored state that the page shows, such as `abc@2`: a first edit of a frozen scenario makes a copy, of another key. */
+const stored = () => window.studio.state() && `${window.studio.state().key}@${window.studio.state().revision}`;
+
 /** Applies the first repair of every problem in turn until the verdict names none. */
 async function repair(page) {
   for (let step = 0; step < 6; step++) {
     await untilChecked(page);
     const problems = page.getByRole("list", { name: "Problems" });
     if ((await problems.getByText("Nothing is wrong").count()) > 0) return step;
-    const before = await page.evaluate(() => window.studio.state().revision);
+    const before = await page.evaluate(stored);
     const show = problems.getByRole("button", { name: "Show repairs" });
     if ((await problems.locator(".repairs button:not(:text('Show repairs'))").count()) === 0) await show.first().click();
     await problems.locator(".repairs button:not(:text('Show repairs'))").first().click({ timeout: 60_000 });
-    await page.waitForFunction((revision) => window.studio.state()?.revision > revision || window.studio.state()?.revision === 1, before);
+    await until("the repair is stored", async () => ![before, undefined].includes(await page.evaluate(stored)));
   }
   throw new Error(`not repaired: ${await page.locator(".problems").innerText()}`);
 }
@@ -142,11 +145,11 @@ async function reviewMore(browser, studio, size, folder) {
   for (const name of ["ada", "bo"]) {
     const page = await person(browser, studio.url, name);
     await page.getByRole("tab", { name: "Review" }).click();
-    for (;;) {
+    for (let last; ; last = await page.evaluate(stored)) {
       const left = page.getByLabel("Number");
       await left.waitFor();
       await page.keyboard.press("q");
-      await page.waitForTimeout(300);
+      await until("the next one is open", async () => (await left.textContent()) === "0" || ![last, undefined].includes(await page.evaluate(stored)), 30_000);
       if ((await left.textContent()) === "0") break;
       await untilChecked(page);
       await page.waitForFunction(() => document.querySelector(".review .criteria"));
