@@ -215,7 +215,7 @@ impl ActionSpec {
             if expected == got { Ok(()) } else { Err(ActionMismatch { what, expected, got }) }
         };
         differs("space", name(&self.space), name(&given.space))?;
-        if matches!(self.space, ActionSpace::JointDelta | ActionSpace::JointVelocity | ActionSpace::EeDelta) {
+        if !self.space.is_absolute() {
             differs("reference", name(&self.delta_from), name(&given.delta_from))?;
         }
         if !self.space.is_joint() {
@@ -235,6 +235,11 @@ impl ActionSpace {
     /// True for joint-space motions, false for end-effector motions.
     pub fn is_joint(self) -> bool {
         matches!(self, Self::JointPosition | Self::JointDegrees | Self::JointDelta | Self::JointVelocity)
+    }
+
+    /// True for spaces whose actions name a goal by themselves, false for changes and velocities.
+    pub fn is_absolute(self) -> bool {
+        matches!(self, Self::JointPosition | Self::JointDegrees | Self::EePose)
     }
 }
 

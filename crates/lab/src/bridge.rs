@@ -10,7 +10,7 @@ use genmanip_pipeline::PolicyFactory;
 use genmanip_pipeline::evaluate::Suite;
 use genmanip_pipeline::plan::{MotionRequest, Target, plan};
 use genmanip_pipeline::policies::PolicyContext;
-use genmanip_pipeline::real::arm::{ArmSettings, RealArm};
+use genmanip_pipeline::real::arm::{ArmSettings, RealArm, SideChannel};
 use genmanip_pipeline::real::cameras::Rig;
 use genmanip_pipeline::real::rehearsal::Rehearsal;
 use genmanip_pipeline::real::simulated::{SimulatedArmSettings, bridge_robot};
@@ -246,7 +246,7 @@ fn behind_bridge(
     let client = ArmClient::connect(rehearsal, ClientSettings::default(), held)
         .map_err(|error| WorkspaceError::broken("the rehearsal", error))?;
     let settings = ArmSettings { horizon_s: rollout.horizon_s, dry_run: false };
-    let mut robot = RealArm::new(client, stage, settings, Rig::default()).map_err(broken)?.with_truth(Rehearsal::truth);
+    let mut robot = RealArm::new(client, stage, settings, Rig::default()).map_err(broken)?.with_truth();
     match run_policy(&mut robot, stage, policy, case.seed, rollout) {
         // The policy could not even begin, such as one that asks for more than a real camera shows.
         Err(error @ RolloutError::Robot(_)) if robot.client().tally().commands == 0 => return Err(broken(error)),

@@ -1,8 +1,8 @@
 //! Path tracer: slow reference images for the rasteriser.
 //!
-//! Meshes, materials, lights and camera responses are the rasteriser's; photographs of workspaces are not shown. Paths are sampled from a seed with next-event estimation and
-//! multiple importance sampling. Intended differences from the rasteriser: full global illumination, shadows of
-//! everything on everything, and refraction by transparent objects.
+//! Meshes, materials, lights and camera responses are the rasteriser's; photographs of workspaces are not shown. Paths
+//! are sampled from a seed with next-event estimation and multiple importance sampling. Intended differences from the
+//! rasteriser: full global illumination, shadows of everything on everything, and refraction by transparent objects.
 
 mod bvh;
 #[cfg(test)]

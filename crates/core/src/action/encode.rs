@@ -29,11 +29,11 @@ impl ActionSpec {
 
     /// Names of the vector's entries, for an arm with these joints.
     pub fn names(&self, joints: &[&str]) -> Vec<String> {
-        if self.space == ActionSpace::JointDegrees {
-            return joints.iter().chain(&["gripper"]).map(|name| format!("{name}.pos")).collect();
-        }
         let prefix = match self.space {
-            ActionSpace::JointPosition | ActionSpace::JointDegrees | ActionSpace::EePose => "",
+            ActionSpace::JointDegrees => {
+                return joints.iter().chain(&["gripper"]).map(|name| format!("{name}.pos")).collect();
+            }
+            ActionSpace::JointPosition | ActionSpace::EePose => "",
             ActionSpace::JointDelta | ActionSpace::EeDelta => "delta_",
             ActionSpace::JointVelocity => "velocity_",
         };

@@ -11,7 +11,7 @@
 
 use std::path::Path;
 
-use genmanip_core::{ActionContract, ActionSpace, RobotModel, RotationEncoding};
+use genmanip_core::{ActionContract, RobotModel, RotationEncoding};
 use serde_json::{Value, json};
 
 use super::dataset_metadata::DatasetMetadata;
@@ -224,8 +224,7 @@ type ModalityEntry = fn(usize, usize, bool, Option<&str>) -> Value;
 fn parts(contract: &ActionContract, dof: usize, entry: ModalityEntry) -> (Option<Value>, Option<Value>) {
     let spec = &contract.action;
     let motion = spec.motion_length(dof);
-    let is_absolute =
-        matches!(spec.space, ActionSpace::JointPosition | ActionSpace::JointDegrees | ActionSpace::EePose);
+    let is_absolute = spec.space.is_absolute();
     let rotation = match spec.rotation {
         RotationEncoding::QuatWxyz | RotationEncoding::QuatXyzw => "quaternion",
         RotationEncoding::SixD => "rotation_6d",

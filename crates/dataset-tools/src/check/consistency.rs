@@ -112,9 +112,7 @@ impl EpisodeColumns<'_> {
         let (spec, dof) = (contract.action, robot.arm_dof());
         let action = self.column("action", spec.length(dof))?;
         let home = self.episode.home.as_ref().filter(|home| home.len() == dof);
-        if home.is_none()
-            && !matches!(spec.space, ActionSpace::JointPosition | ActionSpace::JointDegrees | ActionSpace::EePose)
-        {
+        if home.is_none() && !spec.space.is_absolute() {
             // Relative actions cannot be decoded without the home position.
             return None;
         }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{CameraRequest, Frame, Observation, PrivilegedState};
+use genmanip_core::{Camera, CameraRequest, Frame, ImageChannels, Observation, PrivilegedState, RgbdImage};
 use genmanip_real::bridge::beyond_m;
 use genmanip_real::bridge::client::{ArmClient, BridgeError, Connection};
 use genmanip_rollout::environment::Step;
@@ -10,8 +10,17 @@ use genmanip_rollout::{RobotInterface, RolloutError, Stage};
 
 use super::cameras::Rig;
 
-/// Function that knows the simulator's truth behind a connection, for tests.
-pub type SideChannel<C> = fn(&C) -> PrivilegedState;
+/// Simulator truth behind a connection, for tests and measurements: a real bridge has none.
+pub trait SideChannel {
+    /// Poses of the objects, and the grasped one.
+    fn truth(&self) -> PrivilegedState;
+
+    /// Instance ids of the pixels of an image that is taken now.
+    ///
+    /// # Errors
+    /// If the camera is not known or cannot be rendered.
+    fn ids(&self, request: &CameraRequest) -> Result<Vec<u16>, String>;
+}
 
 /// Function that is called with the number of each frame.
 type OnFrame = Box<dyn FnMut(usize) + Send>;
@@ -46,7 +55,7 @@ pub struct RealArm<C> {
     stage: Stage,
     settings: ArmSettings,
     rig: Rig,
-    side_channel: Option<SideChannel<C>>,
+    side_channel: Option<fn(&C) -> &dyn SideChannel>,
     command: Vec<f32>,
     frames: Vec<Frame>,
     /// Time of each frame's measurement on the bridge's clock, s.
@@ -94,8 +103,11 @@ impl<C: Connection> RealArm<C> {
 
     /// The same arm with simulator truth for privileged policies.
     #[must_use]
-    pub fn with_truth(self, side_channel: SideChannel<C>) -> Self {
-        Self { side_channel: Some(side_channel), ..self }
+    pub fn with_truth(self) -> Self
+    where
+        C: SideChannel,
+    {
+        Self { side_channel: Some(|connection| connection), ..self }
     }
 
     /// Calls a function with the number of each frame, at its start.
@@ -147,6 +159,20 @@ impl<C: Connection> RealArm<C> {
     /// Frames of the episode, which is over.
     pub fn into_frames(self) -> Vec<Frame> {
         self.frames
+    }
+
+    /// Image of the rig; instance ids, which no camera measures, come over the side channel.
+    fn image(&mut self, camera: &Camera, request: &CameraRequest) -> Result<RgbdImage, RolloutError> {
+        let Some(side_channel) = self.side_channel.filter(|_| request.channels.ids) else {
+            return self.rig.image(&mut self.client, &self.stage.robot, camera, request);
+        };
+        let channels = ImageChannels { ids: false, ..request.channels };
+        let measured = CameraRequest { channels, ..request.clone() };
+        let mut image = self.rig.image(&mut self.client, &self.stage.robot, camera, &measured)?;
+        let ids = side_channel(self.client.connection()).ids(request);
+        image.ids =
+            ids.map_err(|why| RolloutError::Robot(format!("instance ids of `{}`: {why}", request.name).into()))?;
+        Ok(image)
     }
 
     fn state(&self) -> Observation {
@@ -219,7 +245,7 @@ impl<C: Connection> RobotInterface for RealArm<C> {
         let mut observation = self.state();
         for request in cameras {
             let camera = self.stage.camera(request)?;
-            let image = self.rig.image(&mut self.client, &self.stage.robot, &camera, request)?;
+            let image = self.image(&camera, request)?;
             observation.images.insert(request.name.clone(), Arc::new(image));
         }
         Ok(observation)
@@ -227,7 +253,7 @@ impl<C: Connection> RobotInterface for RealArm<C> {
 
     fn truth(&mut self) -> Result<PrivilegedState, RolloutError> {
         let none = || RolloutError::Robot("a real arm has no simulator truth: this policy cannot act on it".into());
-        self.side_channel.map(|truth| truth(self.client.connection())).ok_or_else(none)
+        self.side_channel.map(|side| side(self.client.connection()).truth()).ok_or_else(none)
     }
 
     fn command(&self) -> Result<Vec<f32>, RolloutError> {

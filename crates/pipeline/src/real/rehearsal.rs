@@ -1,12 +1,13 @@
 //! Bridge and simulated arm in this process, on a clock that the client advances by waiting: repeatable, and as fast as
 //! the machine.
 
-use genmanip_core::{PrivilegedState, Seed};
+use genmanip_core::{CameraRequest, PrivilegedState, Seed};
 use genmanip_real::bridge::client::{BridgeError, Connection};
 use genmanip_real::bridge::{Bridge, BridgeSettings, CameraImage, ImageSource, Link, LinkSettings, Reply, Request};
 use genmanip_rollout::Stage;
 use genmanip_workspace::WorkspaceError;
 
+use super::arm::SideChannel;
 use super::simulated::{SimulatedArm, SimulatedArmSettings, SimulatedCameras, bridge_robot};
 
 /// Connection to a bridge in this process.
@@ -53,11 +54,6 @@ impl Rehearsal {
         })
     }
 
-    /// Simulator ground truth, over a side channel that a real bridge lacks.
-    pub fn truth(&self) -> PrivilegedState {
-        PrivilegedState { objects: self.arm.sim().object_states(), grasped: self.arm.grasped() }
-    }
-
     fn tick(&mut self) -> Result<(), BridgeError> {
         self.now_s += self.tick_s;
         while let Some(request) = self.requests.receive(self.now_s) {
@@ -83,6 +79,16 @@ impl Rehearsal {
             self.replies.send(self.now_s, Reply::State(self.bridge.state(self.now_s)), true);
         }
         Ok(())
+    }
+}
+
+impl SideChannel for Rehearsal {
+    fn truth(&self) -> PrivilegedState {
+        PrivilegedState { objects: self.arm.sim().object_states(), grasped: self.arm.grasped() }
+    }
+
+    fn ids(&self, request: &CameraRequest) -> Result<Vec<u16>, String> {
+        self.cameras.ids(request)
     }
 }
 

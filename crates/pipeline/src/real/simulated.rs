@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use genmanip_core::{CameraRequest, ImageChannels, ObjectState, RobotModel, Seed};
+use genmanip_core::{CameraRequest, ImageChannels, ObjectState, RgbdImage, RobotModel, Seed};
 use genmanip_real::bridge::server::Clock;
 use genmanip_real::bridge::{
     BridgeRobot, CameraImage, Driver, DriverError, ImageHead, ImageSource, JointLimits, JointState, Orders, Reading,
@@ -266,28 +266,40 @@ impl ImageSource for SimulatedCameras {
 
     fn image(&self, camera: &str, size: Option<[u32; 2]>) -> Result<CameraImage, String> {
         let request = CameraRequest { size, ..CameraRequest::new(camera, ImageChannels::RGBD) };
-        let view = self.stage.camera(&request).map_err(|error| error.to_string())?;
-        let seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let objects = seen.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
-        let noise = self.stage.scenario.seed.fork("cameras").fork_index((seen.time_s * 1e3) as u64);
-        let mut renderer = self.renderer.lock().unwrap_or_else(PoisonError::into_inner);
-        let images = renderer.render_state(
-            &seen.arm,
-            seen.width_m,
-            objects,
-            &[(&view, ImageChannels::RGBD)],
-            Exposure::still(noise),
-        );
-        let image = images.map_err(|error| error.to_string())?.remove(0);
+        let (image, exposed_s) = self.rendered(&request)?;
         let head = ImageHead {
             camera: camera.into(),
             width: image.width(),
             height: image.height(),
             has_depth: !image.depth_m.is_empty(),
-            exposed_s: seen.time_s,
+            exposed_s,
         };
         let depth_m = image.depth_m.into_iter().map(|depth_m| if depth_m.is_finite() { depth_m.max(0.0) } else { 0.0 });
         Ok(CameraImage { head, rgb: image.rgb, depth_m: depth_m.collect() })
+    }
+}
+
+impl SimulatedCameras {
+    /// Instance ids of the pixels of an image: truth that no real camera measures.
+    ///
+    /// # Errors
+    /// If the camera is not known or cannot be rendered.
+    pub fn ids(&self, request: &CameraRequest) -> Result<Vec<u16>, String> {
+        let channels = ImageChannels { ids: true, rgb: false, depth: false, normals: false, points: false };
+        self.rendered(&CameraRequest { channels, ..request.clone() }).map(|(image, _)| image.ids)
+    }
+
+    /// Image of the present state, and its time, s.
+    fn rendered(&self, request: &CameraRequest) -> Result<(RgbdImage, f64), String> {
+        let view = self.stage.camera(request).map_err(|error| error.to_string())?;
+        let seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let objects = seen.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
+        let noise = self.stage.scenario.seed.fork("cameras").fork_index((seen.time_s * 1e3) as u64);
+        let mut renderer = self.renderer.lock().unwrap_or_else(PoisonError::into_inner);
+        let views = [(&view, request.channels)];
+        let images = renderer.render_state(&seen.arm, seen.width_m, objects, &views, Exposure::still(noise));
+        let image = images.map_err(|error| error.to_string())?.remove(0);
+        Ok((image, seen.time_s))
     }
 }
 

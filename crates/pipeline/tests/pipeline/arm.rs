@@ -31,7 +31,7 @@ fn arm(
 ) -> RealArm<Rehearsal> {
     let rehearsal = Rehearsal::new(stage, BridgeSettings::default(), flaws, LINK, Seed::new(7)).unwrap();
     let client = ArmClient::connect(rehearsal, ClientSettings::default(), Arc::clone(held)).unwrap();
-    RealArm::new(client, stage, settings, Rig::default()).unwrap().with_truth(Rehearsal::truth)
+    RealArm::new(client, stage, settings, Rig::default()).unwrap().with_truth()
 }
 
 /// The expert, unchanged, solves a scene behind 20 ± 10 ms of delay and 1 % of loss.

@@ -65,7 +65,7 @@ impl LinearPhotograph {
 /// 8-bit RGB and size (width, height) of the base64 of a JPEG file.
 ///
 /// # Errors
-/// What is wrong with it.
+/// For text that is no base64, bytes that are no JPEG, and images above 8192 pixels a side.
 pub fn decoded(base64_jpeg: &str) -> Result<(Vec<u8>, [u32; 2]), String> {
     let bytes = base64::engine::general_purpose::STANDARD.decode(base64_jpeg);
     let bytes = bytes.map_err(|error| format!("its photograph is no base64: {error}"))?;
