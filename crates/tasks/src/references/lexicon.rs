@@ -158,6 +158,11 @@ impl Lexicon {
         self.heads.contains_key(&self.singular(word)) || self.is_adjective(word) || EMPTY.contains(&word)
     }
 
+    /// True if the word names objects.
+    pub fn is_noun(&self, word: &str) -> bool {
+        self.heads.contains_key(&self.singular(word))
+    }
+
     /// True if the word describes an object without naming it.
     pub fn is_adjective(&self, word: &str) -> bool {
         self.colors.contains(word)

@@ -1,27 +1,42 @@
-//! Requests: a verb with its objects, a statement of where or how something should be, or a phrase with a place.
+//! Requests: a verb with its objects and where they go.
 
 use super::super::command::{Command, Group, Place};
 use super::listener::Listener;
-use super::verbs::{Class, is_verb};
-use super::words::{COPULAS, DUTIES, WISHES};
+use super::verbs::{Class, is_form};
+use super::words::vocabulary;
+
+type Parser = fn(&mut Listener) -> Option<Vec<Command>>;
+
+/// Parsers of requests with a verb.
+const VERBAL: [Parser; 7] = [
+    Listener::tower,
+    Listener::state,
+    Listener::touch,
+    Listener::fill,
+    Listener::take_up,
+    Listener::carry,
+    Listener::repeat,
+];
+/// Parsers of other requests and of facts about the initial scene.
+const OTHER: [Parser; 6] =
+    [Listener::wish, Listener::inverted, Listener::given, Listener::statement, Listener::fragment, Listener::named];
 
 impl Listener {
     /// Commands of the request that begins here; `None` if there is none.
     pub(super) fn request(&mut self) -> Option<Vec<Command>> {
         self.choice();
-        let parsers = [
-            Self::tower,
-            Self::state,
-            Self::take_up,
-            Self::carry,
-            Self::wish,
-            Self::given,
-            Self::statement,
-            Self::fragment,
-            Self::named,
-        ];
-        for parse in parsers {
-            let found = self.attempt(|listener| {
+        let plain = if self.asks() {
+            self.attempt(Self::sought)
+        } else {
+            self.first_of(&VERBAL).or_else(|| self.first_of(&OTHER))
+        };
+        plain.or_else(|| self.attempt(Self::wrapped)).or_else(|| self.attempt(Self::reported))
+    }
+
+    /// Commands of the first parser that reads as far as the end of a clause.
+    fn first_of(&mut self, parsers: &[Parser]) -> Option<Vec<Command>> {
+        parsers.iter().find_map(|parse| {
+            self.attempt(|listener| {
                 listener.mind.source = None;
                 let commands = parse(listener)?;
                 if listener.at_boundary() {
@@ -29,12 +44,47 @@ impl Listener {
                 }
                 let rest = listener.clause(listener.mind.next);
                 listener.blame(format!("`{rest}` is not understood"))
-            });
+            })
+        })
+    }
+
+    /// Parses a request after words of politeness, the fewest that leave one: `would it be possible to move …`,
+    /// `it would be nice if the mug was …`.
+    fn wrapped(&mut self) -> Option<Vec<Command>> {
+        let (start, asks) = (self.mind.next, self.asks());
+        loop {
+            let said = self.take_any(&vocabulary().polite)?;
+            let prefix = format!(" {} ", self.tokens[start..self.mind.next].join(" "));
+            let says = |words: &[&str]| words.iter().any(|word| prefix.contains(&format!(" {word} ")));
+            if asks && !says(&vocabulary().enabling) {
+                continue;
+            }
+            let is_sequence = said == "have" && says(&["once", "after", "when"]);
+            let is_wish =
+                vocabulary().desires.contains(&said) && (says(&vocabulary().wanting) || says(&vocabulary().weak));
+            let mut found = None;
+            if !vocabulary().stative.contains(&said) || is_sequence {
+                found = self.first_of(&VERBAL);
+            }
+            if found.is_none() && is_wish {
+                let is_duty = !says(&vocabulary().wanting);
+                found = self.attempt(|listener| {
+                    let commands = listener.wanted(is_duty)?;
+                    listener.at_boundary().then_some(commands)
+                });
+            }
             if found.is_some() {
                 return found;
             }
         }
-        None
+    }
+
+    /// Parses a request that somebody reports: `mum says the mug has to go on the tray`.
+    fn reported(&mut self) -> Option<Vec<Command>> {
+        let offset = (1..4).find(|&offset| vocabulary().reporting.contains(&self.ahead(offset)))?;
+        self.mind.next += offset + 1;
+        self.take("that");
+        self.first_of(&VERBAL).or_else(|| self.first_of(&OTHER))
     }
 
     /// Remembers `of the two apples,` for the next phrase.
@@ -59,8 +109,7 @@ impl Listener {
         let several = phrases.into_iter().find_map(|phrase| {
             let (first, rest) = phrase.split_once(' ')?;
             let length = self.at_index(self.mind.next + 1, rest)?;
-            (class.base(self.ahead(0)) == class.base(first) && class.base(first).is_some())
-                .then_some((phrase, length + 1))
+            is_form(self.ahead(0), first).then_some((phrase, length + 1))
         });
         if let Some((phrase, length)) = several {
             self.mind.next += length;
@@ -72,7 +121,7 @@ impl Listener {
     }
 
     /// Parses `take the orange out of the bowl`; where it goes may follow.
-    fn take_up(&mut self) -> Option<Vec<Command>> {
+    pub(super) fn take_up(&mut self) -> Option<Vec<Command>> {
         let verb = self.verb(Class::Take)?;
         self.take_any(&["me", "us", "out", "up"]);
         let mut subjects = self.noun_phrases()?;
@@ -80,10 +129,10 @@ impl Listener {
         self.come_from(&mut subjects)?;
         while self.take_any(&["up", "out", "off", "away"]).is_some() {}
         // `off the tray and onto a plate`
-        if self.ahead(0) == "and" && super::places::begins_at(self, self.mind.next + 1) {
+        if ["and", ","].contains(&self.ahead(0)) && super::places::begins_at(self, self.mind.next + 1) {
             self.mind.next += 1;
         }
-        if !self.at_boundary() {
+        if !self.at_boundary() || self.at_result() {
             let places = self.attempt(Self::places)?;
             let (before, is_next) = (self.mind.next, self.puts_it());
             self.mind.next = before;
@@ -104,11 +153,15 @@ impl Listener {
     /// True if `and put it` comes next.
     fn puts_it(&mut self) -> bool {
         self.skip_courtesies();
-        self.verb(Class::Carry).is_some() && self.take_any(&["it", "them", "that"]).is_some()
+        self.verb(Class::Carry).is_some() && self.take_any(&["it", "them", "that", "both", "these"]).is_some()
     }
 
     /// Notes where the objects are taken from.
-    fn come_from(&mut self, subjects: &mut [Group]) -> Option<()> {
+    pub(super) fn come_from(&mut self, subjects: &mut [Group]) -> Option<()> {
+        if let Some(fronted) = self.mind.fronted.take() {
+            subjects.iter_mut().for_each(|subject| subject.at = Some(Box::new(fronted.clone())));
+            self.mind.source = Some(fronted);
+        }
         while super::places::is_source(self, self.mind.next) {
             let source = self.source()?;
             if let ([subject], Some(place)) = (&mut *subjects, &source)
@@ -126,7 +179,7 @@ impl Listener {
     }
 
     /// Parses a verb with objects and a place: `park the toy car behind the cube`.
-    fn carry(&mut self) -> Option<Vec<Command>> {
+    pub(super) fn carry(&mut self) -> Option<Vec<Command>> {
         let verb = self.verb(Class::Carry)?;
         while self.take_any(&["me", "us", "down", "up", "back", "over", "away", "aside"]).is_some() {}
         let is_pronoun = ["it", "them", "that", "both", "this"].contains(&self.ahead(0));
@@ -135,13 +188,16 @@ impl Listener {
             self.mind.pending.clear();
         }
         self.come_from(&mut subjects)?;
+        if let Some(commands) = self.attempt(|listener| listener.mutual(&subjects)) {
+            return Some(commands);
+        }
         // `put the apple or the pear in the bowl`
         let other = self.attempt(|listener| {
             listener.take("or").then_some(())?;
             listener.noun_phrase()
         });
-        let elliptic =
-            self.mind.place.clone().filter(|_| verb == "add" || self.ahead(0) == "too" || self.at("as well").is_some());
+        let last = self.mind.place.clone();
+        let elliptic = last.filter(|_| verb == "add" || self.take_any(&vocabulary().likewise).is_some());
         let places = match self.attempt(Self::places) {
             Some(places) => places,
             None => match elliptic.filter(|_| self.at_boundary()) {
@@ -178,10 +234,12 @@ impl Listener {
     }
 
     /// The command that brings objects to a place; a second place after a comma is a second condition.
-    fn put(&mut self, subjects: Vec<Group>, places: Vec<Place>) -> Option<Vec<Command>> {
+    pub(super) fn put(&mut self, subjects: Vec<Group>, places: Vec<Place>) -> Option<Vec<Command>> {
+        self.mind.action = None;
         let mut commands = vec![Command::Put { subjects: subjects.clone(), places: places.clone() }];
         if let Some(more) = self.attempt(|listener| {
             listener.take_any(&[",", "and"]);
+            listener.result();
             let is_beside = super::places::begins(listener);
             let place = is_beside.then(|| listener.place()).flatten()?;
             (place.relations.iter().all(|relation| !relation.is_support()) && listener.at_boundary()).then_some(place)
@@ -198,104 +256,5 @@ impl Listener {
 
     pub(super) fn remember(&mut self, groups: Vec<Group>) {
         self.mind.topic = groups;
-    }
-
-    /// Parses `I want the mug on the plate`, `make sure the tap is off`, `could the glass go to the left of the jug`.
-    fn wish(&mut self) -> Option<Vec<Command>> {
-        // `grandma needs her mug on the tray`
-        if self.take_any(&WISHES).is_none() {
-            let offset = (1..4).find(|&offset| ["needs", "wants", "need", "want"].contains(&self.ahead(offset)))?;
-            self.mind.next += offset + 1;
-            (!self.is_end(self.mind.next) && self.ahead(0) != "to").then_some(())?;
-        }
-        self.take("that");
-        let mut subjects = self.changed_objects()?;
-        self.copula();
-        self.goal(&mut subjects)
-    }
-
-    /// Parses `the toy car should be parked behind the cube`, `the eggs go in the pan`, `the oven needs closing`.
-    fn statement(&mut self) -> Option<Vec<Command>> {
-        let mut subjects = self.changed_objects()?;
-        let start = self.mind.next;
-        self.copula();
-        let is_duty = self.tokens[start..self.mind.next].iter().any(|word| DUTIES.contains(&word.as_str()));
-        is_duty.then_some(())?;
-        self.goal(&mut subjects)
-    }
-
-    /// Skips the words between an object and its place or state.
-    fn copula(&mut self) {
-        loop {
-            let word = self.ahead(0);
-            let is_place = super::places::begins(self);
-            let is_verb = Class::Carry.base(word).is_some() && word != "left" && self.at("put on").is_none();
-            if is_place || !(COPULAS.contains(&word) || is_verb) {
-                return;
-            }
-            self.mind.next += 1;
-        }
-    }
-
-    /// Requested places or states of objects.
-    fn goal(&mut self, subjects: &mut Vec<Group>) -> Option<Vec<Command>> {
-        if let Some(action) = self.attempt(Self::wanted_state) {
-            return self.changes(subjects, action);
-        }
-        self.come_from(subjects)?;
-        self.copula();
-        let places = self.attempt(Self::places)?;
-        self.come_from(subjects)?;
-        self.put(std::mem::take(subjects), places)
-    }
-
-    /// Parses a fact about the initial scene: `the potato is already in the pot`, `there is an apple in the bowl`.
-    fn given(&mut self) -> Option<Vec<Command>> {
-        let is_there = self.take_any(&["there is already", "there is", "there are", "here is"]).is_some();
-        let mut group = self.noun_phrase()?;
-        if !is_there {
-            self.take_any(&[
-                "is already",
-                "is currently",
-                "is still",
-                "is now",
-                "is",
-                "are already",
-                "are currently",
-                "are",
-            ])?;
-            self.take_any(&["standing", "lying", "sitting"]);
-        }
-        let at = match group.at.take() {
-            Some(at) => at,
-            None => {
-                self.skip_modifiers();
-                Box::new(self.place()?)
-            }
-        };
-        group.at = Some(at);
-        self.remember(vec![group.clone()]);
-        Some(vec![Command::Given(group)])
-    }
-
-    /// Parses `the red mug,` before `put it …`.
-    fn named(&mut self) -> Option<Vec<Command>> {
-        let group = self.noun_phrase()?;
-        (self.ahead(0) == "," && is_verb(self.ahead(1)) && ["it", "them"].contains(&self.ahead(2))).then_some(())?;
-        self.mind.pending = vec![group.clone()];
-        self.remember(vec![group]);
-        Some(Vec::new())
-    }
-
-    /// Parses a phrase with a place, without a verb.
-    fn fragment(&mut self) -> Option<Vec<Command>> {
-        let mut subjects = self.noun_phrases()?;
-        self.come_from(&mut subjects)?;
-        let last = self.mind.place.clone().filter(|_| self.ahead(0) == "too" || self.at("as well").is_some());
-        let places = match self.attempt(Self::places) {
-            Some(places) => places,
-            None => vec![last?],
-        };
-        self.put(subjects, places)
     }
 }
