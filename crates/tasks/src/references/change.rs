@@ -73,6 +73,8 @@ pub(super) fn action(verb: &str, particle: Option<&str>) -> Option<Action> {
         (_, high) if TURNED.contains(&verb) && (high.ends_with("high") || high == "all the way up") => Action::High,
         ("draw" | "yank" | "tug" | "slide", "out") => Action::Open,
         ("slide" | "ease", "shut" | "closed") => Action::Close,
+        ("flip" | "swing" | "tip" | "fold", "up") => Action::Open,
+        ("flip" | "swing", "down") => Action::Close,
         ("open", "up" | "out") | ("lift" | "raise", "up") | ("pull", "out") => Action::Open,
         ("close" | "shut", "up") | ("close" | "lower" | "fold", "down") => Action::Close,
         ("press" | "push" | "hit" | "punch", "down" | "in") => Action::Press,

@@ -1,6 +1,6 @@
 //! Clauses: where one ends, and which of them are no requests.
 
-use super::super::command::{Group, Number};
+use super::super::command::{Command, Group, Number};
 use super::super::lexicon::lexicon;
 use super::listener::Listener;
 use super::places::begins_at;
@@ -31,6 +31,7 @@ impl Listener {
     /// Takes a title before a colon, such as `subtask 1:`.
     fn label(&mut self) -> bool {
         let found = self.attempt(|listener| {
+            listener.take_any(&["ensure", "achieve", "reach", "produce"]);
             listener.take_any(&["my", "your", "our", "the"]);
             listener.take_any(&vocabulary().labels)?;
             listener.take("number");
@@ -79,8 +80,10 @@ impl Listener {
 
     /// True if a question begins here.
     pub(super) fn asks(&self) -> bool {
-        let is_duty = self.ahead(0) == "has" && self.ahead(1) == "to" || self.at("do the same").is_some();
-        vocabulary().questions.contains(&self.ahead(0)) && !is_duty
+        // `has to go there`, `do the same`, `have the mug moved`
+        let is_verb = ["has", "have", "do"].contains(&self.ahead(0))
+            && !["you", "we", "i", "they", "he", "she", "it", "anyone", "there"].contains(&self.ahead(1));
+        vocabulary().questions.contains(&self.ahead(0)) && !is_verb
     }
 
     /// True where a request ends.
@@ -98,7 +101,8 @@ impl Listener {
             || Some(index) == self.mind.stop
             || is_mark(word)
             || is_boundary(word)
-            || ["also", "again", "instead", "next"].contains(&word);
+            || ["also", "again", "instead"].contains(&word)
+            || word == "next" && !begins_at(self, index);
         ends || is_purpose
             || vocabulary().courtesies.iter().any(|phrase| phrase.contains(' ') && self.at(phrase).is_some())
     }
@@ -157,10 +161,38 @@ impl Listener {
     fn requests_first(&self, start: usize, end: usize) -> bool {
         let is_first = ["after", "once", "before", "when", "while"].contains(&self.token(start));
         let acts = |index: usize| {
-            let word = self.token(index);
-            is_verb(word) && (word.ends_with("ing") || word.ends_with("ed") || ["put", "set", "shut"].contains(&word))
+            let (word, before) = (self.token(index), self.token(index - 1));
+            let is_form = word.ends_with("ing") || word.ends_with("ed") || ["put", "set", "shut"].contains(&word);
+            is_verb(word) && (is_form || before == "you" || before == "we")
         };
         is_first && (start + 1..end).any(acts)
+    }
+
+    /// Parses a request after a circumstance without a comma, or after `by`: `for lunch the bread goes on the board`, `make
+    /// room by moving the cup behind the jug`.
+    pub(super) fn late(&mut self) -> Option<Vec<Command>> {
+        let (start, end) = (self.mind.next, self.clause_end());
+        let openers = [
+            "for", "by", "when", "as", "since", "because", "after", "before", "while", "once", "in", "tonight",
+            "today", "now", "until",
+        ];
+        let opens = openers.contains(&self.ahead(0)) && !self.requests_first(start, end);
+        (start + 1..end).find_map(|index| {
+            let (before, word) = (self.token(index - 1), self.token(index));
+            let is_way = before == "by" && word.ends_with("ing") && is_verb(word);
+            let is_start = index > start + 1
+                && !self.is_determined(index - 1)
+                && (is_verb(word) && before != "to"
+                    || self.is_determined(index)
+                    || ["i", "we", "please"].contains(&word));
+            (is_way || opens && is_start).then_some(())?;
+            self.attempt(|listener| {
+                listener.mind.next = index;
+                listener.skip_courtesies();
+                let commands = listener.request()?;
+                (listener.mind.next >= end && !commands.is_empty()).then_some(commands)
+            })
+        })
     }
 
     /// Remembers the object that an aside is about, for the pronouns that follow.
@@ -175,8 +207,12 @@ impl Listener {
             self.mind.next = index;
             self.mind.stop = Some(end);
             let is_named = self.is_determined(index) && !["it", "them", "that"].contains(&self.token(index));
-            let group = if is_named { self.attempt(Self::noun_phrase) } else { None };
-            let Some(mut group) = group.filter(|group| is_thing(group)) else {
+            let mut group = if is_named { self.attempt(Self::noun_phrase) } else { None };
+            // `the fan running`
+            if let Some(group) = group.as_mut().filter(|group| !is_thing(group) && group.words.len() > 1) {
+                group.words.pop();
+            }
+            let Some(mut group) = group.filter(is_thing) else {
                 index += 1;
                 continue;
             };

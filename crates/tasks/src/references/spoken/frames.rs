@@ -35,7 +35,10 @@ impl Listener {
     /// Parses `give the button a push`.
     pub(super) fn touch(&mut self) -> Option<Vec<Command>> {
         self.take_any(&["give", "giving"])?;
+        let end = self.clause_end();
+        self.mind.stop = (self.mind.next + 1..end).find(|&index| self.token(index) == "a");
         let objects = self.noun_phrases()?;
+        self.mind.stop = None;
         self.take_any(&["a", "a quick", "a gentle", "a little", "a good", "a firm", "a light"])?;
         self.take_any(&["push", "press", "tap", "poke", "click", "prod", "jab", "punch"])?;
         self.changes(&objects, Action::Press)
@@ -44,8 +47,10 @@ impl Listener {
     /// Parses two objects that are to be beside each other.
     pub(super) fn mutual(&mut self, subjects: &[Group]) -> Option<Vec<Command>> {
         let [one, other] = subjects else { return None };
-        self.skip_modifiers();
-        self.take_any(&vocabulary().mutual)?;
+        if self.take_any(&vocabulary().mutual).is_none() {
+            self.skip_modifiers();
+            self.take_any(&vocabulary().mutual)?;
+        }
         let is_single = one.number == Number::One && other.number == Number::One;
         (is_single && self.at_boundary()).then_some(())?;
         self.put(vec![one.clone()], vec![Place { relations: &[Relation::Near], objects: vec![other.clone()] }])

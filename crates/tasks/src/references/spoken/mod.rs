@@ -32,7 +32,7 @@ pub(super) fn hear(text: &str) -> Result<Parsed, String> {
             break;
         }
         listener.check_mood()?;
-        if let Some(commands) = listener.request() {
+        if let Some(commands) = listener.request().or_else(|| listener.late()) {
             parsed.commands.extend(commands);
         } else if let Some(aside) = listener.aside() {
             parsed.context += &format!(" {aside}");

@@ -58,6 +58,9 @@ impl Listener {
 
     /// One noun phrase with its location.
     pub(super) fn noun_phrase(&mut self) -> Option<Group> {
+        if let Some(group) = self.attempt(Self::free_choice) {
+            return Some(group);
+        }
         let start = self.mind.next;
         let (number, is_definite) = self.number();
         let mut words: Vec<String> = Vec::new();
@@ -86,6 +89,11 @@ impl Listener {
             // `the spoon placed next to the bowl`
             let is_participle = word.ends_with("ed") && super::verbs::Class::Carry.base(word).is_some();
             let is_told = !words.is_empty() && is_participle && super::places::begins_at(self, index + 1);
+            // `from the tray take the mug`, `the light switched on`
+            let class = super::verbs::Class::State;
+            let acts = super::verbs::is_verb(word) && self.is_determined(index + 1)
+                || word.ends_with("ed") && class.base(word).is_some() && vocabulary().particles.contains(&follows);
+            let is_told = is_told || !words.is_empty() && acts;
             let stops = stops || is_told || is_modal || is_level || !has_trait && (is_top || is_unknown);
             if !is_part && stops || !words.is_empty() && super::places::begins_at(self, index) {
                 break;
@@ -148,6 +156,28 @@ impl Listener {
             self.mind.next += 1;
         }
         (number, is_definite)
+    }
+
+    /// Parses `whichever mug is blue`, `whatever apple you like`.
+    fn free_choice(&mut self) -> Option<Group> {
+        self.take_any(&["whichever", "whatever", "any"])?;
+        let mut noun = Vec::new();
+        while !self.is_end(self.mind.next) && !["is", "looks", "you"].contains(&self.ahead(0)) {
+            noun.push(self.ahead(0).to_owned());
+            self.mind.next += 1;
+        }
+        let mut words = Vec::new();
+        if self.take_any(&["you like", "you want", "you prefer", "you fancy", "you please", "you find"]).is_none() {
+            self.take_any(&["is the", "is", "looks"])?;
+            while !self.is_end(self.mind.next) && !super::places::begins(self) {
+                words.push(self.ahead(0).to_owned());
+                self.mind.next += 1;
+            }
+            (!words.is_empty()).then_some(())?;
+        }
+        words.extend(noun);
+        self.complete(&mut words);
+        (words.len() > 0).then(|| Group::of(words))
     }
 
     /// A relative clause with a location.

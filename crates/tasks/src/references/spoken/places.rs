@@ -118,6 +118,9 @@ impl Listener {
             listener.take_any(&vocabulary().results)?;
             listener.take_any(&["it", "they", "that", "this", "both", "he", "she"])?;
             listener.copula();
+            while !begins(listener)
+                && listener.take_any(&["right", "directly", "somewhere", "just", "exactly"]).is_some()
+            {}
             (begins(listener) || listener.table_at(listener.mind.next).is_some()).then_some(())
         })
     }
@@ -125,6 +128,10 @@ impl Listener {
     pub(super) fn skip_modifiers(&mut self) {
         loop {
             self.result();
+            // `move it to behind the box`
+            if self.ahead(0) == "to" && begins_at(self, self.mind.next + 1) {
+                self.mind.next += 1;
+            }
             let is_side = self.side_at(self.mind.next).is_some();
             if is_side || self.preposition(self.mind.next).is_some_and(|(relations, _)| !relations.is_empty()) {
                 // `right next to` is a preposition, but `in the gap between` is not `in`.
@@ -223,7 +230,11 @@ impl Listener {
             }
             Owner::None => match &self.mind.source {
                 Some(source) => source.objects.clone(),
-                None => return self.blame(format!("`{}` of what?", self.tokens[start..self.mind.next].join(" "))),
+                // `the fork on the left of the plate and the knife on the right`
+                None => match self.mind.place.clone().filter(|place| is_side(place.relations)) {
+                    Some(place) => place.objects,
+                    None => return self.blame(format!("`{}` of what?", self.tokens[start..self.mind.next].join(" "))),
+                },
             },
         };
         Some(Place { relations, objects })
@@ -334,7 +345,6 @@ impl Listener {
             return Some(place.objects.clone());
         }
         // `the fork to the left of the plate and the knife to its right`
-        let is_side = |relations: &[Relation]| matches!(relations, [Relation::Left] | [Relation::Right]);
         if let Some(place) = self.mind.place.as_ref().filter(|place| is_side(place.relations) && is_side(relations)) {
             return Some(place.objects.clone());
         }
@@ -344,6 +354,11 @@ impl Listener {
         self.mind.pending.clear();
         Some(self.mind.topic.clone())
     }
+}
+
+/// True for the relations left and right.
+fn is_side(relations: &[Relation]) -> bool {
+    matches!(relations, [Relation::Left] | [Relation::Right])
 }
 
 /// Owner of a side.

@@ -53,7 +53,10 @@ impl Listener {
     fn wrapped(&mut self) -> Option<Vec<Command>> {
         let (start, asks) = (self.mind.next, self.asks());
         loop {
-            let said = self.take_any(&vocabulary().polite)?;
+            // `be a gem and …`
+            let is_praise = self.ahead(0) == "be" && self.is_determined(self.mind.next + 1) && self.ahead(3) == "and";
+            let said = if is_praise { "and" } else { self.take_any(&vocabulary().polite)? };
+            self.mind.next += if is_praise { 4 } else { 0 };
             let prefix = format!(" {} ", self.tokens[start..self.mind.next].join(" "));
             let says = |words: &[&str]| words.iter().any(|word| prefix.contains(&format!(" {word} ")));
             if asks && !says(&vocabulary().enabling) {
@@ -81,10 +84,15 @@ impl Listener {
 
     /// Parses a request that somebody reports: `mum says the mug has to go on the tray`.
     fn reported(&mut self) -> Option<Vec<Command>> {
-        let offset = (1..4).find(|&offset| vocabulary().reporting.contains(&self.ahead(offset)))?;
-        self.mind.next += offset + 1;
+        let reporting = &vocabulary().reporting;
+        let says = |index: usize| reporting.iter().find_map(|phrase| self.at_index(index, phrase));
+        let start = self.mind.next;
+        let (index, length) = (start + 1..start + 5).find_map(|index| Some((index, says(index)?)))?;
+        self.mind.next = index + length;
         self.take("that");
-        self.first_of(&VERBAL).or_else(|| self.first_of(&OTHER))
+        self.take_any(&["you to", "us to", "the robot to", "you", "to"]);
+        let found = self.first_of(&VERBAL).or_else(|| self.first_of(&OTHER));
+        found.or_else(|| self.wanted(false)).filter(|_| self.at_boundary())
     }
 
     /// Remembers `of the two apples,` for the next phrase.
@@ -128,10 +136,6 @@ impl Listener {
         self.take_any(&["up"]);
         self.come_from(&mut subjects)?;
         while self.take_any(&["up", "out", "off", "away"]).is_some() {}
-        // `off the tray and onto a plate`
-        if ["and", ","].contains(&self.ahead(0)) && super::places::begins_at(self, self.mind.next + 1) {
-            self.mind.next += 1;
-        }
         if !self.at_boundary() || self.at_result() {
             let places = self.attempt(Self::places)?;
             let (before, is_next) = (self.mind.next, self.puts_it());
@@ -174,6 +178,11 @@ impl Listener {
                 }
             }
             self.mind.source = source;
+            // `off the tray and onto a plate`
+            let goes_on = super::places::begins_at(self, self.mind.next + 1);
+            if ["and", ","].contains(&self.ahead(0)) && goes_on {
+                self.mind.next += 1;
+            }
         }
         Some(())
     }
@@ -183,7 +192,9 @@ impl Listener {
         let verb = self.verb(Class::Carry)?;
         while self.take_any(&["me", "us", "down", "up", "back", "over", "away", "aside"]).is_some() {}
         let is_pronoun = ["it", "them", "that", "both", "this"].contains(&self.ahead(0));
-        let mut subjects = self.noun_phrases()?;
+        // `pick up the mug and place on the tray`
+        let is_omitted = !self.mind.pending.is_empty() && super::places::begins(self);
+        let mut subjects = if is_omitted { self.mind.pending.clone() } else { self.noun_phrases()? };
         if is_pronoun {
             self.mind.pending.clear();
         }
@@ -203,6 +214,16 @@ impl Listener {
             None => match elliptic.filter(|_| self.at_boundary()) {
                 Some(place) => vec![place],
                 None => {
+                    // `bring the egg over here and put it …`
+                    self.take_any(&["over here", "here", "over"]);
+                    let before = self.mind.next;
+                    if self.at_boundary() && self.puts_it() {
+                        self.mind.next = before;
+                        self.mind.pending.clone_from(&subjects);
+                        self.remember(subjects);
+                        return Some(Vec::new());
+                    }
+                    self.mind.next = before;
                     let said: Vec<String> = subjects.iter().map(|subject| subject.words.join(" ")).collect();
                     if self.at_boundary()
                         || ["there", "here", "away", "aside"].contains(&self.ahead(0))
@@ -250,6 +271,7 @@ impl Listener {
         if objects.any(|object| subjects.iter().any(|subject| subject.words == object.words)) {
             return self.blame("the sentence leaves open which object goes where");
         }
+        self.mind.pending.retain(|pending| !subjects.iter().any(|subject| subject.words == pending.words));
         self.remember(subjects);
         Some(commands)
     }

@@ -18,7 +18,9 @@ impl Listener {
         particle = self.level().or_else(|| self.take_any(&vocabulary().state_particles)).or(particle);
         particle = self.level().or(particle);
         self.take_any(&["again", "all the way", "fully", "wide"]);
-        if let Some(action) = self.attempt(Self::resulting_state) {
+        let is_kept = ["get", "have", "keep", "leave", "make"].contains(&verb);
+        let told = if is_kept && particle.is_none() { self.attempt(Self::wanted_state) } else { None };
+        if let Some(action) = told.or_else(|| self.attempt(Self::resulting_state)) {
             return self.changes(&objects, action);
         }
         if verb == "lift" && particle.is_none() && objects.iter().all(|object| object.part.is_none()) {
@@ -29,6 +31,7 @@ impl Listener {
     }
 
     pub(super) fn changes(&mut self, objects: &[Group], action: Action) -> Option<Vec<Command>> {
+        self.mind.pending.retain(|pending| !objects.iter().any(|object| object.words == pending.words));
         self.remember(objects.to_vec());
         self.mind.place = None;
         self.mind.action = Some(action);

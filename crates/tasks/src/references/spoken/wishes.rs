@@ -10,8 +10,12 @@ impl Listener {
     pub(super) fn wish(&mut self) -> Option<Vec<Command>> {
         // `grandma needs her mug on the tray`
         if self.take_any(&vocabulary().wishes).is_none() {
-            let offset = (1..4).find(|&offset| ["needs", "wants", "need", "want"].contains(&self.ahead(offset)))?;
-            self.mind.next += offset + 1;
+            let verbs =
+                ["needs", "wants", "need", "want", "would like", "would love", "would prefer", "prefers", "likes"];
+            let wants = |index: usize| verbs.iter().find_map(|verb| self.at_index(index, verb));
+            let start = self.mind.next;
+            let (index, length) = (start + 1..start + 4).find_map(|index| Some((index, wants(index)?)))?;
+            self.mind.next = index + length;
             (!self.is_end(self.mind.next) && self.ahead(0) != "to").then_some(())?;
         }
         self.wanted(false)
@@ -20,7 +24,18 @@ impl Listener {
     /// Parses what is wanted: an object and its place or state; `is_duty` demands a word such as `should` between them.
     pub(super) fn wanted(&mut self, is_duty: bool) -> Option<Vec<Command>> {
         self.take("that");
-        let mut subjects = self.changed_objects()?;
+        let state = self.attempt(|listener| {
+            let objects = listener.changed_objects()?;
+            let start = listener.mind.next;
+            listener.copula();
+            (!is_duty || listener.is_duty(start)).then_some(())?;
+            let action = listener.wanted_state()?;
+            listener.changes(&objects, action)
+        });
+        if state.is_some() {
+            return state;
+        }
+        let mut subjects = self.noun_phrases()?;
         let start = self.mind.next;
         self.copula();
         (!is_duty || self.is_duty(start)).then_some(())?;
@@ -36,11 +51,7 @@ impl Listener {
 
     /// Parses `the toy car should be parked behind the cube`, `the eggs go in the pan`, `the oven needs closing`.
     pub(super) fn statement(&mut self) -> Option<Vec<Command>> {
-        let mut subjects = self.changed_objects()?;
-        let start = self.mind.next;
-        self.copula();
-        self.is_duty(start).then_some(())?;
-        self.goal(&mut subjects)
+        self.wanted(true)
     }
 
     /// True if a word since an index makes a statement a request.
@@ -81,7 +92,13 @@ impl Listener {
     pub(super) fn given(&mut self) -> Option<Vec<Command>> {
         let is_there = self.take_any(&["there is already", "there is", "there are", "here is"]).is_some()
             || self.attempt(Self::past).is_some();
+        let is_with = !is_there && self.take("with");
         let mut group = self.noun_phrase()?;
+        if is_with {
+            self.wanted_state()?;
+            self.remember(vec![group]);
+            return Some(Vec::new());
+        }
         if !is_there {
             let start = self.mind.next;
             while self.take_any(&vocabulary().being).is_some() {}
