@@ -45,6 +45,10 @@ impl Listener {
 
     /// Rejects prohibitions.
     pub(super) fn check_mood(&mut self) -> Result<(), String> {
+        // `do not leave the mug on the book; …` says where it is.
+        if ["do not leave", "do not keep"].iter().any(|phrase| self.at(phrase).is_some()) {
+            return Ok(());
+        }
         if let Some(word) = vocabulary().prohibitions.iter().find(|word| self.at(word).is_some()) {
             return Err(format!("`{word} …` forbids something, which no goal can say"));
         }
@@ -69,7 +73,9 @@ impl Listener {
         let wishes = ["want", "like", "wish", "should", "must", "may", "shall", "need", "let", "sure"];
         let is_wish = said.iter().any(|word| wishes.contains(&word.as_str()))
             || ["want", "like", "need"].contains(&self.token(not + 1)) && self.token(not + 2) != "to";
-        let is_stated = not > start + 1 && AUXILIARIES.contains(&self.token(not - 1)) && !is_verb(self.token(start));
+        let has_subject = !["do", "or", "and", "but", "maybe", "please"].contains(&self.token(not.saturating_sub(2)));
+        let is_stated =
+            not > start + 1 && AUXILIARIES.contains(&self.token(not - 1)) && has_subject && !is_verb(self.token(start));
         !is_wish && (from.is_some() || is_stated)
     }
 

@@ -62,7 +62,7 @@ impl Listener {
             return Some(group);
         }
         let start = self.mind.next;
-        let (number, is_definite) = self.number();
+        let number = self.number();
         let mut words: Vec<String> = Vec::new();
         let mut at = None;
         while !self.is_end(self.mind.next) || self.continues(&words) {
@@ -93,6 +93,8 @@ impl Listener {
             let class = super::verbs::Class::State;
             let acts = super::verbs::is_verb(word) && self.is_determined(index + 1)
                 || word.ends_with("ed") && class.base(word).is_some() && vocabulary().particles.contains(&follows);
+            let postures = ["rest", "stand", "sit", "lie", "stay", "go", "hang", "live", "lean", "end"];
+            let acts = acts || postures.contains(&word) && super::places::begins_at(self, index + 1);
             let is_told = is_told || !words.is_empty() && acts;
             let stops = stops || is_told || is_modal || is_level || !has_trait && (is_top || is_unknown);
             if !is_part && stops || !words.is_empty() && super::places::begins_at(self, index) {
@@ -122,7 +124,7 @@ impl Listener {
         let part = own_part(&mut words);
         let head_is_plural = is_plural(&words);
         let number = match number {
-            Number::One if is_definite && head_is_plural => Number::All,
+            Number::One if head_is_plural => Number::All,
             // `both the apple and the pear`, `all the bread`
             Number::Many(_) | Number::All if !head_is_plural => Number::One,
             number => number,
@@ -130,9 +132,9 @@ impl Listener {
         Some(Group { words, at, number, part })
     }
 
-    /// Number and definiteness from the words before the noun.
-    fn number(&mut self) -> (Number, bool) {
-        let (mut number, mut is_definite) = (Number::One, false);
+    /// Number from the words before the noun.
+    fn number(&mut self) -> Number {
+        let mut number = Number::One;
         loop {
             let word = self.ahead(0);
             let count = NUMBERS.iter().find(|(name, _)| *name == word).map(|(_, count)| *count);
@@ -143,7 +145,8 @@ impl Listener {
                 ("each" | "every", _) => number = Number::Each(None),
                 ("couple" | "pair", _) if self.ahead(1) == "of" => number = Number::Many(2),
                 ("of", _) if number != Number::One => {}
-                ("the" | "my" | "your" | "our" | "these" | "those" | "her" | "his" | "their", _) => is_definite = true,
+                ("few" | "several" | "many", _) => number = Number::All,
+                ("another", _) => {}
                 ("one", _) if self.ahead(1) == "of" => self.mind.next += 1,
                 ("one", _) if self.is_end(self.mind.next + 1) || is_comparison => break,
                 (_, Some(1)) => {}
@@ -155,7 +158,7 @@ impl Listener {
             }
             self.mind.next += 1;
         }
-        (number, is_definite)
+        number
     }
 
     /// Parses `whichever mug is blue`, `whatever apple you like`.

@@ -59,14 +59,17 @@ impl Listener {
             self.mind.next += if is_praise { 4 } else { 0 };
             let prefix = format!(" {} ", self.tokens[start..self.mind.next].join(" "));
             let says = |words: &[&str]| words.iter().any(|word| prefix.contains(&format!(" {word} ")));
-            if asks && !says(&vocabulary().enabling) {
+            let opens = |words: &[&str]| words.contains(&self.token(start));
+            let is_condition = opens(&["if", "whether"]) && !says(&vocabulary().wanting);
+            if asks && !says(&vocabulary().enabling) || is_condition {
                 continue;
             }
             let is_sequence = said == "have" && says(&["once", "after", "when"]);
             let is_wish =
                 vocabulary().desires.contains(&said) && (says(&vocabulary().wanting) || says(&vocabulary().weak));
             let mut found = None;
-            if !vocabulary().stative.contains(&said) || is_sequence {
+            let is_modal = opens(&["could", "can", "would", "may", "might", "shall", "should", "will"]);
+            if is_modal || !vocabulary().stative.contains(&said) || is_sequence {
                 found = self.first_of(&VERBAL);
             }
             if found.is_none() && is_wish {

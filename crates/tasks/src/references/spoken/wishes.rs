@@ -16,7 +16,8 @@ impl Listener {
             let start = self.mind.next;
             let (index, length) = (start + 1..start + 4).find_map(|index| Some((index, wants(index)?)))?;
             self.mind.next = index + length;
-            (!self.is_end(self.mind.next) && self.ahead(0) != "to").then_some(())?;
+            let follows = self.ahead(0);
+            (!self.is_end(self.mind.next) && follows != "to" && !follows.ends_with("ing")).then_some(())?;
         }
         self.wanted(false)
     }
@@ -92,6 +93,8 @@ impl Listener {
     pub(super) fn given(&mut self) -> Option<Vec<Command>> {
         let is_there = self.take_any(&["there is already", "there is", "there are", "here is"]).is_some()
             || self.attempt(Self::past).is_some();
+        let is_left = self.take_any(&["do not leave", "do not keep"]).is_some();
+        let is_there = is_there || is_left;
         let is_with = !is_there && self.take("with");
         let mut group = self.noun_phrase()?;
         if is_with {
@@ -116,8 +119,21 @@ impl Listener {
             }
         };
         group.at = Some(at);
-        self.remember(vec![group.clone()]);
-        Some(vec![Command::Given(group)])
+        let mut groups = vec![group];
+        // `there is an apple in the bowl and a pear on the tray`
+        while let Some(more) = self.attempt(|listener| {
+            listener.take_any(&["and", ","])?;
+            let group = listener.noun_phrase()?;
+            let at = Some(Box::new(listener.place()?));
+            listener.at_boundary().then_some(Group { at, ..group })
+        }) {
+            groups.push(more);
+        }
+        if is_left {
+            self.mind.pending.clone_from(&groups);
+        }
+        self.remember(groups.clone());
+        Some(groups.into_iter().map(Command::Given).collect())
     }
 
     /// Skips `I have left`, `somebody put` and the like.
