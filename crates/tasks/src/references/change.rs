@@ -90,7 +90,9 @@ fn alone(verb: &str) -> Option<Action> {
         "press" | "push" | "hit" | "click" | "tap" | "depress" | "trigger" | "punch" | "poke" | "bash" | "smash"
         | "thump" | "jab" | "prod" | "whack" | "strike" => Action::Press,
         "activate" | "start" | "start up" | "power on" | "power up" | "fire up" | "enable" | "engage" => Action::On,
-        "deactivate" | "stop" | "power off" | "power down" | "kill" | "shut off" | "shut down" | "disable" => Action::Off,
+        "deactivate" | "stop" | "power off" | "power down" | "kill" | "shut off" | "shut down" | "disable" => {
+            Action::Off
+        }
         _ => return None,
     })
 }

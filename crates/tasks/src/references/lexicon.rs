@@ -292,8 +292,9 @@ impl Lexicon {
     pub fn is_plural(&self, word: &str) -> bool {
         let one = self.singular(word);
         let sorts = self.heads.get(&one);
-        let is_content =
-            |sort: &String| sort.split_once(':').is_some_and(|(category, own)| own == one && category != one);
+        let is_content = |sort: &String| {
+            sort.split_once(':').is_some_and(|(category, own)| (own == one || own == word) && category != one)
+        };
         one != word && !sorts.is_some_and(|sorts| sorts.iter().all(is_content))
     }
 

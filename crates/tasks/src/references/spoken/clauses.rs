@@ -137,9 +137,14 @@ impl Listener {
             && !(is_purpose && is_subordinate && first != "it")
             && !is_reason;
         let is_command = Class::Carry.base(first).is_some();
-        let is_polite = words.iter().all(|word| vocabulary().polite.contains(&word.as_str()));
+        // `time to tidy up,`
+        let is_idle = |word: &str| vocabulary().polite.contains(&word) || is_verb(word) || word == "up";
+        let is_polite = !is_verb(first) && words.iter().all(|word| is_idle(word));
         let is_interjection = words.len() == 1 && !is_verb(first) || is_polite;
-        if is_command || obliges || self.requests_first(start, end) {
+        let addresses =
+            ["if you", "you to", "you could", "you would", "you should", "you must", "could you", "you can"];
+        let asks_robot = words.windows(2).any(|pair| addresses.contains(&format!("{} {}", pair[0], pair[1]).as_str()));
+        if is_command || obliges || asks_robot || self.requests_first(start, end) {
             return None;
         }
         if !(is_subordinate || is_statement || is_interjection) {
@@ -169,7 +174,8 @@ impl Listener {
         let acts = |index: usize| {
             let (word, before) = (self.token(index), self.token(index - 1));
             let is_form = word.ends_with("ing") || word.ends_with("ed") || ["put", "set", "shut"].contains(&word);
-            is_verb(word) && (is_form || before == "you" || before == "we")
+            let is_done = (before == "you" || before == "we") && !["have", "get", "keep", "make"].contains(&word);
+            is_verb(word) && (is_form || is_done)
         };
         is_first && (start + 1..end).any(acts)
     }
@@ -246,12 +252,14 @@ impl Listener {
         if self.asks() {
             return "a question is no request".into();
         }
-        let is_other_verb = !is_verb(first)
-            && !self.is_determined(self.mind.next)
-            && !vocabulary().subordinate.contains(&first)
-            && !vocabulary().polite.contains(&first);
-        if is_other_verb && self.is_determined(self.mind.next + 1) {
-            return format!("`{first}` is nothing that the robot can do with objects on a table");
+        let is_polite = |index: &usize| vocabulary().polite.contains(&self.token(*index));
+        let at = (self.mind.next..self.clause_end()).find(|index| !is_polite(index)).unwrap_or(self.mind.next);
+        let verb = self.token(at);
+        let is_other_verb = !is_verb(verb)
+            && !self.is_determined(at)
+            && (at > self.mind.next || !vocabulary().subordinate.contains(&first));
+        if is_other_verb && self.is_determined(at + 1) {
+            return format!("`{verb}` is nothing that the robot can do with objects on a table");
         }
         if !self.fault.1.is_empty() && self.fault.0 >= self.mind.next {
             return self.fault.1.clone();

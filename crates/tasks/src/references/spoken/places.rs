@@ -9,44 +9,12 @@ use super::listener::Listener;
 use super::verbs::Class;
 use super::words::vocabulary;
 
-/// Prepositions of people that the table of the grammar lacks.
-const MORE: [(&str, &[Relation]); 36] = [
-    ("on top", &[Relation::On, Relation::Top]),
-    ("on the top of", &[Relation::On, Relation::Top]),
-    ("over by", &[Relation::Near]),
-    ("over next to", &[Relation::Near]),
-    ("close by", &[Relation::Near]),
-    ("nearer to", &[Relation::Near]),
-    ("nearer", &[Relation::Near]),
-    ("around", &[Relation::Near]),
-    ("along side", &[Relation::Near]),
-    ("along side of", &[Relation::Near]),
-    ("alongside of", &[Relation::Near]),
-    ("side by side with", &[Relation::Near]),
-    ("next door to", &[Relation::Near]),
-    ("in the neighbourhood of", &[Relation::Near]),
-    ("beside to", &[Relation::Near]),
-    ("to the front of", &[Relation::Front]),
-    ("ahead of", &[Relation::Front]),
-    ("to the rear of", &[Relation::Back]),
-    ("in the rear of", &[Relation::Back]),
-    ("to the back of", &[Relation::Back]),
-    ("in behind", &[Relation::Back]),
-    ("on to the top of", &[Relation::On, Relation::Top]),
-    ("up against", &[Relation::Near]),
-    ("against", &[Relation::Near]),
-    ("beside of", &[Relation::Near]),
-    ("nearby", &[Relation::Near]),
+/// Prepositions that continue with another one or with nothing.
+const MORE: [(&str, &[Relation]); 4] = [
     ("next", &[]),
-    ("at the side of", &[Relation::Near]),
-    ("by the side of", &[Relation::Near]),
-    ("to the side of", &[Relation::Near]),
-    ("in the vicinity of", &[Relation::Near]),
-    ("in back of", &[Relation::Back]),
-    ("on the near side of", &[Relation::Back]),
-    ("down into", &[Relation::In, Relation::Top]),
-    ("down onto", &[Relation::On, Relation::Top]),
-    ("within", &[Relation::In, Relation::Top]),
+    ("on top", &[Relation::On, Relation::Top]),
+    ("somewhere around", &[Relation::Near]),
+    ("anywhere around", &[Relation::Near]),
 ];
 
 /// True if a place begins at an index.
@@ -74,6 +42,10 @@ pub(super) fn is_source(listener: &Listener, index: usize) -> bool {
 impl Listener {
     /// One place or several alternatives, after words that do not matter.
     pub(super) fn places(&mut self) -> Option<Vec<Place>> {
+        self.skip_modifiers();
+        if self.ahead(0) == "," && begins_at(self, self.mind.next + 1) {
+            self.mind.next += 1;
+        }
         self.skip_modifiers();
         let unknown = vocabulary().unknown.iter().find(|word| self.at(word).is_some());
         if let Some(word) = unknown {
@@ -182,8 +154,11 @@ impl Listener {
             return (is_there || is_adverb).then(|| Place { relations, objects: vec![host] });
         }
         if let Some(known) = self.attempt(Self::pronoun) {
-            let host =
-                if known.len() == 1 || relations == [Relation::Between] { self.antecedents(relations) } else { None };
+            let host = if known.len() == 1 || relations == [Relation::Between] || self.mind.source.is_some() {
+                self.antecedents(relations)
+            } else {
+                None
+            };
             let Some(objects) = host else {
                 return self.blame(format!("`{}` may mean several objects", self.clause(self.mind.next - 1)));
             };

@@ -30,6 +30,7 @@ impl Listener {
         } else {
             self.first_of(&VERBAL).or_else(|| self.first_of(&OTHER))
         };
+        let plain = plain.or_else(|| self.attempt(Self::continued));
         plain.or_else(|| self.attempt(Self::wrapped)).or_else(|| self.attempt(Self::reported))
     }
 
@@ -220,7 +221,9 @@ impl Listener {
                     // `bring the egg over here and put it …`
                     self.take_any(&["over here", "here", "over"]);
                     let before = self.mind.next;
-                    if self.at_boundary() && self.puts_it() {
+                    let goes_on = |word: &String| word == "it" || word == "them";
+                    let is_named_again = self.tokens[before.min(self.tokens.len())..].iter().any(goes_on);
+                    if self.at_boundary() && (is_named_again || self.puts_it()) {
                         self.mind.next = before;
                         self.mind.pending.clone_from(&subjects);
                         self.remember(subjects);

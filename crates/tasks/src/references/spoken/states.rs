@@ -84,10 +84,20 @@ impl Listener {
     /// Parses `closed`, `switched on`, `off`, `to be opened`, `turned to high` at the end of a clause.
     pub(super) fn wanted_state(&mut self) -> Option<Action> {
         let before = self.ahead(0).to_owned();
-        let adjective =
-            self.take_any(&["wide open", "open", "opened", "shut", "closed", "on", "off", "pressed", "pushed"]);
+        let adjective = self.take_any(&[
+            "wide open",
+            "open",
+            "opened",
+            "shut",
+            "closed",
+            "on",
+            "off",
+            "running",
+            "pressed",
+            "pushed",
+        ]);
         let found = match adjective {
-            Some("on") => Action::On,
+            Some("on" | "running") => Action::On,
             Some("off") => Action::Off,
             Some("pressed" | "pushed") => {
                 self.take_any(&["down", "in"]);

@@ -3,7 +3,7 @@
 use super::super::command::{Command, Group};
 use super::listener::Listener;
 use super::verbs::{Class, is_verb};
-use super::words::vocabulary;
+use super::words::{is_mark, vocabulary};
 
 impl Listener {
     /// Parses `I want the mug on the plate`, `make sure the tap is off`, `could the glass go to the left of the jug`.
@@ -199,12 +199,28 @@ impl Listener {
         let is_topic = self.take_any(&["you know", "see", "you see", "as for", "regarding", "about"]).is_some();
         let is_determined = self.is_determined(self.mind.next);
         let group = self.noun_phrase()?;
-        let is_verb = is_verb(self.ahead(1)) && (self.ahead(0) == "," || is_determined);
-        let is_used = is_verb && self.tokens[self.mind.next + 1..].iter().any(|word| word == "it" || word == "them");
+        let follows = self.ahead(1);
+        let is_request = is_verb(follows) && self.ahead(0) == ","
+            || is_determined && is_mark(self.ahead(0)) && (is_verb(follows) || vocabulary().polite.contains(&follows));
+        let pronouns = ["it", "them", "that"];
+        let is_used =
+            is_request && self.tokens[self.mind.next + 1..].iter().any(|word| pronouns.contains(&word.as_str()));
         (is_used || is_topic && !self.is_done()).then_some(())?;
         self.mind.pending = vec![group.clone()];
         self.remember(vec![group]);
         Some(Vec::new())
+    }
+
+    /// Parses `which I'd like on the tray` after a fact about the object.
+    pub(super) fn continued(&mut self) -> Option<Vec<Command>> {
+        (self.mind.next > 0 && self.token(self.mind.next - 1) == "," && !self.mind.topic.is_empty()).then_some(())?;
+        self.take("which").then_some(())?;
+        let start = self.mind.next;
+        let is_wish = self.take_any(&vocabulary().wishes).is_some();
+        self.copula();
+        (is_wish || self.is_duty(start)).then_some(())?;
+        let commands = self.goal(&mut self.mind.topic.clone())?;
+        self.at_boundary().then_some(commands)
     }
 
     /// Parses `where is the puzzle cube?` before a request about it.
