@@ -21,6 +21,8 @@ pub(super) struct Mind {
     pub(super) fronted: Option<Place>,
     /// Change of the last request; `None` if it brought an object to a place.
     pub(super) action: Option<Action>,
+    /// Index at which the last wish ended; after `and` it goes on.
+    pub(super) wished: Option<usize>,
     /// Index at which noun phrases end.
     pub(super) stop: Option<usize>,
     /// Objects that were taken up, but not put anywhere yet.

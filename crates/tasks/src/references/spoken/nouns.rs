@@ -23,6 +23,7 @@ impl Listener {
         while let Some(more) = self.attempt(|listener| {
             let joined =
                 listener.take(",") | listener.take("and") | listener.take("plus") | listener.take("along with");
+            let joined = joined | listener.take_any(&["together with", "as well as", "also"]).is_some();
             let goes_on = joined && !super::verbs::is_verb(listener.ahead(0)) && !super::places::begins(listener);
             goes_on.then(|| listener.meant()).flatten()
         }) {
@@ -62,6 +63,7 @@ impl Listener {
             return Some(group);
         }
         let start = self.mind.next;
+        let is_single = self.at("one of").is_some() || self.at("any one of").is_some();
         let number = self.number();
         let mut words: Vec<String> = Vec::new();
         let mut at = None;
@@ -124,7 +126,7 @@ impl Listener {
         let part = own_part(&mut words);
         let head_is_plural = is_plural(&words);
         let number = match number {
-            Number::One if head_is_plural => Number::All,
+            Number::One if head_is_plural && !is_single => Number::All,
             // `both the apple and the pear`, `all the bread`
             Number::Many(_) | Number::All if !head_is_plural => Number::One,
             number => number,

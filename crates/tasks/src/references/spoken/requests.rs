@@ -264,6 +264,8 @@ impl Listener {
     pub(super) fn put(&mut self, subjects: Vec<Group>, places: Vec<Place>) -> Option<Vec<Command>> {
         self.mind.action = None;
         let mut commands = vec![Command::Put { subjects: subjects.clone(), places: places.clone() }];
+        // `beside the book, on its left side`
+        self.remember(places.iter().flat_map(|place| place.objects.clone()).collect());
         if let Some(more) = self.attempt(|listener| {
             listener.take_any(&[",", "and"]);
             listener.result();

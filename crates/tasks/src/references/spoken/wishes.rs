@@ -19,7 +19,15 @@ impl Listener {
             let follows = self.ahead(0);
             (!self.is_end(self.mind.next) && follows != "to" && !follows.ends_with("ing")).then_some(())?;
         }
-        self.wanted(false)
+        let commands = self.wanted(false)?;
+        self.mind.wished = Some(self.mind.next);
+        Some(commands)
+    }
+
+    /// True after `I want the tap off and`.
+    fn goes_on_wishing(&self) -> bool {
+        let before = self.mind.next.wrapping_sub(1);
+        self.mind.wished == Some(before) && self.token(before) == "and"
     }
 
     /// Parses what is wanted: an object and its place or state; `is_duty` demands a word such as `should` between them.
@@ -41,6 +49,13 @@ impl Listener {
         self.copula();
         (!is_duty || self.is_duty(start)).then_some(())?;
         // `I want the mug standing on the tray`
+        let is_named_again = self.tokens[self.mind.next..].iter().any(|word| word == "it" || word == "them");
+        // `I need the sponge; could you put it …`
+        if subjects.iter().all(|subject| subject.at.is_none()) && self.at_boundary() && is_named_again && !is_duty {
+            self.mind.pending.clone_from(&subjects);
+            self.remember(subjects);
+            return Some(Vec::new());
+        }
         if let [subject] = subjects.as_mut_slice()
             && self.at_boundary()
             && let Some(place) = subject.at.take()
@@ -52,7 +67,10 @@ impl Listener {
 
     /// Parses `the toy car should be parked behind the cube`, `the eggs go in the pan`, `the oven needs closing`.
     pub(super) fn statement(&mut self) -> Option<Vec<Command>> {
-        self.wanted(true)
+        let goes_on = self.goes_on_wishing();
+        let commands = self.wanted(!goes_on)?;
+        self.mind.wished = Some(self.mind.next).filter(|_| goes_on);
+        Some(commands)
     }
 
     /// True if a word since an index makes a statement a request.
@@ -91,6 +109,7 @@ impl Listener {
     /// Parses a fact about the initial scene: `the potato is already in the pot`, `I left the apple in the bowl`, `the
     /// microwave is open`.
     pub(super) fn given(&mut self) -> Option<Vec<Command>> {
+        let goes_on = self.goes_on_wishing();
         let is_there = self.take_any(&["there is already", "there is", "there are", "here is"]).is_some()
             || self.attempt(Self::past).is_some();
         let is_left = self.take_any(&["do not leave", "do not keep"]).is_some();
@@ -103,6 +122,7 @@ impl Listener {
             return Some(Vec::new());
         }
         if !is_there {
+            (!goes_on).then_some(())?;
             let start = self.mind.next;
             while self.take_any(&vocabulary().being).is_some() {}
             (self.mind.next > start).then_some(())?;
@@ -235,8 +255,11 @@ impl Listener {
 
     /// Parses a phrase with a place or a state, without a verb: `the mug: left of the bowl`, `laptop closed`.
     pub(super) fn fragment(&mut self) -> Option<Vec<Command>> {
+        let is_next = self.token(self.mind.next.wrapping_sub(1)) == "then" && self.is_determined(self.mind.next);
         let mut subjects = self.noun_phrases()?;
-        if self.take_any(&vocabulary().likewise).is_some() {
+        // `then the apple, then the pear`
+        let is_row = is_next && self.at_boundary() && subjects.iter().all(|subject| subject.at.is_none());
+        if is_row || self.take_any(&vocabulary().likewise).is_some() {
             return self.again(subjects);
         }
         if let Some(action) = self.attempt(Self::wanted_state) {
@@ -246,6 +269,7 @@ impl Listener {
         self.attempt(|listener| {
             listener.take_any(&[",", "."])?;
             listener.skip_courtesies();
+            listener.take_any(&["both", "all"]);
             super::places::begins(listener).then_some(())
         });
         let places = self.attempt(Self::places)?;
