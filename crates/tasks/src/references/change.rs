@@ -72,7 +72,7 @@ pub(super) fn action(verb: &str, particle: Option<&str>) -> Option<Action> {
         (_, low) if TURNED.contains(&verb) && low.ends_with("low") => Action::Low,
         (_, high) if TURNED.contains(&verb) && (high.ends_with("high") || high == "all the way up") => Action::High,
         ("draw" | "yank" | "tug" | "slide", "out") => Action::Open,
-        ("slide" | "ease", "shut" | "closed") => Action::Close,
+        ("slide" | "ease", "shut" | "closed") | ("slide" | "ease", "in") => Action::Close,
         ("flip" | "swing" | "tip" | "fold", "up") => Action::Open,
         ("flip" | "swing", "down") => Action::Close,
         ("open", "up" | "out") | ("lift" | "raise", "up") | ("pull", "out") => Action::Open,

@@ -96,6 +96,9 @@ impl Listener {
             let acts = super::verbs::is_verb(word) && self.is_determined(index + 1)
                 || word.ends_with("ed") && class.base(word).is_some() && vocabulary().particles.contains(&follows);
             let postures = ["rest", "stand", "sit", "lie", "stay", "go", "hang", "live", "lean", "end"];
+            let is_mutual =
+                |phrase: &&'static str| self.at_index(index, phrase).is_some_and(|length| self.is_end(index + length));
+            let acts = acts || vocabulary().mutual.iter().any(is_mutual);
             let acts = acts || postures.contains(&word) && super::places::begins_at(self, index + 1);
             let is_told = is_told || !words.is_empty() && acts;
             let stops = stops || is_told || is_modal || is_level || !has_trait && (is_top || is_unknown);

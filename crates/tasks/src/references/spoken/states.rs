@@ -2,7 +2,7 @@
 
 use genmanip_core::Relation;
 
-use super::super::change::{Action, action};
+use super::super::change::{Action, Part, action};
 use super::super::command::{Command, Group};
 use super::listener::Listener;
 use super::verbs::Class;
@@ -27,6 +27,9 @@ impl Listener {
             return None;
         }
         let action = action(verb, particle)?;
+        // `push in the top drawer`
+        let has_drawer = objects.iter().any(|object| object.part.is_some_and(|part| part != Part::Other));
+        let action = if action == Action::Press && has_drawer { Action::Close } else { action };
         self.changes(&objects, action)
     }
 
