@@ -252,7 +252,8 @@ impl Listener {
         if self.asks() {
             return "a question is no request".into();
         }
-        let is_polite = |index: &usize| vocabulary().polite.contains(&self.token(*index));
+        let polite = vocabulary().polite.iter().flat_map(|phrase| phrase.split(' '));
+        let is_polite = |index: &usize| polite.clone().any(|word| word == self.token(*index));
         let at = (self.mind.next..self.clause_end()).find(|index| !is_polite(index)).unwrap_or(self.mind.next);
         let verb = self.token(at);
         let is_other_verb = !is_verb(verb)

@@ -184,8 +184,10 @@ impl Listener {
             self.mind.source = source;
             // `off the tray and onto a plate`
             let goes_on = super::places::begins_at(self, self.mind.next + 1);
-            if ["and", ","].contains(&self.ahead(0)) && goes_on {
-                self.mind.next += 1;
+            let is_put =
+                Class::Carry.base(self.ahead(1)).is_some() && super::places::begins_at(self, self.mind.next + 2);
+            if ["and", ","].contains(&self.ahead(0)) && (goes_on || is_put) {
+                self.mind.next += if goes_on { 1 } else { 2 };
             }
         }
         Some(())

@@ -83,7 +83,9 @@ impl Listener {
         loop {
             let word = self.ahead(0);
             let is_place = super::places::begins(self);
-            let is_verb = Class::Carry.base(word).is_some() && word != "left" && self.at("put on").is_none();
+            let is_verb = Class::Carry.base(word).is_some()
+                && word != "left"
+                && !(self.at("put on").is_some() && self.is_end(self.mind.next + 2));
             if is_place || !(vocabulary().copulas.contains(&word) || is_verb) {
                 return;
             }
