@@ -33,7 +33,12 @@ pub(super) fn hear(text: &str) -> Result<Parsed, String> {
         }
         listener.check_mood()?;
         if let Some(commands) = listener.request().or_else(|| listener.late()) {
-            parsed.commands.extend(commands);
+            // `open the cupboard and leave it open`
+            for command in commands {
+                if !parsed.commands.contains(&command) {
+                    parsed.commands.push(command);
+                }
+            }
         } else if let Some(aside) = listener.aside() {
             parsed.context += &format!(" {aside}");
         } else {

@@ -18,7 +18,15 @@ pub(super) fn tokens(text: &str) -> Vec<String> {
         }
     }
     let mut words: Vec<String> = Vec::new();
-    for word in spaced.split_whitespace() {
+    let mut rest = spaced.split_whitespace().peekable();
+    while let Some(word) = rest.next() {
+        // `the light's off`
+        if let Some(noun) = word.strip_suffix("'s").filter(|noun| lexicon().is_noun(noun))
+            && rest.peek().is_some_and(|next| vocabulary().predicates.contains(next))
+        {
+            words.extend([noun, "is"].map(String::from));
+            continue;
+        }
         let word = word.trim_matches('\'');
         let plain = |table: &[(&'static str, &'static str)]| {
             table.iter().find(|(other, _)| *other == word).map(|(_, plain)| *plain)

@@ -282,7 +282,8 @@ impl Listener {
         if !is_source(self, self.mind.next) {
             return None;
         }
-        self.take_any(&["out from", "from off", "off of", "off from", "out of", "away from", "from", "off"])?;
+        let said =
+            self.take_any(&["out from", "from off", "off of", "off from", "out of", "away from", "from", "off"])?;
         self.take_any(&["out of", "off"]);
         let article = ["the", "my", "your", "our"].iter().find_map(|word| self.at(word)).unwrap_or(0);
         let spots = vocabulary().tables.iter().chain(&vocabulary().spots);
@@ -298,7 +299,8 @@ impl Listener {
             Some(_) => self.antecedents(SOURCE)?,
             None => vec![self.noun_phrase()?],
         };
-        Some(Some(Place { relations: SOURCE, objects }))
+        // What something is moved away from need not hold it.
+        Some((said != "away from").then_some(Place { relations: SOURCE, objects }))
     }
 
     /// The object to which a pronoun in a place refers; `None` if none or several were named.

@@ -137,7 +137,7 @@ impl Listener {
         let verb = self.verb(Class::Take)?;
         self.take_any(&["me", "us", "out", "up"]);
         let mut subjects = self.noun_phrases()?;
-        self.take_any(&["up"]);
+        self.take_any(&["up", "over there", "there", "here"]);
         self.come_from(&mut subjects)?;
         while self.take_any(&["up", "out", "off", "away"]).is_some() {}
         if !self.at_boundary() || self.at_result() {

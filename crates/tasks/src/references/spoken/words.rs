@@ -24,6 +24,8 @@ pub(super) struct Vocabulary {
     pub phrases: Pairs,
     /// Spelling variants and other words for the same.
     pub spellings: Pairs,
+    /// Words after which `'s` behind a noun is `is`.
+    pub predicates: Words,
     /// Numbers of a phrase in figures.
     pub figures: Pairs,
     /// Words in `ly` that are no adverbs of manner.
