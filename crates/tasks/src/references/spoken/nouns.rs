@@ -185,7 +185,7 @@ impl Listener {
         }
         words.extend(noun);
         self.complete(&mut words);
-        (words.len() > 0).then(|| Group::of(words))
+        (!words.is_empty()).then(|| Group::of(words))
     }
 
     /// A relative clause with a location.
