@@ -57,19 +57,27 @@ pub(super) fn action(verb: &str, particle: Option<&str>) -> Option<Action> {
         "turn", "switch", "flick", "flip", "twist", "put", "get", "leave", "keep", "set", "have", "make", "click",
         "toggle", "snap",
     ];
-    const TURNED: [&str; 12] =
-        ["turn", "set", "switch", "put", "twist", "crank", "rotate", "dial", "adjust", "get", "flick", "have"];
+    const TURNED: [&str; 17] = [
+        "turn", "set", "switch", "put", "twist", "crank", "rotate", "dial", "adjust", "get", "flick", "have", "bring",
+        "reduce", "increase", "lower", "raise",
+    ];
     let Some(particle) = particle else { return alone(verb) };
     Some(match (verb, particle) {
         (_, "open" | "wide open") if HINGED.contains(&verb) => Action::Open,
         (_, "shut" | "closed") if HINGED.contains(&verb) || ["lower", "slam"].contains(&verb) => Action::Close,
         (_, "on") if SWITCHED.contains(&verb) => Action::On,
         (_, "off" | "to off" | "all the way down") if SWITCHED.contains(&verb) || verb == "shut" => Action::Off,
+        ("turn" | "twist" | "crank" | "dial" | "rotate", "down") => Action::Low,
+        ("turn" | "twist" | "crank" | "dial" | "rotate", "up") => Action::High,
         (_, low) if TURNED.contains(&verb) && low.ends_with("low") => Action::Low,
         (_, high) if TURNED.contains(&verb) && (high.ends_with("high") || high == "all the way up") => Action::High,
+        ("draw" | "yank" | "tug" | "slide", "out") => Action::Open,
+        ("slide" | "ease", "shut" | "closed") | ("slide" | "ease", "in") => Action::Close,
+        ("flip" | "swing" | "tip" | "fold", "up") => Action::Open,
+        ("flip" | "swing", "down") => Action::Close,
         ("open", "up" | "out") | ("lift" | "raise", "up") | ("pull", "out") => Action::Open,
         ("close" | "shut", "up") | ("close" | "lower" | "fold", "down") => Action::Close,
-        ("press" | "push", "down" | "in") => Action::Press,
+        ("press" | "push" | "hit" | "punch", "down" | "in") => Action::Press,
         _ => return None,
     })
 }
@@ -77,9 +85,14 @@ pub(super) fn action(verb: &str, particle: Option<&str>) -> Option<Action> {
 /// The action of a verb without a particle; `None` if it has none.
 fn alone(verb: &str) -> Option<Action> {
     Some(match verb {
-        "open" | "lift" | "raise" => Action::Open,
-        "close" | "shut" | "lower" | "slam" => Action::Close,
-        "press" | "push" | "hit" | "click" | "tap" | "depress" => Action::Press,
+        "open" | "lift" | "raise" | "unlatch" | "reopen" => Action::Open,
+        "close" | "shut" | "lower" | "slam" | "seal" | "reclose" => Action::Close,
+        "press" | "push" | "hit" | "click" | "tap" | "depress" | "trigger" | "punch" | "poke" | "bash" | "smash"
+        | "thump" | "jab" | "prod" | "whack" | "strike" => Action::Press,
+        "activate" | "start" | "start up" | "power on" | "power up" | "fire up" | "enable" | "engage" => Action::On,
+        "deactivate" | "stop" | "power off" | "power down" | "kill" | "shut off" | "shut down" | "disable" => {
+            Action::Off
+        }
         _ => return None,
     })
 }

@@ -6,13 +6,12 @@
 use genmanip_core::Relation;
 
 use super::change::{Part, action, own_part};
-use super::colloquial;
 use super::command::{Command, Group, Parsed, Place};
 use super::lexicon::is_color;
 use super::spoken;
 use super::words::{
-    ADVERBS, ARTICLES, DEFINITE, DETERMINERS, ENDS, EXTREMES, JOINERS, LOOSE, PARTICLES, PLACES, PRONOUNS, PUT,
-    RELATIVES, SHOULD, SOURCE, SOURCES, SPELLINGS, STATE, TAKE, WISHES,
+    ADVERBS, ARTICLES, DETERMINERS, ENDS, EXTREMES, JOINERS, LOOSE, PARTICLES, PLACES, PRONOUNS, PUT, SOURCE, SOURCES,
+    SPELLINGS, STATE, TAKE,
 };
 
 /// Parses an instruction; `None` if it has no command or a command is outside the grammar.
@@ -20,14 +19,11 @@ pub(super) fn read(instruction: &str) -> Option<Parsed> {
     readings(instruction).next()
 }
 
-/// The parsed instruction, read as a plain request, as people speak, and as colloquial English; the later readings are
-/// made only on demand.
+/// The parsed instruction, read as a plain request and as people speak; the second reading is made only on demand.
 pub(super) fn readings(instruction: &str) -> impl Iterator<Item = Parsed> {
     let text = instruction.to_lowercase();
     let plain = read_plain(&text).into_iter();
-    let spoken = text.clone();
-    let spoken = std::iter::once_with(move || spoken::hear(&spoken).ok()).flatten();
-    plain.chain(spoken).chain(std::iter::once_with(move || read_freely(&colloquial::plain(&text))).flatten())
+    plain.chain(std::iter::once_with(move || spoken::hear(&text).ok()).flatten())
 }
 
 fn read_plain(text: &str) -> Option<Parsed> {
@@ -66,29 +62,6 @@ fn read_plain(text: &str) -> Option<Parsed> {
     (!parsed.commands.is_empty()).then_some(parsed)
 }
 
-/// Parses colloquial English: wishes, statements of where something belongs, requests after other clauses or without a
-/// verb or articles, and pronouns.
-fn read_freely(text: &str) -> Option<Parsed> {
-    let mut parsed = Parsed::default();
-    let mut spoken_of = (None, None);
-    for sentence in text.split(['.', '?', '!', ':']) {
-        let mut reader = Reader::new(sentence);
-        reader.is_free = true;
-        reader.is_terse = !reader.words.iter().any(|word| ARTICLES.contains(&word.as_str()));
-        (reader.object, reader.place) = std::mem::take(&mut spoken_of);
-        let starts: Vec<usize> = (0..reader.words.len()).filter(|&index| reader.begins_clause(index)).collect();
-        let found = starts.into_iter().find_map(|start| Some((start, reader.requests(start)?)));
-        let start = found.as_ref().map_or(reader.words.len(), |(start, _)| *start);
-        parsed.context += &format!(" {}", reader.words[..start].join(" "));
-        match found {
-            Some((_, commands)) => parsed.commands.extend(commands),
-            None => reader.hear(),
-        }
-        spoken_of = (reader.object, reader.place);
-    }
-    (!parsed.commands.is_empty()).then_some(parsed)
-}
-
 struct Reader {
     words: Vec<String>,
     next: usize,
@@ -98,10 +71,6 @@ struct Reader {
     object: Option<Group>,
     /// Object of the last place, to which `it` in another place refers; `None` before the first.
     place: Option<Group>,
-    /// True for colloquial English.
-    is_free: bool,
-    /// True if the sentence omits its articles.
-    is_terse: bool,
 }
 
 impl Reader {
@@ -111,7 +80,7 @@ impl Reader {
             let spelling = SPELLINGS.iter().find(|(other, _)| *other == word);
             spelling.map_or(word, |(_, usual)| usual).to_owned()
         });
-        Self { words: words.collect(), next: 0, noun: None, object: None, place: None, is_free: false, is_terse: false }
+        Self { words: words.collect(), next: 0, noun: None, object: None, place: None }
     }
 
     fn is_done(&self) -> bool {
@@ -160,50 +129,6 @@ impl Reader {
             || ["either", "i want"].iter().any(begins)
     }
 
-    /// Remembers the object of a sentence without a request: `where is the puzzle cube?`
-    fn hear(&mut self) {
-        let about = ["about", "there is", "here is"];
-        if let Some(start) =
-            (0..self.words.len()).find(|&index| about.iter().any(|word| self.at_index(index, word).is_some()))
-        {
-            self.next = start;
-            self.take_any(&about);
-            self.object = self.group().or_else(|| self.object.take());
-        }
-    }
-
-    /// True at the beginning of a sentence or clause.
-    fn begins_clause(&self, index: usize) -> bool {
-        index == 0 || [",", ";", "so", "and", "then"].contains(&self.word(index - 1))
-    }
-
-    /// All requests from an index to the end of the sentence; `None` if a part is outside the grammar.
-    fn requests(&mut self, start: usize) -> Option<Vec<Command>> {
-        self.next = start;
-        let mut commands = Vec::new();
-        self.skip_joiners();
-        while !self.is_done() {
-            commands.push(self.request()?);
-            self.skip_joiners();
-        }
-        (!commands.is_empty()).then_some(commands)
-    }
-
-    fn request(&mut self) -> Option<Command> {
-        let begins = self.begins_command();
-        let parsers = [Self::wish, Self::need, Self::question, Self::duty, Self::aside];
-        let free = parsers.into_iter().find_map(|parse| self.attempt(parse));
-        let command = match free {
-            Some(command) => Some(command),
-            None if begins || self.is_terse || !DETERMINERS.contains(&self.word(self.next)) => {
-                self.attempt(Self::one_command)
-            }
-            None => None,
-        }?;
-        self.remember(&command);
-        Some(command)
-    }
-
     /// Parses `I want … to be somewhere`.
     fn desire(&mut self) -> Option<Command> {
         self.attempt(|reader| {
@@ -213,53 +138,6 @@ impl Reader {
             let places = reader.places()?;
             Some(Command::Put { subjects: vec![subject], places })
         })
-    }
-
-    /// Parses `I'd like … somewhere` and `make sure … is somewhere`.
-    fn wish(&mut self) -> Option<Command> {
-        self.take_any(&WISHES)?;
-        let mut subjects = vec![self.group()?];
-        while self.take("and") {
-            subjects.push(self.group()?);
-        }
-        if self.take_any(&SHOULD).is_none() {
-            self.take_any(&["is", "are", "be"]);
-        }
-        let places = self.places()?;
-        Some(Command::Put { subjects, places })
-    }
-
-    /// Parses `grandma needs her … somewhere`.
-    fn need(&mut self) -> Option<Command> {
-        let verb =
-            (self.next..self.next + 3).find(|&index| ["needs", "wants", "need", "want"].contains(&self.word(index)))?;
-        self.next = verb + 1;
-        let subject = self.group()?;
-        let places = self.places()?;
-        Some(Command::Put { subjects: vec![subject], places })
-    }
-
-    /// Parses `the … should be somewhere`.
-    fn duty(&mut self) -> Option<Command> {
-        let subject = self.group()?;
-        self.take_any(&SHOULD)?;
-        let places = self.places()?;
-        Some(Command::Put { subjects: vec![subject], places })
-    }
-
-    /// Parses `could the … go somewhere`.
-    fn question(&mut self) -> Option<Command> {
-        self.take_any(&["could", "can", "would", "should"])?;
-        self.duty()
-    }
-
-    /// Parses `the …, put it somewhere`.
-    fn aside(&mut self) -> Option<Command> {
-        DEFINITE.contains(&self.word(self.next)).then_some(())?;
-        let object = self.group()?;
-        self.take(",").then_some(())?;
-        self.object = Some(object);
-        self.begins_command().then(|| self.one_command()).flatten()
     }
 
     /// Runs a parser, and returns to the position before it if it fails.
@@ -334,12 +212,6 @@ impl Reader {
         while self.take("and") {
             subjects.push(self.group()?);
         }
-        if self.is_free && self.take("or") {
-            let other = self.group()?;
-            let places = self.places()?;
-            let put = |subjects| Command::Put { subjects, places: places.clone() };
-            return Some(Command::Either(vec![put(subjects), put(vec![other])]));
-        }
         let places = self.places()?;
         // `put the apple in the bowl on the plate`: the first place is the present location of the apple.
         if let ([subject], [from]) = (subjects.as_mut_slice(), places.as_slice())
@@ -394,7 +266,7 @@ impl Reader {
         let ends = follows.is_empty() || [",", ";", "and", "or", "its"].contains(&follows);
         // A location continues with a determiner: `on the`, `in a`. Descriptions such as `lettered in red` or `with a
         // cross on top` do not.
-        let is_definite = DETERMINERS.contains(&follows) || PRONOUNS.contains(&follows) || self.is_terse;
+        let is_definite = DETERMINERS.contains(&follows) || PRONOUNS.contains(&follows);
         let bare = LOOSE.contains(&self.word(index)) && length == 1 && !is_definite;
         let compares = index > 0 && EXTREMES.contains(&self.word(index - 1));
         (!ends && !bare && !compares).then_some((relations, length))
@@ -427,11 +299,7 @@ impl Reader {
             }
             let goes_on = self.word(self.next) == "and" && self.continues(&words);
             let stops = ENDS.contains(&self.word(self.next)) && !goes_on;
-            let is_relative = words.last().is_some_and(|word| RELATIVES.contains(&word.as_str()));
-            let is_told = self.is_free
-                && !is_relative
-                && SHOULD.iter().chain(&["is", "are"]).any(|phrase| self.at(phrase).is_some());
-            let ends = stops || is_told || self.at("to be").is_some() || self.at_particle();
+            let ends = stops || self.at("to be").is_some() || self.at_particle();
             if ends || self.preposition(self.next).is_some() {
                 break;
             }
@@ -445,11 +313,6 @@ impl Reader {
         }
         if words.first().is_some_and(|word| words.len() == 1 && PRONOUNS.contains(&word.as_str())) {
             return self.object.clone();
-        }
-        // An article inside a noun phrase belongs to a preposition within the phrase.
-        let joins = |word: &String| ["of", "with", "without", "to", "from", "and", "in", "on"].contains(&word.as_str());
-        if self.is_free && words.windows(2).any(|pair| ARTICLES.contains(&pair[1].as_str()) && !joins(&pair[0])) {
-            return None;
         }
         let after = ["with", "without", "of", "that", "lettered", "marked"];
         let head = words.iter().take_while(|word| !after.contains(&word.as_str())).last();

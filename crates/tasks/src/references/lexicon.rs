@@ -158,6 +158,11 @@ impl Lexicon {
         self.heads.contains_key(&self.singular(word)) || self.is_adjective(word) || EMPTY.contains(&word)
     }
 
+    /// True if the word names objects.
+    pub fn is_noun(&self, word: &str) -> bool {
+        self.heads.contains_key(&self.singular(word))
+    }
+
     /// True if the word describes an object without naming it.
     pub fn is_adjective(&self, word: &str) -> bool {
         self.colors.contains(word)
@@ -287,8 +292,9 @@ impl Lexicon {
     pub fn is_plural(&self, word: &str) -> bool {
         let one = self.singular(word);
         let sorts = self.heads.get(&one);
-        let is_content =
-            |sort: &String| sort.split_once(':').is_some_and(|(category, own)| own == one && category != one);
+        let is_content = |sort: &String| {
+            sort.split_once(':').is_some_and(|(category, own)| (own == one || own == word) && category != one)
+        };
         one != word && !sorts.is_some_and(|sorts| sorts.iter().all(is_content))
     }
 

@@ -340,6 +340,8 @@ pub(crate) fn changed(card: &ObjectCard, part: Option<Part>, action: Action, now
         (Action::Close, Some(Part::Lower), "bottom_open") if drawers => "closed",
         (Action::Close, Some(Part::Lower), "both_open") if drawers => "top_open",
         (Action::Close, Some(Part::Both), "both_open") if drawers => "closed",
+        (Action::Open, None, _) if card.category == "faucet" => "on",
+        (Action::Close, None, _) if card.category == "faucet" => "off",
         (Action::Open, None | Some(Part::Other), _) => "open",
         (Action::Close, None | Some(Part::Other), _) => "closed",
         (Action::On, None, _) => "on",

@@ -15,7 +15,6 @@
 
 mod agreement;
 mod change;
-mod colloquial;
 mod command;
 mod grammar;
 mod lexicon;

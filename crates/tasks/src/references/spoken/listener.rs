@@ -1,7 +1,8 @@
 //! Position in the tokens of a sentence, with what was spoken of so far.
 
+use super::super::change::Action;
 use super::super::command::{Group, Place};
-use super::words::{ARTICLES, is_mark};
+use super::words::{is_mark, vocabulary};
 
 /// State of the reader at a position of the sentence.
 #[derive(Clone, Debug, Default)]
@@ -16,6 +17,14 @@ pub(super) struct Mind {
     pub(super) place: Option<Place>,
     /// Place from which the object of this request is taken.
     pub(super) source: Option<Place>,
+    /// Place before the verb, from which the object of this request is taken.
+    pub(super) fronted: Option<Place>,
+    /// Change of the last request; `None` if it brought an object to a place.
+    pub(super) action: Option<Action>,
+    /// Index at which the last wish ended; after `and` it goes on.
+    pub(super) wished: Option<usize>,
+    /// Index at which noun phrases end.
+    pub(super) stop: Option<usize>,
     /// Objects that were taken up, but not put anywhere yet.
     pub(super) pending: Vec<Group>,
     /// Number and noun of `of the two apples`, among which the next phrase chooses.
@@ -33,7 +42,7 @@ pub(super) struct Listener {
 
 impl Listener {
     pub(super) fn new(tokens: Vec<String>) -> Self {
-        let is_terse = !tokens.iter().any(|word| ARTICLES.contains(&word.as_str()));
+        let is_terse = !tokens.iter().any(|word| vocabulary().articles.contains(&word.as_str()));
         Self { tokens, mind: Mind::default(), is_terse, fault: (0, String::new()) }
     }
 

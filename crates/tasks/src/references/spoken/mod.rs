@@ -2,11 +2,12 @@
 //!
 //! A sentence is first brought into a plain form ([`normal`]): one spelling, no contractions, courtesies or adverbs of
 //! manner. Then its clauses are read one after another ([`clauses`]); each is a request with a verb of a known class
-//! ([`verbs`], [`states`], [`towers`]), a statement of where or how something should be, a noun phrase with a place, a fact about the initial
-//! scene, or an aside. Noun phrases ([`nouns`]) and places ([`places`]) are the same everywhere. A clause of another
+//! ([`requests`], [`states`], [`towers`], [`frames`]), a wish or statement of where or how something should be, a noun
+//! phrase with a place, a fact about the initial scene ([`wishes`]), or an aside. Noun phrases ([`nouns`]) and places ([`places`]) are the same everywhere. A clause of another
 //! form is not guessed: the reader says which words it did not understand.
 
 mod clauses;
+mod frames;
 mod listener;
 mod normal;
 mod nouns;
@@ -15,6 +16,7 @@ mod requests;
 mod states;
 mod towers;
 mod verbs;
+mod wishes;
 mod words;
 
 use super::command::{Command, Parsed};
@@ -30,8 +32,13 @@ pub(super) fn hear(text: &str) -> Result<Parsed, String> {
             break;
         }
         listener.check_mood()?;
-        if let Some(commands) = listener.request() {
-            parsed.commands.extend(commands);
+        if let Some(commands) = listener.request().or_else(|| listener.late()) {
+            // `open the cupboard and leave it open`
+            for command in commands {
+                if !parsed.commands.contains(&command) {
+                    parsed.commands.push(command);
+                }
+            }
         } else if let Some(aside) = listener.aside() {
             parsed.context += &format!(" {aside}");
         } else {

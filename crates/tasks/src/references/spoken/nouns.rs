@@ -4,134 +4,17 @@ use super::super::change::own_part;
 use super::super::command::{Group, Number, Place};
 use super::super::lexicon::{COMPARATIVES, is_color, lexicon};
 use super::listener::Listener;
-use super::words::{ARTICLES, is_boundary, is_mark};
+use super::words::{is_boundary, is_mark, vocabulary};
 
 const NUMBERS: [(&str, usize); 6] = [("one", 1), ("two", 2), ("three", 3), ("four", 4), ("five", 5), ("six", 6)];
-/// Words that begin a noun phrase besides articles and numbers.
-const QUANTIFIERS: [&str; 8] = ["all", "both", "each", "every", "another", "it", "them", "whichever"];
-/// Phrases that mean objects named before.
-const PRONOUNS: [&str; 12] = [
-    "both of them",
-    "all of them",
-    "both of these",
-    "the two of them",
-    "the same",
-    "it",
-    "them",
-    "this",
-    "that",
-    "these",
-    "those",
-    "both",
-];
-/// Phrases between a noun and its location.
-const RELATIVES: [&str; 20] = [
-    "that is lying",
-    "that is standing",
-    "that is sitting",
-    "which is lying",
-    "which is standing",
-    "which is sitting",
-    "that is currently",
-    "that is already",
-    "that is",
-    "which is",
-    "that are",
-    "which are",
-    "that lies",
-    "that stands",
-    "that sits",
-    "lying",
-    "sitting",
-    "standing",
-    "currently",
-    "you see",
-];
-/// Words that end a noun phrase.
-const ENDS: [&str; 59] = [
-    "should",
-    "must",
-    "shall",
-    "ought",
-    "needs",
-    "need",
-    "has",
-    "have",
-    "had",
-    "is",
-    "are",
-    "be",
-    "was",
-    "were",
-    "goes",
-    "go",
-    "belongs",
-    "belong",
-    "will",
-    "could",
-    "would",
-    "may",
-    "might",
-    "wants",
-    "want",
-    "ends",
-    "end",
-    "stands",
-    "lies",
-    "sits",
-    "to",
-    "together",
-    "down",
-    "carefully",
-    "again",
-    "already",
-    "instead",
-    "too",
-    "so",
-    "then",
-    "at",
-    "where",
-    "because",
-    "which",
-    "while",
-    "who",
-    "what",
-    "away",
-    "back",
-    "over",
-    "as",
-    "after",
-    "before",
-    "until",
-    "if",
-    "i",
-    "you",
-    "we",
-    "there",
-];
-/// Words that end a noun phrase before a preposition only.
-const HEDGES: [&str; 12] = [
-    "right",
-    "directly",
-    "somewhere",
-    "anywhere",
-    "immediately",
-    "straight",
-    "exactly",
-    "just",
-    "little",
-    "up",
-    "out",
-    "halfway",
-];
-/// Particles that end a clause with a change of state.
-const PARTICLES: [&str; 9] = ["on", "off", "out", "up", "open", "shut", "closed", "in", "inside"];
 
 impl Listener {
     /// True if a noun phrase can begin at an index without doubt.
     pub(super) fn is_determined(&self, index: usize) -> bool {
         let word = self.token(index);
-        ARTICLES.contains(&word) || QUANTIFIERS.contains(&word) || NUMBERS.iter().any(|(number, _)| *number == word)
+        vocabulary().articles.contains(&word)
+            || vocabulary().quantifiers.contains(&word)
+            || NUMBERS.iter().any(|(number, _)| *number == word)
     }
 
     /// One or several noun phrases joined by `and` or commas; those that a pronoun stands for.
@@ -140,6 +23,7 @@ impl Listener {
         while let Some(more) = self.attempt(|listener| {
             let joined =
                 listener.take(",") | listener.take("and") | listener.take("plus") | listener.take("along with");
+            let joined = joined | listener.take_any(&["together with", "as well as", "also"]).is_some();
             let goes_on = joined && !super::verbs::is_verb(listener.ahead(0)) && !super::places::begins(listener);
             goes_on.then(|| listener.meant()).flatten()
         }) {
@@ -161,18 +45,26 @@ impl Listener {
 
     /// Objects that a pronoun stands for, empty if none was named before; `None` if no pronoun stands here.
     pub(super) fn pronoun(&mut self) -> Option<Vec<Group>> {
-        let said = self.take_any(&PRONOUNS)?;
+        let said = self.take_any(&vocabulary().pronouns)?;
         let follows = self.mind.next;
-        let ends = self.is_end(follows) || self.preposition(follows).is_some() || ENDS.contains(&self.token(follows));
-        let ends = ends || PARTICLES.contains(&self.token(follows)) || HEDGES.contains(&self.token(follows));
+        let ends = self.is_end(follows)
+            || self.preposition(follows).is_some()
+            || vocabulary().noun_ends.contains(&self.token(follows));
+        let ends = ends
+            || vocabulary().particles.contains(&self.token(follows))
+            || vocabulary().hedges.contains(&self.token(follows));
         let ends = ends || super::places::is_source(self, follows) || said == "it" || said == "them";
         ends.then(|| self.mind.topic.clone())
     }
 
     /// One noun phrase with its location.
     pub(super) fn noun_phrase(&mut self) -> Option<Group> {
+        if let Some(group) = self.attempt(Self::free_choice) {
+            return Some(group);
+        }
         let start = self.mind.next;
-        let (number, is_definite) = self.number();
+        let is_single = self.at("one of").is_some() || self.at("any one of").is_some();
+        let number = self.number();
         let mut words: Vec<String> = Vec::new();
         let mut at = None;
         while !self.is_end(self.mind.next) || self.continues(&words) {
@@ -183,8 +75,8 @@ impl Listener {
             }
             let word = self.token(index);
             let leads = super::places::begins_at(self, index + 1) || super::places::is_source(self, index + 1);
-            let hedge = HEDGES.contains(&word) && leads;
-            let particle = PARTICLES.contains(&word) && self.is_end(index + 1);
+            let hedge = vocabulary().hedges.contains(&word) && leads;
+            let particle = vocabulary().particles.contains(&word) && self.is_end(index + 1);
             let is_part = words.is_empty() && particle;
             let follows = self.token(index + 1);
             // `the can can go there`
@@ -193,11 +85,22 @@ impl Listener {
                 ["up", "down"].contains(&word) && follows == "to" || self.at_index(index, "all the way").is_some();
             let has_trait = words.iter().any(|word| word == "with");
             let is_top = self.at_index(index, "on top").is_some() && self.token(index + 2) != "of";
-            let is_unknown = super::places::UNKNOWN.contains(&word);
-            let stops = ENDS.contains(&word) || super::places::is_source(self, index) || hedge || particle;
+            let is_unknown = vocabulary().unknown.contains(&word);
+            let stops =
+                vocabulary().noun_ends.contains(&word) || super::places::is_source(self, index) || hedge || particle;
             // `the spoon placed next to the bowl`
             let is_participle = word.ends_with("ed") && super::verbs::Class::Carry.base(word).is_some();
             let is_told = !words.is_empty() && is_participle && super::places::begins_at(self, index + 1);
+            // `from the tray take the mug`, `the light switched on`
+            let class = super::verbs::Class::State;
+            let acts = super::verbs::is_verb(word) && self.is_determined(index + 1)
+                || word.ends_with("ed") && class.base(word).is_some() && vocabulary().particles.contains(&follows);
+            let postures = ["rest", "stand", "sit", "lie", "stay", "go", "hang", "live", "lean", "end"];
+            let is_mutual =
+                |phrase: &&'static str| self.at_index(index, phrase).is_some_and(|length| self.is_end(index + length));
+            let acts = acts || vocabulary().mutual.iter().any(is_mutual);
+            let acts = acts || postures.contains(&word) && super::places::begins_at(self, index + 1);
+            let is_told = is_told || !words.is_empty() && acts;
             let stops = stops || is_told || is_modal || is_level || !has_trait && (is_top || is_unknown);
             if !is_part && stops || !words.is_empty() && super::places::begins_at(self, index) {
                 break;
@@ -207,7 +110,7 @@ impl Listener {
             }
             // An article inside a phrase belongs to a preposition within it.
             let joins = ["of", "with", "without", "and", "in", "on", "for", "around"];
-            let is_stray = ARTICLES.contains(&word) && word != "that";
+            let is_stray = vocabulary().articles.contains(&word) && word != "that";
             if is_stray && !words.last().is_some_and(|last| joins.contains(&last.as_str())) {
                 return self.blame(format!("`{}` is not understood", self.clause(start)));
             }
@@ -226,7 +129,7 @@ impl Listener {
         let part = own_part(&mut words);
         let head_is_plural = is_plural(&words);
         let number = match number {
-            Number::One if is_definite && head_is_plural => Number::All,
+            Number::One if head_is_plural && !is_single => Number::All,
             // `both the apple and the pear`, `all the bread`
             Number::Many(_) | Number::All if !head_is_plural => Number::One,
             number => number,
@@ -234,9 +137,9 @@ impl Listener {
         Some(Group { words, at, number, part })
     }
 
-    /// Number and definiteness from the words before the noun.
-    fn number(&mut self) -> (Number, bool) {
-        let (mut number, mut is_definite) = (Number::One, false);
+    /// Number from the words before the noun.
+    fn number(&mut self) -> Number {
+        let mut number = Number::One;
         loop {
             let word = self.ahead(0);
             let count = NUMBERS.iter().find(|(name, _)| *name == word).map(|(_, count)| *count);
@@ -247,31 +150,55 @@ impl Listener {
                 ("each" | "every", _) => number = Number::Each(None),
                 ("couple" | "pair", _) if self.ahead(1) == "of" => number = Number::Many(2),
                 ("of", _) if number != Number::One => {}
-                ("the" | "my" | "your" | "our" | "these" | "those" | "her" | "his" | "their", _) => is_definite = true,
+                ("few" | "several" | "many", _) => number = Number::All,
+                ("another", _) => {}
                 ("one", _) if self.ahead(1) == "of" => self.mind.next += 1,
                 ("one", _) if self.is_end(self.mind.next + 1) || is_comparison => break,
                 (_, Some(1)) => {}
                 (_, Some(count)) if matches!(number, Number::Each(_)) => number = Number::Each(Some(count)),
                 (_, Some(count)) => number = Number::Many(count),
                 ("same", _) => {}
-                (word, _) if ARTICLES.contains(&word) => {}
+                (word, _) if vocabulary().articles.contains(&word) => {}
                 _ => break,
             }
             self.mind.next += 1;
         }
-        (number, is_definite)
+        number
+    }
+
+    /// Parses `whichever mug is blue`, `whatever apple you like`.
+    fn free_choice(&mut self) -> Option<Group> {
+        self.take_any(&["whichever", "whatever", "any"])?;
+        let mut noun = Vec::new();
+        while !self.is_end(self.mind.next) && !["is", "looks", "you"].contains(&self.ahead(0)) {
+            noun.push(self.ahead(0).to_owned());
+            self.mind.next += 1;
+        }
+        let mut words = Vec::new();
+        if self.take_any(&["you like", "you want", "you prefer", "you fancy", "you please", "you find"]).is_none() {
+            self.take_any(&["is the", "is", "looks"])?;
+            while !self.is_end(self.mind.next) && !super::places::begins(self) {
+                words.push(self.ahead(0).to_owned());
+                self.mind.next += 1;
+            }
+            (!words.is_empty()).then_some(())?;
+        }
+        words.extend(noun);
+        self.complete(&mut words);
+        (!words.is_empty()).then(|| Group::of(words))
     }
 
     /// A relative clause with a location.
     fn location(&mut self) -> Option<Place> {
-        self.take_any(&RELATIVES)?;
+        self.take_any(&vocabulary().relatives)?;
+        while !super::places::begins(self) && self.take_any(&vocabulary().relative_words).is_some() {}
         self.place()
     }
 
     /// True at the end of a clause, where no noun phrase goes on.
     pub(super) fn is_end(&self, index: usize) -> bool {
         let word = self.token(index);
-        word.is_empty() || is_mark(word) || is_boundary(word) || word == "or"
+        word.is_empty() || is_mark(word) || is_boundary(word) || word == "or" || Some(index) == self.mind.stop
     }
 
     /// True if `and` continues a description (`with black wheels and red roof`, `red and white`).

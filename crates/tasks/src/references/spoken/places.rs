@@ -7,86 +7,15 @@ use super::super::lexicon::is_color;
 use super::super::words::{EXTREMES, LOOSE, PLACES, SOURCE};
 use super::listener::Listener;
 use super::verbs::Class;
+use super::words::vocabulary;
 
-/// Words and phrases before a place that do not change it.
-const MODIFIERS: [&str; 50] = [
-    "so that it is",
-    "so that it ends up",
-    "so that it stands",
-    "so that it lies",
-    "so that it sits",
-    "so that they are",
-    "so it is",
-    "so it stands",
-    "so it sits",
-    "so it ends up",
-    "to the spot",
-    "in the spot",
-    "to the place",
-    "to the position",
-    "in the position",
-    "to the area",
-    "in the area",
-    "in the gap",
-    "into the gap",
-    "in the space",
-    "into the space",
-    "to a spot",
-    "to a place",
-    "in a spot",
-    "in a place",
-    "to a position",
-    "somewhere",
-    "anywhere",
-    "some place",
-    "right",
-    "directly",
-    "immediately",
-    "straight",
-    "exactly",
-    "just",
-    "over",
-    "down",
-    "up",
-    "back",
-    "out",
-    "away",
-    "together",
-    "either",
-    "both",
-    "safely",
-    "little",
-    "halfway",
-    "midway",
-    "across",
-    "along",
-];
-
-/// Prepositions of people that the table of the grammar lacks.
-const MORE: [(&str, &[Relation]); 14] = [
-    ("up against", &[Relation::Near]),
-    ("against", &[Relation::Near]),
-    ("beside of", &[Relation::Near]),
-    ("nearby", &[Relation::Near]),
+/// Prepositions that continue with another one or with nothing.
+const MORE: [(&str, &[Relation]); 4] = [
     ("next", &[]),
-    ("at the side of", &[Relation::Near]),
-    ("by the side of", &[Relation::Near]),
-    ("to the side of", &[Relation::Near]),
-    ("in the vicinity of", &[Relation::Near]),
-    ("in back of", &[Relation::Back]),
-    ("on the near side of", &[Relation::Back]),
-    ("down into", &[Relation::In, Relation::Top]),
-    ("down onto", &[Relation::On, Relation::Top]),
-    ("within", &[Relation::In, Relation::Top]),
+    ("on top", &[Relation::On, Relation::Top]),
+    ("somewhere around", &[Relation::Near]),
+    ("anywhere around", &[Relation::Near]),
 ];
-
-/// Prepositions without a relation in goals.
-pub(super) const UNKNOWN: [&str; 9] =
-    ["under", "underneath", "beneath", "below", "above", "around", "through", "opposite", "across from"];
-
-/// Words for the table itself.
-const TABLES: [&str; 10] =
-    ["table", "tabletop", "table top", "worktop", "counter", "countertop", "desk", "bench", "work surface", "surface"];
 
 /// True if a place begins at an index.
 pub(super) fn begins_at(listener: &Listener, index: usize) -> bool {
@@ -114,7 +43,11 @@ impl Listener {
     /// One place or several alternatives, after words that do not matter.
     pub(super) fn places(&mut self) -> Option<Vec<Place>> {
         self.skip_modifiers();
-        let unknown = UNKNOWN.iter().find(|word| self.at(word).is_some());
+        if self.ahead(0) == "," && begins_at(self, self.mind.next + 1) {
+            self.mind.next += 1;
+        }
+        self.skip_modifiers();
+        let unknown = vocabulary().unknown.iter().find(|word| self.at(word).is_some());
         if let Some(word) = unknown {
             return self.blame(format!("`{word}` is no relation that a goal can have"));
         }
@@ -142,18 +75,46 @@ impl Listener {
         Some(places)
     }
 
+    /// True where a result such as `so that it is behind the box` begins.
+    pub(super) fn at_result(&mut self) -> bool {
+        let before = self.mind.clone();
+        let found = self.result();
+        self.mind = before;
+        found.is_some()
+    }
+
+    /// Takes the words of a result before its place: `so that it ends up`.
+    pub(super) fn result(&mut self) -> Option<()> {
+        self.attempt(|listener| {
+            listener.take(",");
+            listener.take_any(&vocabulary().results)?;
+            listener.take_any(&["it", "they", "that", "this", "both", "he", "she"])?;
+            listener.copula();
+            while !begins(listener)
+                && listener.take_any(&["right", "directly", "somewhere", "just", "exactly"]).is_some()
+            {}
+            (begins(listener) || listener.table_at(listener.mind.next).is_some()).then_some(())
+        })
+    }
+
     pub(super) fn skip_modifiers(&mut self) {
         loop {
+            self.result();
+            // `move it to behind the box`
+            if self.ahead(0) == "to" && begins_at(self, self.mind.next + 1) {
+                self.mind.next += 1;
+            }
             let is_side = self.side_at(self.mind.next).is_some();
             if is_side || self.preposition(self.mind.next).is_some_and(|(relations, _)| !relations.is_empty()) {
                 // `right next to` is a preposition, but `in the gap between` is not `in`.
                 let before = self.mind.next;
-                let phrases = MODIFIERS.iter().filter(|phrase| phrase.contains(' ')).copied().collect::<Vec<_>>();
+                let phrases =
+                    vocabulary().modifiers.iter().filter(|phrase| phrase.contains(' ')).copied().collect::<Vec<_>>();
                 if self.take_any(&phrases).is_none() || !begins(self) {
                     self.mind.next = before;
                     return;
                 }
-            } else if self.take_any(&MODIFIERS).is_none() {
+            } else if self.take_any(&vocabulary().modifiers).is_none() {
                 return;
             }
         }
@@ -165,9 +126,9 @@ impl Listener {
             ["on", "onto", "to", "upon", "on top of", "at"].iter().find_map(|word| self.at_index(index, word))?;
         let article = ["the bare", "the empty", "the", "my", "your", "our"];
         let second = article.iter().find_map(|word| self.at_index(index + first, word)).unwrap_or(0);
-        let third = TABLES.iter().filter_map(|word| self.at_index(index + first + second, word)).max()?;
+        let third = vocabulary().tables.iter().filter_map(|word| self.at_index(index + first + second, word)).max()?;
         let end = index + first + second + third;
-        let goes_on = self.is_end(end) || begins_at(self, end) || MODIFIERS.contains(&self.token(end));
+        let goes_on = self.is_end(end) || begins_at(self, end) || vocabulary().modifiers.contains(&self.token(end));
         goes_on.then_some(end - index)
     }
 
@@ -185,14 +146,19 @@ impl Listener {
         if relations.is_empty() {
             return None;
         }
-        // `drop the die inside`
-        if self.is_end(self.mind.next) {
+        // `drop the die inside`, `put the cube on top`
+        let is_there = self.take_any(&["there", "here"]).is_some();
+        if is_there || self.is_end(self.mind.next) {
             let host = self.antecedent(relations)?;
-            return ["inside", "in", "into"].contains(&said.as_str()).then(|| Place { relations, objects: vec![host] });
+            let is_adverb = ["inside", "in", "into"].contains(&said.as_str()) || length == 2 && said == "on";
+            return (is_there || is_adverb).then(|| Place { relations, objects: vec![host] });
         }
         if let Some(known) = self.attempt(Self::pronoun) {
-            let host =
-                if known.len() == 1 || relations == [Relation::Between] { self.antecedents(relations) } else { None };
+            let host = if known.len() == 1 || relations == [Relation::Between] || self.mind.source.is_some() {
+                self.antecedents(relations)
+            } else {
+                None
+            };
             let Some(objects) = host else {
                 return self.blame(format!("`{}` may mean several objects", self.clause(self.mind.next - 1)));
             };
@@ -239,7 +205,11 @@ impl Listener {
             }
             Owner::None => match &self.mind.source {
                 Some(source) => source.objects.clone(),
-                None => return self.blame(format!("`{}` of what?", self.tokens[start..self.mind.next].join(" "))),
+                // `the fork on the left of the plate and the knife on the right`
+                None => match self.mind.place.clone().filter(|place| is_side(place.relations)) {
+                    Some(place) => place.objects,
+                    None => return self.blame(format!("`{}` of what?", self.tokens[start..self.mind.next].join(" "))),
+                },
             },
         };
         Some(Place { relations, objects })
@@ -292,7 +262,8 @@ impl Listener {
         let (word, follows) = (self.token(index), self.token(index + length));
         let alone = length == 1;
         if self.is_end(index + length) {
-            return (["inside", "in"].contains(&word) && alone).then_some((relations, length));
+            let is_adverb = ["inside", "in"].contains(&word) && alone || self.at_index(index, "on top").is_some();
+            return is_adverb.then_some((relations, length));
         }
         let is_loose = LOOSE.contains(&word) && alone;
         let is_object = match word {
@@ -311,10 +282,12 @@ impl Listener {
         if !is_source(self, self.mind.next) {
             return None;
         }
-        self.take_any(&["out from", "from off", "off of", "off from", "out of", "away from", "from", "off"])?;
+        let said =
+            self.take_any(&["out from", "from off", "off of", "off from", "out of", "away from", "from", "off"])?;
         self.take_any(&["out of", "off"]);
         let article = ["the", "my", "your", "our"].iter().find_map(|word| self.at(word)).unwrap_or(0);
-        let table = TABLES.iter().filter_map(|word| self.at_index(self.mind.next + article, word)).max();
+        let spots = vocabulary().tables.iter().chain(&vocabulary().spots);
+        let table = spots.filter_map(|word| self.at_index(self.mind.next + article, word)).max();
         if let Some(length) = table {
             self.mind.next += article + length;
             return Some(None);
@@ -326,7 +299,8 @@ impl Listener {
             Some(_) => self.antecedents(SOURCE)?,
             None => vec![self.noun_phrase()?],
         };
-        Some(Some(Place { relations: SOURCE, objects }))
+        // What something is moved away from need not hold it.
+        Some((said != "away from").then_some(Place { relations: SOURCE, objects }))
     }
 
     /// The object to which a pronoun in a place refers; `None` if none or several were named.
@@ -348,15 +322,20 @@ impl Listener {
             return Some(place.objects.clone());
         }
         // `the fork to the left of the plate and the knife to its right`
-        let is_side = |relations: &[Relation]| matches!(relations, [Relation::Left] | [Relation::Right]);
         if let Some(place) = self.mind.place.as_ref().filter(|place| is_side(place.relations) && is_side(relations)) {
             return Some(place.objects.clone());
         }
         if self.mind.topic.is_empty() {
             return self.blame(format!("`{}` names no object", self.clause(self.mind.next.saturating_sub(1))));
         }
+        self.mind.pending.clear();
         Some(self.mind.topic.clone())
     }
+}
+
+/// True for the relations left and right.
+fn is_side(relations: &[Relation]) -> bool {
+    matches!(relations, [Relation::Left] | [Relation::Right])
 }
 
 /// Owner of a side.

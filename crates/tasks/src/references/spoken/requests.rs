@@ -1,27 +1,43 @@
-//! Requests: a verb with its objects, a statement of where or how something should be, or a phrase with a place.
+//! Requests: a verb with its objects and where they go.
 
 use super::super::command::{Command, Group, Place};
 use super::listener::Listener;
-use super::verbs::{Class, is_verb};
-use super::words::{COPULAS, DUTIES, WISHES};
+use super::verbs::{Class, is_form};
+use super::words::vocabulary;
+
+type Parser = fn(&mut Listener) -> Option<Vec<Command>>;
+
+/// Parsers of requests with a verb.
+const VERBAL: [Parser; 7] = [
+    Listener::tower,
+    Listener::state,
+    Listener::touch,
+    Listener::fill,
+    Listener::take_up,
+    Listener::carry,
+    Listener::repeat,
+];
+/// Parsers of other requests and of facts about the initial scene.
+const OTHER: [Parser; 6] =
+    [Listener::wish, Listener::inverted, Listener::given, Listener::statement, Listener::fragment, Listener::named];
 
 impl Listener {
     /// Commands of the request that begins here; `None` if there is none.
     pub(super) fn request(&mut self) -> Option<Vec<Command>> {
         self.choice();
-        let parsers = [
-            Self::tower,
-            Self::state,
-            Self::take_up,
-            Self::carry,
-            Self::wish,
-            Self::given,
-            Self::statement,
-            Self::fragment,
-            Self::named,
-        ];
-        for parse in parsers {
-            let found = self.attempt(|listener| {
+        let plain = if self.asks() {
+            self.attempt(Self::sought)
+        } else {
+            self.first_of(&VERBAL).or_else(|| self.first_of(&OTHER))
+        };
+        let plain = plain.or_else(|| self.attempt(Self::continued));
+        plain.or_else(|| self.attempt(Self::wrapped)).or_else(|| self.attempt(Self::reported))
+    }
+
+    /// Commands of the first parser that reads as far as the end of a clause.
+    fn first_of(&mut self, parsers: &[Parser]) -> Option<Vec<Command>> {
+        parsers.iter().find_map(|parse| {
+            self.attempt(|listener| {
                 listener.mind.source = None;
                 let commands = parse(listener)?;
                 if listener.at_boundary() {
@@ -29,12 +45,58 @@ impl Listener {
                 }
                 let rest = listener.clause(listener.mind.next);
                 listener.blame(format!("`{rest}` is not understood"))
-            });
+            })
+        })
+    }
+
+    /// Parses a request after words of politeness, the fewest that leave one: `would it be possible to move …`,
+    /// `it would be nice if the mug was …`.
+    fn wrapped(&mut self) -> Option<Vec<Command>> {
+        let (start, asks) = (self.mind.next, self.asks());
+        loop {
+            // `be a gem and …`
+            let is_praise = self.ahead(0) == "be" && self.is_determined(self.mind.next + 1) && self.ahead(3) == "and";
+            let said = if is_praise { "and" } else { self.take_any(&vocabulary().polite)? };
+            self.mind.next += if is_praise { 4 } else { 0 };
+            let prefix = format!(" {} ", self.tokens[start..self.mind.next].join(" "));
+            let says = |words: &[&str]| words.iter().any(|word| prefix.contains(&format!(" {word} ")));
+            let opens = |words: &[&str]| words.contains(&self.token(start));
+            let is_condition = opens(&["if", "whether"]) && !says(&vocabulary().wanting);
+            if asks && !says(&vocabulary().enabling) || is_condition {
+                continue;
+            }
+            let is_sequence = said == "have" && says(&["once", "after", "when"]);
+            let is_wish =
+                vocabulary().desires.contains(&said) && (says(&vocabulary().wanting) || says(&vocabulary().weak));
+            let mut found = None;
+            let is_modal = opens(&["could", "can", "would", "may", "might", "shall", "should", "will"]);
+            if is_modal || !vocabulary().stative.contains(&said) || is_sequence {
+                found = self.first_of(&VERBAL);
+            }
+            if found.is_none() && is_wish {
+                let is_duty = !says(&vocabulary().wanting);
+                found = self.attempt(|listener| {
+                    let commands = listener.wanted(is_duty)?;
+                    listener.at_boundary().then_some(commands)
+                });
+            }
             if found.is_some() {
                 return found;
             }
         }
-        None
+    }
+
+    /// Parses a request that somebody reports: `mum says the mug has to go on the tray`.
+    fn reported(&mut self) -> Option<Vec<Command>> {
+        let reporting = &vocabulary().reporting;
+        let says = |index: usize| reporting.iter().find_map(|phrase| self.at_index(index, phrase));
+        let start = self.mind.next;
+        let (index, length) = (start + 1..start + 5).find_map(|index| Some((index, says(index)?)))?;
+        self.mind.next = index + length;
+        self.take("that");
+        self.take_any(&["you to", "us to", "the robot to", "you", "to"]);
+        let found = self.first_of(&VERBAL).or_else(|| self.first_of(&OTHER));
+        found.or_else(|| self.wanted(false)).filter(|_| self.at_boundary())
     }
 
     /// Remembers `of the two apples,` for the next phrase.
@@ -59,8 +121,7 @@ impl Listener {
         let several = phrases.into_iter().find_map(|phrase| {
             let (first, rest) = phrase.split_once(' ')?;
             let length = self.at_index(self.mind.next + 1, rest)?;
-            (class.base(self.ahead(0)) == class.base(first) && class.base(first).is_some())
-                .then_some((phrase, length + 1))
+            is_form(self.ahead(0), first).then_some((phrase, length + 1))
         });
         if let Some((phrase, length)) = several {
             self.mind.next += length;
@@ -72,18 +133,14 @@ impl Listener {
     }
 
     /// Parses `take the orange out of the bowl`; where it goes may follow.
-    fn take_up(&mut self) -> Option<Vec<Command>> {
+    pub(super) fn take_up(&mut self) -> Option<Vec<Command>> {
         let verb = self.verb(Class::Take)?;
         self.take_any(&["me", "us", "out", "up"]);
         let mut subjects = self.noun_phrases()?;
-        self.take_any(&["up"]);
+        self.take_any(&["up", "over there", "there", "here"]);
         self.come_from(&mut subjects)?;
         while self.take_any(&["up", "out", "off", "away"]).is_some() {}
-        // `off the tray and onto a plate`
-        if self.ahead(0) == "and" && super::places::begins_at(self, self.mind.next + 1) {
-            self.mind.next += 1;
-        }
-        if !self.at_boundary() {
+        if !self.at_boundary() || self.at_result() {
             let places = self.attempt(Self::places)?;
             let (before, is_next) = (self.mind.next, self.puts_it());
             self.mind.next = before;
@@ -104,11 +161,15 @@ impl Listener {
     /// True if `and put it` comes next.
     fn puts_it(&mut self) -> bool {
         self.skip_courtesies();
-        self.verb(Class::Carry).is_some() && self.take_any(&["it", "them", "that"]).is_some()
+        self.verb(Class::Carry).is_some() && self.take_any(&["it", "them", "that", "both", "these"]).is_some()
     }
 
     /// Notes where the objects are taken from.
-    fn come_from(&mut self, subjects: &mut [Group]) -> Option<()> {
+    pub(super) fn come_from(&mut self, subjects: &mut [Group]) -> Option<()> {
+        if let Some(fronted) = self.mind.fronted.take() {
+            subjects.iter_mut().for_each(|subject| subject.at = Some(Box::new(fronted.clone())));
+            self.mind.source = Some(fronted);
+        }
         while super::places::is_source(self, self.mind.next) {
             let source = self.source()?;
             if let ([subject], Some(place)) = (&mut *subjects, &source)
@@ -121,32 +182,56 @@ impl Listener {
                 }
             }
             self.mind.source = source;
+            // `off the tray and onto a plate`
+            let goes_on = super::places::begins_at(self, self.mind.next + 1);
+            let is_put =
+                Class::Carry.base(self.ahead(1)).is_some() && super::places::begins_at(self, self.mind.next + 2);
+            if ["and", ","].contains(&self.ahead(0)) && (goes_on || is_put) {
+                self.mind.next += if goes_on { 1 } else { 2 };
+            }
         }
         Some(())
     }
 
     /// Parses a verb with objects and a place: `park the toy car behind the cube`.
-    fn carry(&mut self) -> Option<Vec<Command>> {
+    pub(super) fn carry(&mut self) -> Option<Vec<Command>> {
         let verb = self.verb(Class::Carry)?;
         while self.take_any(&["me", "us", "down", "up", "back", "over", "away", "aside"]).is_some() {}
         let is_pronoun = ["it", "them", "that", "both", "this"].contains(&self.ahead(0));
-        let mut subjects = self.noun_phrases()?;
+        // `pick up the mug and place on the tray`
+        let is_omitted = !self.mind.pending.is_empty() && super::places::begins(self);
+        let mut subjects = if is_omitted { self.mind.pending.clone() } else { self.noun_phrases()? };
         if is_pronoun {
             self.mind.pending.clear();
         }
         self.come_from(&mut subjects)?;
+        if let Some(commands) = self.attempt(|listener| listener.mutual(&subjects)) {
+            return Some(commands);
+        }
         // `put the apple or the pear in the bowl`
         let other = self.attempt(|listener| {
             listener.take("or").then_some(())?;
             listener.noun_phrase()
         });
-        let elliptic =
-            self.mind.place.clone().filter(|_| verb == "add" || self.ahead(0) == "too" || self.at("as well").is_some());
+        let last = self.mind.place.clone();
+        let elliptic = last.filter(|_| verb == "add" || self.take_any(&vocabulary().likewise).is_some());
         let places = match self.attempt(Self::places) {
             Some(places) => places,
             None => match elliptic.filter(|_| self.at_boundary()) {
                 Some(place) => vec![place],
                 None => {
+                    // `bring the egg over here and put it …`
+                    self.take_any(&["over here", "here", "over"]);
+                    let before = self.mind.next;
+                    let goes_on = |word: &String| word == "it" || word == "them";
+                    let is_named_again = self.tokens[before.min(self.tokens.len())..].iter().any(goes_on);
+                    if self.at_boundary() && (is_named_again || self.puts_it()) {
+                        self.mind.next = before;
+                        self.mind.pending.clone_from(&subjects);
+                        self.remember(subjects);
+                        return Some(Vec::new());
+                    }
+                    self.mind.next = before;
                     let said: Vec<String> = subjects.iter().map(|subject| subject.words.join(" ")).collect();
                     if self.at_boundary()
                         || ["there", "here", "away", "aside"].contains(&self.ahead(0))
@@ -178,10 +263,14 @@ impl Listener {
     }
 
     /// The command that brings objects to a place; a second place after a comma is a second condition.
-    fn put(&mut self, subjects: Vec<Group>, places: Vec<Place>) -> Option<Vec<Command>> {
+    pub(super) fn put(&mut self, subjects: Vec<Group>, places: Vec<Place>) -> Option<Vec<Command>> {
+        self.mind.action = None;
         let mut commands = vec![Command::Put { subjects: subjects.clone(), places: places.clone() }];
+        // `beside the book, on its left side`
+        self.remember(places.iter().flat_map(|place| place.objects.clone()).collect());
         if let Some(more) = self.attempt(|listener| {
             listener.take_any(&[",", "and"]);
+            listener.result();
             let is_beside = super::places::begins(listener);
             let place = is_beside.then(|| listener.place()).flatten()?;
             (place.relations.iter().all(|relation| !relation.is_support()) && listener.at_boundary()).then_some(place)
@@ -192,110 +281,12 @@ impl Listener {
         if objects.any(|object| subjects.iter().any(|subject| subject.words == object.words)) {
             return self.blame("the sentence leaves open which object goes where");
         }
+        self.mind.pending.retain(|pending| !subjects.iter().any(|subject| subject.words == pending.words));
         self.remember(subjects);
         Some(commands)
     }
 
     pub(super) fn remember(&mut self, groups: Vec<Group>) {
         self.mind.topic = groups;
-    }
-
-    /// Parses `I want the mug on the plate`, `make sure the tap is off`, `could the glass go to the left of the jug`.
-    fn wish(&mut self) -> Option<Vec<Command>> {
-        // `grandma needs her mug on the tray`
-        if self.take_any(&WISHES).is_none() {
-            let offset = (1..4).find(|&offset| ["needs", "wants", "need", "want"].contains(&self.ahead(offset)))?;
-            self.mind.next += offset + 1;
-            (!self.is_end(self.mind.next) && self.ahead(0) != "to").then_some(())?;
-        }
-        self.take("that");
-        let mut subjects = self.changed_objects()?;
-        self.copula();
-        self.goal(&mut subjects)
-    }
-
-    /// Parses `the toy car should be parked behind the cube`, `the eggs go in the pan`, `the oven needs closing`.
-    fn statement(&mut self) -> Option<Vec<Command>> {
-        let mut subjects = self.changed_objects()?;
-        let start = self.mind.next;
-        self.copula();
-        let is_duty = self.tokens[start..self.mind.next].iter().any(|word| DUTIES.contains(&word.as_str()));
-        is_duty.then_some(())?;
-        self.goal(&mut subjects)
-    }
-
-    /// Skips the words between an object and its place or state.
-    fn copula(&mut self) {
-        loop {
-            let word = self.ahead(0);
-            let is_place = super::places::begins(self);
-            let is_verb = Class::Carry.base(word).is_some() && word != "left" && self.at("put on").is_none();
-            if is_place || !(COPULAS.contains(&word) || is_verb) {
-                return;
-            }
-            self.mind.next += 1;
-        }
-    }
-
-    /// Requested places or states of objects.
-    fn goal(&mut self, subjects: &mut Vec<Group>) -> Option<Vec<Command>> {
-        if let Some(action) = self.attempt(Self::wanted_state) {
-            return self.changes(subjects, action);
-        }
-        self.come_from(subjects)?;
-        self.copula();
-        let places = self.attempt(Self::places)?;
-        self.come_from(subjects)?;
-        self.put(std::mem::take(subjects), places)
-    }
-
-    /// Parses a fact about the initial scene: `the potato is already in the pot`, `there is an apple in the bowl`.
-    fn given(&mut self) -> Option<Vec<Command>> {
-        let is_there = self.take_any(&["there is already", "there is", "there are", "here is"]).is_some();
-        let mut group = self.noun_phrase()?;
-        if !is_there {
-            self.take_any(&[
-                "is already",
-                "is currently",
-                "is still",
-                "is now",
-                "is",
-                "are already",
-                "are currently",
-                "are",
-            ])?;
-            self.take_any(&["standing", "lying", "sitting"]);
-        }
-        let at = match group.at.take() {
-            Some(at) => at,
-            None => {
-                self.skip_modifiers();
-                Box::new(self.place()?)
-            }
-        };
-        group.at = Some(at);
-        self.remember(vec![group.clone()]);
-        Some(vec![Command::Given(group)])
-    }
-
-    /// Parses `the red mug,` before `put it …`.
-    fn named(&mut self) -> Option<Vec<Command>> {
-        let group = self.noun_phrase()?;
-        (self.ahead(0) == "," && is_verb(self.ahead(1)) && ["it", "them"].contains(&self.ahead(2))).then_some(())?;
-        self.mind.pending = vec![group.clone()];
-        self.remember(vec![group]);
-        Some(Vec::new())
-    }
-
-    /// Parses a phrase with a place, without a verb.
-    fn fragment(&mut self) -> Option<Vec<Command>> {
-        let mut subjects = self.noun_phrases()?;
-        self.come_from(&mut subjects)?;
-        let last = self.mind.place.clone().filter(|_| self.ahead(0) == "too" || self.at("as well").is_some());
-        let places = match self.attempt(Self::places) {
-            Some(places) => places,
-            None => vec![last?],
-        };
-        self.put(subjects, places)
     }
 }

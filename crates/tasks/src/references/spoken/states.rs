@@ -2,32 +2,42 @@
 
 use genmanip_core::Relation;
 
-use super::super::change::{Action, action};
+use super::super::change::{Action, Part, action};
 use super::super::command::{Command, Group};
 use super::listener::Listener;
 use super::verbs::Class;
-use super::words::{LEVELS, PARTICLES, PARTS};
+use super::words::{PARTS, vocabulary};
 
 impl Listener {
     /// Parses a change of state: `flick the fan switch on`, `pull out the top drawer of the cabinet`.
     pub(super) fn state(&mut self) -> Option<Vec<Command>> {
         let verb = self.verb(Class::State)?;
-        let mut particle = self.take_any(&PARTICLES).or_else(|| self.level());
+        let mut particle = self.take_any(&vocabulary().state_particles).or_else(|| self.level());
         self.take_any(&["on"]);
-        let mut objects = self.changed_objects()?;
-        particle = self.level().or_else(|| self.take_any(&PARTICLES)).or(particle);
+        let objects = self.changed_objects()?;
+        particle = self.level().or_else(|| self.take_any(&vocabulary().state_particles)).or(particle);
         particle = self.level().or(particle);
         self.take_any(&["again", "all the way", "fully", "wide"]);
+        let is_kept = ["get", "have", "keep", "leave", "make"].contains(&verb);
+        let told = if is_kept && particle.is_none() { self.attempt(Self::wanted_state) } else { None };
+        if let Some(action) = told.or_else(|| self.attempt(Self::resulting_state)) {
+            return self.changes(&objects, action);
+        }
         if verb == "lift" && particle.is_none() && objects.iter().all(|object| object.part.is_none()) {
             return None;
         }
         let action = action(verb, particle)?;
-        self.changes(&mut objects, action)
+        // `push in the top drawer`
+        let has_drawer = objects.iter().any(|object| object.part.is_some_and(|part| part != Part::Other));
+        let action = if action == Action::Press && has_drawer { Action::Close } else { action };
+        self.changes(&objects, action)
     }
 
-    pub(super) fn changes(&mut self, objects: &mut [Group], action: Action) -> Option<Vec<Command>> {
+    pub(super) fn changes(&mut self, objects: &[Group], action: Action) -> Option<Vec<Command>> {
+        self.mind.pending.retain(|pending| !objects.iter().any(|object| object.words == pending.words));
         self.remember(objects.to_vec());
         self.mind.place = None;
+        self.mind.action = Some(action);
         let change = |object: &Group| Command::Change { object: object.clone(), part: object.part, action };
         Some(objects.iter().map(change).collect())
     }
@@ -58,21 +68,39 @@ impl Listener {
         self.attempt(|listener| {
             listener.take_any(&["up", "down", "all the way up", "all the way", "right up"]);
             let is_said = listener.take_any(&["to", "on", "onto", "at"]).is_some();
-            let names: Vec<&str> = LEVELS.iter().map(|(name, _)| *name).collect();
+            let names: Vec<&str> = vocabulary().levels.iter().map(|(name, _)| *name).collect();
             let name = listener.take_any(&names).filter(|_| is_said)?;
             listener.take_any(&["heat", "setting", "power"]);
-            LEVELS.iter().find(|(said, _)| *said == name).map(|(_, level)| *level)
+            vocabulary().levels.iter().find(|(said, _)| *said == name).map(|(_, level)| *level)
         })
         .or_else(|| self.take("all the way up").then_some("high"))
+    }
+
+    /// Parses `until it is closed`.
+    fn resulting_state(&mut self) -> Option<Action> {
+        self.take_any(&vocabulary().results)?;
+        self.take_any(&["it", "they", "that"])?;
+        self.copula();
+        self.wanted_state()
     }
 
     /// Parses `closed`, `switched on`, `off`, `to be opened`, `turned to high` at the end of a clause.
     pub(super) fn wanted_state(&mut self) -> Option<Action> {
         let before = self.ahead(0).to_owned();
-        let adjective =
-            self.take_any(&["wide open", "open", "opened", "shut", "closed", "on", "off", "pressed", "pushed"]);
+        let adjective = self.take_any(&[
+            "wide open",
+            "open",
+            "opened",
+            "shut",
+            "closed",
+            "on",
+            "off",
+            "running",
+            "pressed",
+            "pushed",
+        ]);
         let found = match adjective {
-            Some("on") => Action::On,
+            Some("on" | "running") => Action::On,
             Some("off") => Action::Off,
             Some("pressed" | "pushed") => {
                 self.take_any(&["down", "in"]);
@@ -85,7 +113,7 @@ impl Listener {
                 if verb.is_some() {
                     self.mind.next += 1;
                 }
-                let particle = self.level().or_else(|| self.take_any(&PARTICLES));
+                let particle = self.level().or_else(|| self.take_any(&vocabulary().state_particles));
                 action(verb.unwrap_or("turn"), particle)?
             }
         };

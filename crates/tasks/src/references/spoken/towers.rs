@@ -17,9 +17,20 @@ impl Listener {
             while self.take_any(&[",", "out of"]).is_some() {}
         }
         let (lowest, middle, highest) = (
-            ["at the bottom", "on the bottom", "at the base", "as the base", "lowest", "in the bottom"],
+            [
+                "at the bottom",
+                "on the bottom",
+                "at the base",
+                "as the base",
+                "as base",
+                "lowest",
+                "in the bottom",
+                "as the bottom",
+                "as the foundation",
+                "underneath",
+            ],
             ["in the middle", "in between", "in the centre", "in the center"],
-            ["on top", "at the top", "on the top", "uppermost", "at the very top", "on the very top"],
+            ["on top", "at the top", "on the top", "as the top", "uppermost", "at the very top", "on the very top"],
         );
         let mut items: Vec<(Option<usize>, Group)> = Vec::new();
         loop {
@@ -41,6 +52,7 @@ impl Listener {
                 break;
             }
         }
+        self.attempt(|listener| listener.order(&mut items, &[&lowest, &middle, &highest]));
         let on_each_other = ["on top of each other", "on top of one another", "on each other", "into a tower", "up"];
         let in_order = ["in this order", "in that order", "from bottom to top", "from the bottom up", "bottom to top"];
         let is_stack = self.take_any(&on_each_other).is_some() | is_named;
@@ -68,6 +80,23 @@ impl Listener {
         let groups: Vec<Group> = items.into_iter().map(|(_, group)| group).collect();
         self.remember(groups.clone());
         Some(vec![Command::Tower(groups)])
+    }
+
+    /// Parses `with the red one at the bottom and the blue one on top` after the objects of a tower.
+    fn order(&mut self, items: &mut [(Option<usize>, Group)], levels: &[&[&str]]) -> Option<()> {
+        self.take(",");
+        self.take("with").then_some(())?;
+        loop {
+            let group = self.noun_phrase()?;
+            let level = self.position(levels)?;
+            let item = items.iter_mut().find(|(_, known)| known.words == group.words)?;
+            item.0 = Some(level);
+            self.take(",");
+            if !self.take("and") {
+                break;
+            }
+        }
+        Some(())
     }
 
     fn position(&mut self, levels: &[&[&str]]) -> Option<usize> {

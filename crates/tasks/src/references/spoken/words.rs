@@ -1,88 +1,128 @@
-//! Words and phrases of requests besides their verbs.
+//! Vocabulary of requests, from `data/references/spoken.json`.
+
+use std::sync::LazyLock;
+
+use serde::Deserialize;
 
 use super::super::change::Part;
 
-/// Phrases before the object of a wish.
-pub(super) const WISHES: [&str; 46] = [
-    "could i get",
-    "can i get",
-    "may i get",
-    "i want",
-    "i want for",
-    "i would like for",
-    "i would like",
-    "i would love",
-    "i would prefer",
-    "i need",
-    "we need",
-    "we want",
-    "i would rather have",
-    "make sure that",
-    "make sure",
-    "ensure that",
-    "ensure",
-    "see to it that",
-    "see that",
-    "check that",
-    "let",
-    "have",
-    "get",
-    "i wish",
-    "can i have",
-    "could i have",
-    "may i have",
-    "can we have",
-    "could we have",
-    "could",
-    "can",
-    "would",
-    "may",
-    "might",
-    "there should be",
-    "there must be",
-    "there needs to be",
-    "there has to be",
-    "there ought to be",
-    "i want there to be",
-    "i would like there to be",
-    "make sure that there is",
-    "make sure there is",
-    "make sure there are",
-    "ensure there is",
-    "there should end up being",
-];
-/// Words between an object and where or how it should be.
-pub(super) const COPULAS: [&str; 51] = [
-    "should", "must", "shall", "ought", "to", "needs", "need", "has", "have", "will", "can", "could", "would", "may",
-    "be", "being", "is", "are", "supposed", "meant", "going", "go", "goes", "end", "ends", "up", "stand", "stands",
-    "standing", "lie", "lies", "lying", "sit", "sits", "sitting", "stay", "rest", "rests", "live", "lives", "belong",
-    "belongs", "hang", "hangs", "come", "comes", "all", "both", "now", "also", "wants",
-];
-/// Words without which a phrase with a place states a fact.
-pub(super) const DUTIES: [&str; 22] = [
-    "should", "must", "shall", "ought", "needs", "need", "to", "go", "goes", "belongs", "belong", "can", "could",
-    "would", "wants", "has", "have", "will", "comes", "lives", "supposed", "may",
-];
-/// Particles of a change of state.
-pub(super) const PARTICLES: [&str; 11] =
-    ["wide open", "open", "shut", "closed", "on", "off", "out", "up", "down", "in", "to off"];
-/// Levels of a knob or a switch.
-pub(super) const LEVELS: [(&str, &str); 14] = [
-    ("on", "on"),
-    ("off", "off"),
-    ("high", "high"),
-    ("full", "high"),
-    ("full power", "high"),
-    ("full blast", "high"),
-    ("max", "high"),
-    ("maximum", "high"),
-    ("the maximum", "high"),
-    ("the highest setting", "high"),
-    ("low", "low"),
-    ("minimum", "low"),
-    ("the minimum", "low"),
-    ("the lowest setting", "low"),
-];
+#[allow(clippy::expect_used)]
+static VOCABULARY: LazyLock<Vocabulary> = LazyLock::new(|| {
+    serde_json::from_str(include_str!("../../../data/references/spoken.json")).expect("valid; a test reads it")
+});
+
+type Words = Vec<&'static str>;
+type Pairs = Vec<(&'static str, &'static str)>;
+
+/// Words and phrases of requests, in lower case and plain form.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, bound(deserialize = "'de: 'static"))]
+pub(super) struct Vocabulary {
+    /// Contractions and their full forms.
+    pub contractions: Pairs,
+    /// Words and phrases with their plain form, tried in this order; an empty one is a courtesy or a filler.
+    pub phrases: Pairs,
+    /// Spelling variants and other words for the same.
+    pub spellings: Pairs,
+    /// Words after which `'s` behind a noun is `is`.
+    pub predicates: Words,
+    /// Numbers of a phrase in figures.
+    pub figures: Pairs,
+    /// Words in `ly` that are no adverbs of manner.
+    pub no_adverbs: Words,
+    /// Words and phrases between clauses that carry no meaning of their own.
+    pub courtesies: Words,
+    /// Titles of what follows a colon: `task: …`.
+    pub labels: Words,
+    /// Words before the verb or the wish of a request: `would it be possible to …`.
+    pub polite: Words,
+    /// Words of `polite` after which a wish follows: an object and where or how it should be.
+    pub desires: Words,
+    /// Words of which one makes a wish after words of politeness a request.
+    pub wanting: Words,
+    /// Words of politeness after which only a duty is a request: `I think the mug should …`.
+    pub weak: Words,
+    /// Words of `polite` after which a verb states a fact: `I put …`.
+    pub stative: Words,
+    /// Words that make a question with another verb a request: `is it possible …`.
+    pub enabling: Words,
+    /// Verbs of reported requests: `mum says …`.
+    pub reporting: Words,
+    /// First words of a clause that gives a reason, a purpose or a circumstance.
+    pub subordinate: Words,
+    /// First words of a clause that gives a reason or a purpose, whatever it says.
+    pub reasons: Words,
+    /// Words that make a statement a request.
+    pub obligations: Words,
+    /// First words of questions.
+    pub questions: Words,
+    /// First words of a clause that forbids something.
+    pub prohibitions: Words,
+    /// Words besides articles and numbers that begin a noun phrase.
+    pub quantifiers: Words,
+    /// Phrases that mean objects named before.
+    pub pronouns: Words,
+    /// First words of a relative clause with a location.
+    pub relatives: Words,
+    /// Further words of a relative clause before its location.
+    pub relative_words: Words,
+    /// Words that end a noun phrase.
+    pub noun_ends: Words,
+    /// Words that end a noun phrase before a preposition only.
+    pub hedges: Words,
+    /// Particles that end a clause with a change of state.
+    pub particles: Words,
+    /// Words and phrases before a place that do not change it.
+    pub modifiers: Words,
+    /// Beginnings of a clause that says where something is in the end: `so that …`.
+    pub results: Words,
+    /// Places of two objects relative to each other.
+    pub mutual: Words,
+    /// Prepositions without a relation in goals.
+    pub unknown: Words,
+    /// Words for the table itself.
+    pub tables: Words,
+    /// Words for a place on the table from which something is taken.
+    pub spots: Words,
+    /// Verbs that bring an object to a place.
+    pub carry: Words,
+    /// Verbs that take up an object; where it goes follows in the same or another clause.
+    pub take: Words,
+    /// Verbs that change the state of an object.
+    pub state: Words,
+    /// Verbs that stack several objects.
+    pub build: Words,
+    /// Verbs whose object is the place: `fill the basket with …`.
+    pub fill: Words,
+    /// Forms of verbs that follow no rule.
+    pub irregular: Pairs,
+    /// Phrases before the object of a wish.
+    pub wishes: Words,
+    /// Words between an object and where or how it should be.
+    pub copulas: Words,
+    /// Words without which a phrase with a place states a fact.
+    pub duties: Words,
+    /// Words between an object and where it is.
+    pub being: Words,
+    /// Beginnings of a request that repeats the one before for another object.
+    pub repeats: Words,
+    /// Words after an object for which the request before is repeated.
+    pub likewise: Words,
+    /// Particles of a change of state.
+    pub state_particles: Words,
+    /// Levels of a knob or a switch, in the words of the table of actions.
+    pub levels: Pairs,
+    /// Articles and possessive pronouns.
+    pub articles: Words,
+    /// Words that end a clause.
+    pub boundaries: Words,
+}
+
+pub(super) fn vocabulary() -> &'static Vocabulary {
+    &VOCABULARY
+}
+
+/// Parts of objects by name.
 pub(super) const PARTS: [(&str, Part); 16] = [
     ("top drawer", Part::Upper),
     ("topmost drawer", Part::Upper),
@@ -101,27 +141,6 @@ pub(super) const PARTS: [(&str, Part); 16] = [
     ("handle", Part::Other),
     ("front", Part::Other),
 ];
-pub(super) const ARTICLES: [&str; 15] =
-    ["the", "a", "an", "some", "my", "your", "our", "this", "any", "her", "his", "their", "that", "these", "those"];
-/// Words that end a clause.
-const BOUNDARIES: [&str; 16] = [
-    "and",
-    "then",
-    "so",
-    "but",
-    "because",
-    "since",
-    "for",
-    "afterwards",
-    "first",
-    "would",
-    "could",
-    "will",
-    "now",
-    "as",
-    "too",
-    "plus",
-];
 
 /// True for punctuation that separates clauses.
 pub(super) fn is_mark(word: &str) -> bool {
@@ -130,5 +149,5 @@ pub(super) fn is_mark(word: &str) -> bool {
 
 /// True for a word that ends a clause.
 pub(super) fn is_boundary(word: &str) -> bool {
-    BOUNDARIES.contains(&word)
+    vocabulary().boundaries.contains(&word)
 }
