@@ -88,7 +88,11 @@ pub fn generated_grasps(
         let is_tilted = |grasp: &Grasp| (object_from_world * DVec3::NEG_Z).angle_between(grasp.approach()) > TILTED_RAD;
         let outward = planner.tilted_outward(target.world_from_object.position, TILTED_RAD);
         let turned = planner.grasps_towards(target, grasps.clone(), outward)?;
-        Ok(grasps.into_iter().zip(turned).map(|(grasp, turned)| if is_tilted(&grasp) { turned } else { grasp }).collect())
+        Ok(grasps
+            .into_iter()
+            .zip(turned)
+            .map(|(grasp, turned)| if is_tilted(&grasp) { turned } else { grasp })
+            .collect())
     })
 }
 
