@@ -53,7 +53,7 @@ pub(crate) fn overfull(context: &Context, scene: &PosedScene) -> Option<Overfull
 /// Available area on a surface, dilated by half the gap [m²].
 fn surface_area(context: &Context, ground: usize, gap: f64) -> f64 {
     let settings = context.settings;
-    let area = context.area(ground, context.world.workspace.within(settings.wide_x_m, settings.wide_y_m));
+    let area = context.area(ground, settings.area(&context.world.workspace, context.robot.reach_scale(), true));
     let [x, y] = [area.x, area.y].map(|[low, high]| (high - low).max(0.0));
     rectangle(DVec2::new(x, y), gap)
 }

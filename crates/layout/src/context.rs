@@ -77,6 +77,16 @@ impl Context<'_> {
         }
     }
 
+    /// True if the arm must reach the object: it is moved, or a short arm puts another one in or on it. The area of
+    /// other arms lies within their reach, almost everywhere.
+    pub fn must_be_reached(&self, object: usize) -> bool {
+        let receives = || {
+            let mut anchors = self.goal_regions.iter().flatten().flat_map(|region| &region.anchors);
+            anchors.any(|&(relation, anchor)| relation.is_support() && anchor == object)
+        };
+        self.moved[object] || self.robot.reach_scale() < 1.0 && receives()
+    }
+
     /// Id of an object in the scene; a distractor is the only instance of its asset.
     pub fn id(&self, object: usize) -> InstanceId {
         let node = self.task.scene_graph.nodes.get(object);

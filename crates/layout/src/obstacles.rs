@@ -8,6 +8,10 @@ use genmanip_relations::PosedScene;
 /// Minimum success rate of a known grasp in its physics trials. Chosen: of five trials one may fail.
 const MIN_SUCCESS_RATE: f64 = 0.8;
 
+/// Angle between the approach direction and the vertical from which a grasp counts as tilted, rad: the error of the
+/// orientation that arms with fewer than six joints may have.
+const TILTED_RAD: f64 = 0.06;
+
 /// Collision world of all support surfaces and all objects but one, with exact collision pieces.
 pub fn around(scene: &PosedScene, without: Option<usize>) -> CollisionWorld {
     let mut world = CollisionWorld::new();
@@ -63,6 +67,9 @@ pub fn verified_grasps(
 
 /// Samples grasps on an object at its pose from geometry alone, best first, in the object frame.
 ///
+/// An arm with fewer than six joints tilts its gripper only in the vertical plane through its first axis: for such an
+/// arm, tilted grasps on round objects are turned into that plane.
+///
 /// # Errors
 /// Fails if a collision piece is not finite or has no volume.
 pub fn generated_grasps(
@@ -71,7 +78,22 @@ pub fn generated_grasps(
     object: usize,
     seed: Seed,
 ) -> Result<Vec<Grasp>, GeometryError> {
-    with_target(planner, scene, object, |target| planner.grasps(target, seed.fork("grasps")))
+    let has_few = planner.tool_dof() < 6;
+    with_target(planner, scene, object, |target| {
+        let grasps = planner.grasps(target, seed.fork("grasps"))?;
+        if !has_few {
+            return Ok(grasps);
+        }
+        let object_from_world = target.world_from_object.rotation.inverse();
+        let is_tilted = |grasp: &Grasp| (object_from_world * DVec3::NEG_Z).angle_between(grasp.approach()) > TILTED_RAD;
+        let outward = planner.tilted_outward(target.world_from_object.position, TILTED_RAD);
+        let turned = planner.grasps_towards(target, grasps.clone(), outward)?;
+        Ok(grasps
+            .into_iter()
+            .zip(turned)
+            .map(|(grasp, turned)| if is_tilted(&grasp) { turned } else { grasp })
+            .collect())
+    })
 }
 
 /// Grasps (object frame) on a round object, turned about the vertical as near to a tool orientation (world frame) as

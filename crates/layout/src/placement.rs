@@ -191,7 +191,7 @@ impl<'a> Search<'a> {
     fn fits(&mut self, step: &Step, center: DVec2, rejections: &mut Rejections) -> bool {
         let (context, object) = (self.context, step.object);
         let [least, most] = context.reach_m;
-        if context.moved[object] && !(least..=most).contains(&center.length()) {
+        if context.must_be_reached(object) && !(least..=most).contains(&center.length()) {
             rejections.count(Rejection::OutOfReach);
             self.block_relatives(object);
             return false;

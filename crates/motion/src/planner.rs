@@ -149,6 +149,18 @@ impl Planner {
         self.ik.continue_from(world_from_tcp, previous, max_step)
     }
 
+    /// Like [`Planner::ik_near`] at the end of a straight line: an arm with fewer than six joints may turn the tool by up
+    /// to [`StraightSettings::max_turn`].
+    pub fn ik_along_line(&self, world_from_tcp: &Pose, previous: &[f64], max_step: f64) -> Option<Vec<f64>> {
+        self.ik.continue_line(world_from_tcp, previous, max_step, self.settings.straight.max_turn)
+    }
+
+    /// Heading (rad) of a point from the axis of the first joint, which is taken to be vertical.
+    pub fn heading(&self, point: DVec3) -> f64 {
+        let axis = self.shape.chain().moving().first().map_or(DVec3::ZERO, |joint| joint.parent_from_joint.translation);
+        (point.y - axis.y).atan2(point.x - axis.x)
+    }
+
     /// IK solutions along a pose sequence, each nearest to the previous one and the first nearest to `from`; `None` if
     /// a joint would move by more than `max_step` (rad) between two of them.
     pub fn follow(

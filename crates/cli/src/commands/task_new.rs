@@ -11,7 +11,7 @@ use genmanip_core::limits;
 use genmanip_core::{Document, ObjectCard, RobotModel, Seed, TaskKind};
 use genmanip_llm::CassetteMode;
 use genmanip_task_writer::{Designed, Designer, GenerationEvent, GenerationOutcome, LlmSettings, Refusal, Round};
-use genmanip_tasks::designer::{DesignSettings, graspable_by};
+use genmanip_tasks::designer::{DesignSettings, fitting, graspable_by};
 use genmanip_workspace::Progress;
 use genmanip_workspace::designed_tasks::{self, Design, NewTask, design_into};
 use genmanip_workspace::{MAX_ROWS, text_table};
@@ -89,7 +89,7 @@ fn cards(arguments: &NewArguments) -> Result<Vec<ObjectCard>, Failed> {
         None => catalogue.cards().to_vec(),
     };
     Ok(match robot(arguments)? {
-        Some(robot) => graspable_by(&robot, &cards),
+        Some(robot) => graspable_by(&robot, &fitting(&robot, &cards)),
         None => cards,
     })
 }

@@ -38,6 +38,10 @@ use crate::planner::{Planner, PlanningScene};
 /// farther away.
 const SAME_BRANCH_RAD: f64 = 1.0;
 
+/// Tilts at which an arm with fewer than six joints is tried if it does not reach a point straight down, rad: up to
+/// [`crate::GraspSettings::max_tilt`].
+const OUTWARD_TILTS_RAD: [f64; 3] = [0.3, 0.6, 0.95];
+
 /// The object to be picked, at its pose.
 #[derive(Clone, Copy, Debug)]
 pub struct PickedObject<'a> {
@@ -158,7 +162,7 @@ impl<'a> PickQuery<'a> {
     fn has_pregrasp(&self, world_from_tcp: &Pose, config: &[f64], checker: &Checker) -> bool {
         let approach_m = self.settings.approach_for_m(self.planner.robot());
         let world_from_pregrasp = *world_from_tcp * Pose::from_position(DVec3::Z * -approach_m);
-        let pregrasp = || self.planner.ik_near(&world_from_pregrasp, config, SAME_BRANCH_RAD);
+        let pregrasp = || self.planner.ik_along_line(&world_from_pregrasp, config, SAME_BRANCH_RAD);
         !self.settings.tests_pregrasp || pregrasp().is_some_and(|config| checker.is_free(&config))
     }
 
@@ -320,15 +324,27 @@ impl<I: Iterator<Item = Grasp>> Iterator for FeasibleGrasps<'_, I> {
 }
 
 impl Planner {
-    /// True if the gripper can reach a point pointing straight down, at any yaw.
+    /// True if the gripper can reach a point pointing straight down, at any yaw; with fewer than six joints also if it
+    /// can pointing down and away from the base.
     ///
     /// A cheap check of goal poses before grasps are known.
     pub fn reaches_from_above(&self, point: DVec3) -> bool {
         let down = Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(std::f64::consts::PI) };
-        (0..4).any(|turn| {
+        let reaches = |world_from_tcp: Pose| self.ik_each(&world_from_tcp, &self.robot().home).next().is_some();
+        let straight_down = (0..4).any(|turn| {
             let yaw = f64::from(turn) * std::f64::consts::FRAC_PI_4;
-            let world_from_tcp = Pose::from_position_yaw(point, yaw) * down;
-            self.ik_each(&world_from_tcp, &self.robot().home).next().is_some()
-        })
+            reaches(Pose::from_position_yaw(point, yaw) * down)
+        });
+        straight_down
+            || self.tool_dof() < 6
+                && OUTWARD_TILTS_RAD.iter().any(|&tilt| reaches(Pose::new(point, self.tilted_outward(point, tilt))))
+    }
+
+    /// `world_from_tcp` rotation of a gripper that points down, tilted away from the base by an angle (rad), and closes
+    /// across the direction from the base to a point.
+    pub fn tilted_outward(&self, point: DVec3, tilt: f64) -> DQuat {
+        DQuat::from_rotation_z(self.heading(point))
+            * DQuat::from_rotation_y(-tilt)
+            * DQuat::from_rotation_x(std::f64::consts::PI)
     }
 }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::chain::Chain;
 use crate::rigid::Rigid;
 use franka::FrankaGeometry;
-use numeric::{DescentSettings, Range, descend};
+use numeric::{DescentSettings, FewJoints, Range, descend};
 
 /// Settings for the search and ranking of IK solutions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -153,6 +153,29 @@ impl InverseKinematics {
         (largest_difference(&solution, previous) <= max_step).then_some(solution)
     }
 
+    /// Like [`InverseKinematics::continue_from`], except that an arm with fewer than six joints may turn the tool away
+    /// from the wanted orientation by up to `max_turn` (rad) where its limits require it.
+    pub fn continue_line(
+        &self,
+        world_from_tcp: &Pose,
+        previous: &[f64],
+        max_step: f64,
+        max_turn: f64,
+    ) -> Option<Vec<f64>> {
+        let turned = || {
+            let how = DescentSettings {
+                ranges: self.ranges(self.continued_margin()).collect(),
+                hold_at_limits: true,
+                few: FewJoints::turned_by_up_to(max_turn),
+                ..self.descent()
+            };
+            let solution = descend(&self.chain, &Rigid::from(world_from_tcp), previous, &how)?;
+            (largest_difference(&solution, previous) <= max_step).then_some(solution)
+        };
+        let kept = self.continue_from(world_from_tcp, previous, max_step);
+        if self.chain.tool_dof() < 6 { kept.or_else(turned) } else { kept }
+    }
+
     /// Solution that follows a tool pose. A joint at its limit, or at the end of its `reach` around `previous` (rad or
     /// m, base to hand), is held while the others continue.
     ///
@@ -185,7 +208,14 @@ impl InverseKinematics {
     fn descent(&self) -> DescentSettings {
         let IkSettings { limit_margin, tolerance, numeric_iterations, .. } = self.settings;
         let ranges = self.ranges(limit_margin).collect();
-        DescentSettings { ranges, tolerance, iterations: numeric_iterations, hold_at_limits: false, drift: None }
+        DescentSettings {
+            ranges,
+            tolerance,
+            iterations: numeric_iterations,
+            hold_at_limits: false,
+            drift: None,
+            few: FewJoints::MET,
+        }
     }
 
     fn continued_margin(&self) -> f64 {

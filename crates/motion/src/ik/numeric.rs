@@ -26,6 +26,28 @@ pub(crate) struct DescentSettings {
     pub hold_at_limits: bool,
     /// Null-space displacement of each joint in the first step [rad or m]; `None` for none.
     pub drift: Option<Vec<f64>>,
+    /// Orientation of arms with fewer than six joints.
+    pub few: FewJoints,
+}
+
+/// Orientation that an arm with fewer than six joints has to meet.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FewJoints {
+    /// Weight of orientation against position (m/rad): low, so that the arm meets the position, and the orientation as
+    /// well as it can.
+    weight: f64,
+    /// Maximum error of the orientation (rad).
+    pub max_error: f64,
+}
+
+impl FewJoints {
+    /// Orientation met within 3.4 degrees.
+    pub const MET: Self = Self { weight: 0.01, max_error: 0.06 };
+
+    /// Orientation met within `max_error` (rad). The lower weight keeps the position exact despite a large error.
+    pub fn turned_by_up_to(max_error: f64) -> Self {
+        Self { weight: 0.004, max_error }
+    }
 }
 
 /// Interval of joint positions [rad or m].
@@ -51,12 +73,8 @@ impl Range {
     }
 }
 
-/// Weight of orientation against position for arms with fewer than six joints (m/rad): low, so that they meet the
-/// position, and the orientation as well as they can.
-const FEW_WEIGHT: f64 = 0.01;
-/// Error bounds of such a solution: position ([`FEW_POSITION`], m) and orientation ([`FEW_ORIENTATION`], rad).
+/// Maximum position error of a solution of an arm with fewer than six joints, m.
 const FEW_POSITION: f64 = 2e-4;
-const FEW_ORIENTATION: f64 = 0.06;
 /// Relative decrease of the error per iteration below which such an arm counts as converged to its nearest pose.
 const FEW_STALLED: f64 = 1e-3;
 
@@ -68,12 +86,12 @@ const PROGRESS: f64 = 0.9;
 
 /// Iterates from `config` towards the desired TCP pose within the ranges; `None` if it does not converge.
 ///
-/// An arm with fewer than six joints meets the position, and the orientation within 3.4 degrees.
+/// An arm with fewer than six joints meets the position, and the orientation as [`FewJoints`] says.
 pub(crate) fn descend(chain: &Chain, desired: &Rigid, config: &[f64], settings: &DescentSettings) -> Option<Vec<f64>> {
     let mut config = config.to_vec();
     let mut frames = Vec::new();
     let mut drift = settings.drift.clone().filter(|drift| drift.len() == config.len());
-    let has_few = chain.tool_dof() < 6;
+    let (has_few, few) = (chain.tool_dof() < 6, settings.few);
     let mut before = f64::INFINITY;
     let mut checkpoint = f64::INFINITY;
     for iteration in 0..=settings.iterations {
@@ -82,12 +100,12 @@ pub(crate) fn descend(chain: &Chain, desired: &Rigid, config: &[f64], settings: 
         if has_few {
             let length = |part: &[f64]| part.iter().map(|value| value * value).sum::<f64>().sqrt();
             let (position, orientation) = (length(&error[..3]), length(&error[3..]));
-            let whole = position.hypot(FEW_WEIGHT * orientation);
+            let whole = position.hypot(few.weight * orientation);
             if before - whole < FEW_STALLED * whole && position < FEW_POSITION {
-                return (orientation < FEW_ORIENTATION).then_some(config);
+                return (orientation < few.max_error).then_some(config);
             }
             before = whole;
-            error[3..].iter_mut().for_each(|value| *value *= FEW_WEIGHT);
+            error[3..].iter_mut().for_each(|value| *value *= few.weight);
         }
         let size = error.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
         if size < settings.tolerance {
@@ -101,7 +119,7 @@ pub(crate) fn descend(chain: &Chain, desired: &Rigid, config: &[f64], settings: 
         }
         let mut jacobian = chain.jacobian_at(&frames);
         if has_few {
-            jacobian.iter_mut().flat_map(|column| &mut column[3..]).for_each(|value| *value *= FEW_WEIGHT);
+            jacobian.iter_mut().flat_map(|column| &mut column[3..]).for_each(|value| *value *= few.weight);
         }
         let damping = (0.1 * size).min(0.05).powi(2);
         let mut drift = drift.take().unwrap_or_else(|| vec![0.0; config.len()]);

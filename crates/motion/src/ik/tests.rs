@@ -155,6 +155,40 @@ fn another_arm_is_solved_numerically() {
     }
 }
 
+/// An arm with five joints keeps the orientation along a line as far as its wrist allows, then turns; one with seven
+/// never turns.
+#[test]
+fn an_arm_with_five_joints_turns_where_its_limits_require_it() {
+    let panda = test_panda();
+    let mut robot = (*panda).clone();
+    let wrist = robot.home[5];
+    for fixed in [5, 3] {
+        let link = robot.arm_links().nth(fixed - 1).unwrap();
+        robot.links[link].joint = None;
+        robot.home.remove(fixed - 1);
+    }
+    let joint = robot.arm_links().nth(3).unwrap();
+    let limits = robot.links[joint].joint.as_mut().unwrap();
+    (limits.lower, limits.upper) = (wrist - 0.1, wrist + 0.1);
+    let chain = Chain::new(&robot).unwrap();
+    assert_eq!(chain.tool_dof(), 5);
+    let ik = InverseKinematics::new(chain.clone(), IkSettings::default());
+    let start = chain.tcp_pose(&robot.home);
+    let (mut config, mut worst) = (robot.home.clone(), 0.0_f64);
+    for step in 1..=15 {
+        let wanted = Pose { position: start.position + DVec3::Z * 0.01 * f64::from(step), ..start };
+        config = ik.continue_line(&wanted, &config, 0.15, 0.8).unwrap();
+        let (position, orientation) = error(&chain, &config, &wanted);
+        assert!(position < 2e-4 && orientation < 0.8, "step {step}: {position} m, {orientation} rad");
+        worst = worst.max(orientation);
+        assert_eq!(ik.continue_from(&wanted, &config, 0.15).is_some(), orientation < 0.06, "step {step}");
+    }
+    assert!(worst > 0.1, "{worst} rad");
+    let (chain, ik) = solver();
+    let wanted = Pose { position: DVec3::Z * 3.0, ..chain.tcp_pose(&panda.home) };
+    assert!(ik.continue_line(&wanted, &panda.home, 10.0, 0.8).is_none());
+}
+
 /// Joints that turn by more than a circle have several positions for one posture: the one next to the reference is
 /// returned.
 #[test]

@@ -19,11 +19,15 @@ pub struct StraightSettings {
     /// Maximum change of a joint between consecutive waypoints (rad); a larger one indicates a singularity or a joint
     /// limit and fails the plan.
     pub max_joint_step: f64,
+    /// Maximum angle (rad) by which an arm with fewer than six joints may turn the tool away from the orientation of
+    /// the line. Such an arm points down at small heights only; it meets the position and turns where its limits
+    /// require it.
+    pub max_turn: f64,
 }
 
 impl Default for StraightSettings {
     fn default() -> Self {
-        Self { step: 0.01, turn: 0.1, max_joint_step: 0.15 }
+        Self { step: 0.01, turn: 0.1, max_joint_step: 0.15, max_turn: 0.8 }
     }
 }
 
@@ -77,7 +81,7 @@ fn follow(
     for step in 1..=steps {
         let pose = world_from_start.interpolate(world_from_goal, step as f64 / steps as f64);
         let previous = &waypoints[step - 1];
-        let Some(config) = ik.continue_from(&pose, previous, settings.max_joint_step) else {
+        let Some(config) = ik.continue_line(&pose, previous, settings.max_joint_step, settings.max_turn) else {
             let what = format!(
                 "the straight line of {:.0} mm ends after {:.0} %: joint limit or singularity",
                 length * 1e3,

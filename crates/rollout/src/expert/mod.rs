@@ -202,7 +202,7 @@ impl Expert {
         PlaceGoal {
             world_from_object: goal.world_from_object,
             highest_release_m: if falls_into_cavity { f64::INFINITY } else { self.settings.max_open_release_m },
-            clear_height_m: rim + self.settings.rim_clearance_m - goal.bounds.min.z,
+            clear_height_m: rim + self.settings.rim_clearance_m * self.stage.robot.reach_scale() - goal.bounds.min.z,
         }
     }
 

@@ -40,7 +40,8 @@ pub struct ExpertSettings {
     pub squeeze_m: f64,
     /// Maximum release height above open surfaces, metres; cavities allow any height.
     pub max_open_release_m: f64,
-    /// Height above the rim of the receiving object from which an object is lowered, metres.
+    /// Height above the rim of the receiving object from which an object is lowered, metres, for robots with the reach of
+    /// the default one.
     pub rim_clearance_m: f64,
     /// Share of the robot's velocity and acceleration limits with an empty gripper.
     pub empty_speed: f64,

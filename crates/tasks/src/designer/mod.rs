@@ -46,7 +46,7 @@ use composer::Composer;
 use sketch::Sketch;
 
 pub use gate::as_answer;
-pub use graspable::graspable_by;
+pub use graspable::{fitting, graspable_by};
 pub use report::{DesignReport, Occurrence, measure};
 pub use sentence::{SENTENCE, SentencePhrase, phrases_of_sentence, task_from_sentence};
 pub use sentence_error::SentenceError;

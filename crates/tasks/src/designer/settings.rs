@@ -57,12 +57,14 @@ impl Default for DesignSettings {
 }
 
 impl DesignSettings {
-    /// These settings with the area scaled to the reach of a robot ([`RobotModel::reach_scale`]).
+    /// These settings with the area, and with it the largest number of objects, scaled to the reach of a robot
+    /// ([`RobotModel::reach_scale`]).
     #[must_use]
     pub fn scaled_to(self, robot: &RobotModel) -> Self {
-        let [x, y] = self.area_m;
+        let ([x, y], [fewest, most]) = (self.area_m, self.objects);
         let scale = robot.reach_scale();
-        Self { area_m: [x * scale, y * scale], ..self }
+        let most = ((most as f64 * scale).round() as usize).max(fewest);
+        Self { area_m: [x * scale, y * scale], objects: [fewest, most], ..self }
     }
 }
 
