@@ -1,5 +1,6 @@
 //! `genmanip identify`: parameters of the simulator from recordings of an arm.
 
+mod camera;
 mod files;
 mod motion;
 
@@ -18,6 +19,7 @@ pub fn run(arguments: &IdentifyArguments, printer: &Printer) -> Result<ExitStatu
     match &arguments.command {
         Some(IdentifyCommand::Excite(arguments)) => motion::excite(arguments, printer),
         Some(IdentifyCommand::Rehearse(arguments)) => motion::rehearse(arguments, printer),
+        Some(IdentifyCommand::Camera(arguments)) => camera::run(arguments, printer),
         None => solve(arguments, printer),
     }
 }
@@ -70,7 +72,7 @@ fn write_world(source: Option<&Path>, before: &World, world: &World, out: &Path)
 
 /// The world with the identified values; everything else stays.
 fn identified_world(world: &World, found: &Identification) -> World {
-    use genmanip_identify::parameters::Parameter;
+    use genmanip_identify::parameters::{Parameter, set_contact_damping};
     let mut identified = world.clone();
     let is_found = |wanted: fn(&Parameter) -> bool| found.parameters.iter().any(|it| wanted(&it.parameter));
     if is_found(|it| it.joint().is_some() || *it == Parameter::Latency) {
@@ -83,6 +85,9 @@ fn identified_world(world: &World, found: &Identification) -> World {
     }
     if is_found(|it| *it == Parameter::PadFriction) {
         identified.physics.pad_friction = rounded(found.values.pad_friction);
+    }
+    if is_found(|it| *it == Parameter::Restitution) {
+        set_contact_damping(&mut identified, rounded(found.values.contact_damping));
     }
     if is_found(|it| *it == Parameter::TableFriction)
         && let Some(table) = identified.surfaces.first_mut()
