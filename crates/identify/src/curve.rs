@@ -14,6 +14,8 @@ pub struct Curve<'a, const N: usize, F: Fn(&[f64; N], f64) -> f64> {
     pub at: F,
     /// Steps of the finite differences.
     pub steps: [f64; N],
+    /// The same for the uncertainty, within the bounds: as large as changes that the curve may barely show.
+    pub spans: [f64; N],
     /// Smallest and largest value of each unknown.
     pub bounds: [[f64; 2]; N],
 }
@@ -51,14 +53,14 @@ impl<const N: usize, F: Fn(&[f64; N], f64) -> f64> Curve<'_, N, F> {
                 (point[index] + change[index]).clamp(least, most)
             })
         };
-        let evaluate = |point: &[f64; N]| Some(self.normal(point));
+        let evaluate = |point: &[f64; N]| Some(self.normal(point, &self.steps));
         let solved = starts.iter().filter_map(|start| minimise(*start, evaluate, moved));
-        let (point, normal) = solved.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))?;
+        let (point, _) = solved.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))?;
         let residuals = whiteness(&self.residuals(&point), 0.0);
         let noise = residuals.noise.max(least_noise);
         // A curve that the formula does not explain to the noise says less than its scatter promises (Birge, 1932).
         let birge = residuals.slow_ratio.max(1.0).sqrt();
-        let covariance = normal.hessian.cholesky()?.inverse_block(N);
+        let covariance = self.normal(&point, &self.spans).hessian.cholesky()?.inverse_block(N);
         let sd = std::array::from_fn(|index| birge * noise * covariance.get(index, index).sqrt());
         Some(CurveFit { point, sd })
     }
@@ -67,15 +69,16 @@ impl<const N: usize, F: Fn(&[f64; N], f64) -> f64> Curve<'_, N, F> {
         self.times_s.iter().zip(self.values_m).map(|(time, value)| value - (self.at)(point, *time)).collect()
     }
 
-    fn normal(&self, point: &[f64; N]) -> Normal {
-        let beside = |index: usize, by: f64| {
-            let mut beside = *point;
-            beside[index] += by;
-            self.residuals(&beside)
-        };
+    fn normal(&self, point: &[f64; N], steps: &[f64; N]) -> Normal {
         let column = |index: usize| -> Vec<f64> {
-            let step = self.steps[index];
-            beside(index, step).iter().zip(beside(index, -step)).map(|(up, down)| (up - down) / (2.0 * step)).collect()
+            let [least, most] = self.bounds[index];
+            let beside = |by: f64| {
+                let mut beside = *point;
+                beside[index] = (beside[index] + by).clamp(least, most);
+                (beside[index], self.residuals(&beside))
+            };
+            let ((high, up), (low, down)) = (beside(steps[index]), beside(-steps[index]));
+            up.iter().zip(&down).map(|(up, down)| (up - down) / (high - low)).collect()
         };
         let columns: [Vec<f64>; N] = std::array::from_fn(column);
         let mut normal = Normal::new(N);

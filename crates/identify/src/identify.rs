@@ -37,6 +37,9 @@ pub struct Identification {
     pub fits: Vec<Fit>,
     /// Tracking error of the arm in recordings, or parts of them, that were not used; `None` without free motions.
     pub held_out: Option<HeldOut>,
+    /// Damping ratio of the contacts with which the simulated block bounces as much as the recorded one; `None` without
+    /// a restitution, or if no ratio bounces as much.
+    pub contact_damping: Option<f64>,
     /// True if the residuals of free motions have structure that no values of the parameters explain, such as backlash;
     /// the intervals then do not hold. Contacts are too erratic for such a test.
     pub is_structure_wrong: bool,
@@ -138,6 +141,7 @@ pub fn identify(
         unidentified: Vec::new(),
         fits: Vec::new(),
         held_out: None,
+        contact_damping: None,
         is_structure_wrong: false,
         values: nominal.clone(),
     };
@@ -177,12 +181,9 @@ pub fn identify(
         let bare = bare(robot, false);
         let own = restitution::simulated(first, world, &bare, &nominal, nominal.contact_damping)?;
         let before = Values { restitution: own.unwrap_or(0.0), ..nominal.clone() };
-        let value =
-            found.coefficient(Parameter::Restitution, &bounced.collect::<Vec<_>>(), &before, robot);
-        if let Some(value) = value
-            && let Some(damping) = restitution::damping_of(first, world, &bare, &nominal, value)?
-        {
-            found.values.contact_damping = damping;
+        let value = found.coefficient(Parameter::Restitution, &bounced.collect::<Vec<_>>(), &before, robot);
+        if let Some(value) = value {
+            found.contact_damping = restitution::damping_of(first, world, &bare, &nominal, value)?;
         }
     }
     for (motion, parameter) in [

@@ -192,7 +192,9 @@ impl Parameter {
             Self::PayloadMass => {
                 "move the joints near the base up and down with the payload, not the last joint alone".into()
             }
-            Self::PayloadCenter(_) => "turn the wrist with the payload, so that gravity pulls along every axis of the hand".into(),
+            Self::PayloadCenter(_) => {
+                "turn the wrist with the payload, so that gravity pulls along every axis of the hand".into()
+            }
             Self::TableFriction => "push the block at 0.2 m/s or faster, stop, and let it slide".into(),
             Self::PadFriction => "loosen the grip until the block slips".into(),
             Self::Restitution => "drop the block flat on the table, from 10 cm or more".into(),

@@ -19,8 +19,9 @@ const STARTS: [f64; 6] = [0.02, 0.1, 0.25, 0.45, 0.65, 0.85];
 const IMPACTS: usize = 40;
 /// Lowest drop that is a measurement, m: below it, the fall is as short as the noise.
 const LOWEST_M: f64 = 0.02;
-/// Smallest and largest damping ratio that is tried: below, the contact oscillates faster than the engine steps.
-const DAMPING: [f64; 2] = [0.02, 1.0];
+/// Smallest and largest damping ratio that is tried: below, contacts oscillate so fast against the default time step that
+/// they gain energy. With the default time constant of 6 ms, blocks keep 0.46 to none of their speed.
+const DAMPING: [f64; 2] = [0.3, 1.0];
 /// Bisection steps for the damping ratio.
 const STEPS: usize = 10;
 
@@ -95,6 +96,7 @@ fn of_heights(times_s: &[f64], heights_m: &[f64], gravity_m_s2: f64, least_noise
             Fall { released_s, drop_m, level_m, restitution }.height(time_s, gravity_m_s2)
         },
         steps: [1e-4, 1e-5, 1e-5, 1e-4],
+        spans: [1e-4, 1e-5, 1e-5, 0.05],
         bounds: [[f64::MIN, f64::MAX], [1e-3, f64::MAX], [f64::MIN, f64::MAX], [0.0, 0.999]],
     };
     Some(curve.fit(&STARTS.map(|share| [released, top, level, share]), least_noise)?.coefficient(3))
@@ -144,7 +146,7 @@ mod tests {
         let mut covered = 0;
         for case in 0..40_u64 {
             let rng = &mut Seed::new(case).rng();
-            let truth = 0.1 + 0.015 * case as f64;
+            let truth = 0.2 + 0.012 * case as f64;
             let fall = Fall { released_s: 0.2131, drop_m: 0.15, level_m: 0.004, restitution: truth };
             let times: Vec<f64> = (0..150).map(|row| f64::from(row) / 100.0).collect();
             let heights: Vec<f64> = times.iter().map(|time| fall.height(*time, 9.81) + 1e-3 * normal(rng)).collect();

@@ -67,6 +67,7 @@ fn of_positions(times_s: &[f64], positions_m: &[f64], gravity_m_s2: f64, least_n
             stop_m - 0.5 * friction * gravity_m_s2 * (stop_s - time_s).max(0.0).powi(2)
         },
         steps: [1e-4, 1e-4, 1e-5],
+        spans: [1e-4, 1e-4, 1e-5],
         bounds: [BOUNDS, [first_s, f64::MAX], [f64::MIN, f64::MAX]],
     };
     let start = |friction: f64| [friction, first_s + (2.0 * distance_m / (friction * gravity_m_s2)).sqrt(), 0.0];

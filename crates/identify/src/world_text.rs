@@ -58,7 +58,8 @@ fn camera_table(lines: &[String], name: &str) -> Option<(usize, usize)> {
     let mut begin = 0;
     while let Some((from, to)) = section(&lines[begin..], "[[cameras]]").map(|(from, to)| (begin + from, begin + to)) {
         let is_name = |line: &String| {
-            line.split_once('=').is_some_and(|(key, value)| key.trim() == "name" && value.contains(&format!("\"{name}\"")))
+            line.split_once('=')
+                .is_some_and(|(key, value)| key.trim() == "name" && value.contains(&format!("\"{name}\"")))
         };
         if lines[from..to].iter().any(is_name) {
             return Some((from, to));

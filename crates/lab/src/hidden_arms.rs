@@ -78,8 +78,8 @@ pub fn hidden_case(index: usize, seed: Seed) -> Result<HiddenCase, WorkspaceErro
     let mut truth = values(&world, &robot, rng);
     let last = robot.arm_dof() - 1;
     if plant == Some(Plant::StillJoint) {
-        // Enough to hold the joint against the motion of the others.
-        truth.arm.friction_loss[last] = 0.05 * robot.arm_joints().nth(last).map_or(0.0, |it| it.max_effort);
+        // Enough to hold the joint against the motion of the others and a payload beside its axis.
+        truth.arm.friction_loss[last] = 0.2 * robot.arm_joints().nth(last).map_or(0.0, |it| it.max_effort);
     }
     let hidden = HiddenArm {
         world: world.clone(),

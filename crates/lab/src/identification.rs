@@ -36,6 +36,8 @@ pub struct Report {
     pub pad_friction_median: f64,
     /// Median error of the friction of the block on the table.
     pub table_friction_median: f64,
+    /// Median relative errors of the frictions of pads and table.
+    pub friction_relative_medians: [f64; 2],
     /// Share of the stated 95 % intervals that contain the truth, over all parameters; 0.95 is ideal.
     pub coverage: f64,
     /// The same by kind of parameter, with the number of intervals.
@@ -118,7 +120,9 @@ impl Arm {
             .estimates
             .iter()
             .filter(is_missed)
-            .map(|it| format!("{} {:.4} [{:.4}, {:.4}] of {:.4}", it.name, it.value, it.interval[0], it.interval[1], it.truth))
+            .map(|it| {
+                format!("{} {:.4} [{:.4}, {:.4}] of {:.4}", it.name, it.value, it.interval[0], it.interval[1], it.truth)
+            })
             .collect();
         let lacking = self.lacking.map_or("nothing".into(), |it| format!("{it:?}"));
         let flagged = if self.is_flagged { "flagged" } else { "not flagged" };
@@ -138,6 +142,7 @@ impl Arm {
 struct Tally {
     errors: BTreeMap<&'static str, Vec<f64>>,
     payload_g: Vec<f64>,
+    frictions: [Vec<f64>; 2],
     covered: BTreeMap<&'static str, (usize, usize)>,
     identified: (usize, usize),
     ratios: [Vec<f64>; 2],
@@ -228,6 +233,11 @@ impl Tally {
             if estimate.parameter == Parameter::PayloadMass {
                 self.payload_g.push(1e3 * off);
             }
+            if let Some(index) =
+                [Parameter::PadFriction, Parameter::TableFriction].iter().position(|it| *it == estimate.parameter)
+            {
+                self.frictions[index].push(off / truth);
+            }
             let (covered, all) = self.covered.entry(name).or_default();
             *covered += usize::from((estimate.interval[0]..=estimate.interval[1]).contains(&truth));
             *all += 1;
@@ -248,6 +258,7 @@ impl Tally {
         report.payload_center_mm_median = median(&["payload_center"]);
         report.pad_friction_median = median(&["pad_friction"]);
         report.table_friction_median = median(&["table_friction"]);
+        report.friction_relative_medians = std::mem::take(&mut self.frictions).map(|errors| Spread::of(errors).median);
         report.payload_g_median = Spread::of(std::mem::take(&mut self.payload_g)).median;
         let [right, wrong] = self.ratios;
         report.held_out_ratio_median = Spread::of(right).median;
@@ -275,6 +286,7 @@ pub fn describe(report: &Report) -> String {
         let covered = if all == 0 { "-".into() } else { percent(covered / all as f64) };
         vec![name.to_string(), error, all.to_string(), covered]
     };
+    let friction = |error: f64, of: usize| format!("{error:.4}, {}", percent(report.friction_relative_medians[of]));
     let head = ["parameter", "median error", "intervals", "95 %"];
     let rows = vec![
         head.map(String::from).to_vec(),
@@ -288,8 +300,8 @@ pub fn describe(report: &Report) -> String {
             &["payload_mass"],
         ),
         row("payload's centre", format!("{:.2} mm", report.payload_center_mm_median), &["payload_center"]),
-        row("table friction", format!("{:.4}", report.table_friction_median), &["table_friction"]),
-        row("pad friction", format!("{:.4}", report.pad_friction_median), &["pad_friction"]),
+        row("pad friction", friction(report.pad_friction_median, 0), &["pad_friction"]),
+        row("table friction", friction(report.table_friction_median, 1), &["table_friction"]),
     ];
     let mut text = text_table(&rows);
     text += &format!(

@@ -10,7 +10,7 @@ use genmanip_terminal::{ExitStatus, Failed, Printer};
 use genmanip_visual_matching::noise::{CameraNoise, FEWEST_IMAGES};
 use genmanip_workspace::{WorkspaceError, documents, text_table, worlds};
 
-use super::write_world;
+use super::files;
 use crate::args::IdentifyCameraArguments;
 
 /// Step of depth files, m: they hold whole millimetres.
@@ -28,8 +28,7 @@ pub fn run(arguments: &IdentifyCameraArguments, printer: &Printer) -> Result<Exi
     if !arguments.color.is_empty() {
         let (width, images) = alike(&arguments.color, |path| {
             let bytes = documents::read_bytes(path, limits::IMPORTED_PICTURE)?;
-            let (width, _, rgb) =
-                decode_image(&bytes).map_err(|error| WorkspaceError::file("read", path, error))?;
+            let (width, _, rgb) = decode_image(&bytes).map_err(|error| WorkspaceError::file("read", path, error))?;
             Ok((width, rgb))
         })?;
         found.add_color(width, &images);
@@ -52,7 +51,7 @@ pub fn run(arguments: &IdentifyCameraArguments, printer: &Printer) -> Result<Exi
     if let Some(out) = &arguments.out {
         let mut measured = world.clone();
         measured.cameras[index].sensor = Some(sensor);
-        write_world(arguments.world.as_deref(), &world, &measured, out)?;
+        files::write_world(arguments.world.as_deref(), &world, &measured, out)?;
         printer.say(format!("wrote {}", out.display()));
     }
     printer.data(&found, &describe(&found));
@@ -90,8 +89,5 @@ fn describe(found: &CameraNoise) -> String {
         vec![it.name.into(), format!("{:.4}", it.value), format!("{low:.4} to {high:.4}"), it.unit.into()]
     }));
     let text = if found.estimates.is_empty() { String::new() } else { text_table(&rows) };
-    found
-        .unidentified
-        .iter()
-        .fold(text, |text, it| text + &format!("not identified: {}: {}\n", it.name, it.reason))
+    found.unidentified.iter().fold(text, |text, it| text + &format!("not identified: {}: {}\n", it.name, it.reason))
 }
