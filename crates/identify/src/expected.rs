@@ -48,7 +48,7 @@ pub fn expected(
     motions: &[Recording],
     noise_rad: f64,
 ) -> Result<Vec<Expected>, IdentifyError> {
-    let nominal = Values::of(world, robot);
+    let nominal = Values::of(world, robot).with_center_of(motions);
     let mut values = Values { payload_kg: PAYLOAD_KG, ..nominal.clone() };
     for joint in 0..robot.arm_dof() {
         let parameter = Parameter::FrictionLoss(joint);

@@ -6,7 +6,7 @@
 
 use crate::problem::Problem;
 use crate::search::{SearchSettings, noise_of};
-use crate::structure::{Whiteness, resolution, whiteness};
+use crate::structure::{Whiteness, whiteness};
 
 /// Half-widths of the windows about the best value so far, as shares of it.
 const WINDOWS: [f64; 2] = [0.2, 0.06];
@@ -43,12 +43,9 @@ pub fn fit(problem: &Problem, settings: &SearchSettings) -> Option<FrictionFit> 
     }
     let Window { sd, residuals, scatter, .. } = window?;
     let channels = problem.channels();
-    let measured = |axis: usize| {
-        problem.recordings.iter().flat_map(|(recording, rows)| recording.measured(axis, rows)).collect::<Vec<_>>()
-    };
     let whiteness = (0..channels).map(|axis| {
         // Scatter of the simulation widens what counts as noise, as a coarse resolution does.
-        let coarse = resolution(measured(axis).into_iter()).hypot(12.0_f64.sqrt() * scatter);
+        let coarse = problem.resolution(axis).hypot(12.0_f64.sqrt() * scatter);
         whiteness(&crate::search::channel_of(&residuals, channels, axis), coarse)
     });
     let whiteness: Vec<Whiteness> = whiteness.collect();

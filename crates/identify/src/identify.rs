@@ -1,18 +1,22 @@
 //! Identification: parameters of the simulator from recordings.
 
 use std::cell::RefCell;
+use std::ops::Range;
 
 use genmanip_core::{RobotModel, World};
 use serde::Serialize;
 
+use crate::curve::Coefficient;
 use crate::error::IdentifyError;
 use crate::friction;
 use crate::parameters::{Parameter, Values};
 use crate::problem::{Measured, Problem, Unknown};
 use crate::recording::{Motion, Recording};
 use crate::replay::{bare, replay};
+use crate::restitution;
 use crate::search::{SearchSettings, Solution, channel_of, coarse, fine};
-use crate::structure::{Whiteness, resolution, whiteness};
+use crate::slide;
+use crate::structure::{Whiteness, whiteness};
 use crate::uncertainty::{Uncertainty, WIDEST, Z};
 
 /// Share of every free motion that is used when no recording is held out; the rest is.
@@ -33,6 +37,9 @@ pub struct Identification {
     pub fits: Vec<Fit>,
     /// Tracking error of the arm in recordings, or parts of them, that were not used; `None` without free motions.
     pub held_out: Option<HeldOut>,
+    /// Damping ratio of the contacts with which the simulated block bounces as much as the recorded one; `None` without
+    /// a restitution, or if no ratio bounces as much.
+    pub contact_damping: Option<f64>,
     /// True if the residuals of free motions have structure that no values of the parameters explain, such as backlash;
     /// the intervals then do not hold. Contacts are too erratic for such a test.
     pub is_structure_wrong: bool,
@@ -128,12 +135,13 @@ pub fn identify(
         let message = format!("a held-out recording is a `{}`; expected a free motion", other.motion.name());
         return Err(IdentifyError::Recording { message });
     }
-    let nominal = Values::of(world, robot);
+    let nominal = Values::of(world, robot).with_center_of(recordings);
     let mut found = Identification {
         parameters: Vec::new(),
         unidentified: Vec::new(),
         fits: Vec::new(),
         held_out: None,
+        contact_damping: None,
         is_structure_wrong: false,
         values: nominal.clone(),
     };
@@ -144,14 +152,46 @@ pub fn identify(
     if !free.is_empty() {
         arm(world, robot, &free, held_out, &nominal, settings, &mut found)?;
     }
-    for (motion, parameter) in [(Motion::Push, Parameter::TableFriction), (Motion::Slip, Parameter::PadFriction)] {
-        let shown = of(&[motion]);
-        if !shown.is_empty() {
-            block_friction(world, robot, &shown, parameter, &nominal, settings, &mut found)?;
+    let slips: Vec<_> = of(&[Motion::Slip]).into_iter().map(|slip| (slip, 0..slip.landed())).collect();
+    if !slips.is_empty() {
+        let fit = contact(world, robot, slips, (Parameter::PadFriction, Measured::Block), settings, &mut found)?;
+        found.coefficient(Parameter::PadFriction, &[fit], &nominal, robot);
+    }
+    let (gravity, least_noise) = (world.physics.gravity_m_s2, settings.least_noise);
+    let pushes = of(&[Motion::Push]);
+    if !pushes.is_empty() {
+        // The arm as a scale of the force of friction, then the slide.
+        let latency_s = found.values.arm.latency_s;
+        let end = |push: &Recording| slide::released(push, robot, latency_s).unwrap_or(push.len());
+        let felt: Vec<_> = pushes
+            .iter()
+            .filter(|push| !push.joint_rad.is_empty())
+            .map(|&push| (push, push.settled()..end(push).max(push.settled())))
+            .collect();
+        let mut each = Vec::new();
+        if !felt.is_empty() {
+            let shown = (Parameter::TableFriction, Measured::Joints);
+            each.push(contact(world, robot, felt, shown, settings, &mut found)?);
+        }
+        each.extend(pushes.iter().filter_map(|push| slide::measured(push, robot, latency_s, gravity, least_noise)));
+        found.coefficient(Parameter::TableFriction, &each, &nominal, robot);
+    }
+    if let drops @ [first, ..] = &of(&[Motion::Drop])[..] {
+        let bounced = drops.iter().filter_map(|drop| restitution::measured(drop, gravity, least_noise));
+        let bare = bare(robot, false);
+        let own = restitution::simulated(first, world, &bare, &nominal, nominal.contact_damping)?;
+        let before = Values { restitution: own.unwrap_or(0.0), ..nominal.clone() };
+        let value = found.coefficient(Parameter::Restitution, &bounced.collect::<Vec<_>>(), &before, robot);
+        if let Some(value) = value {
+            found.contact_damping = restitution::damping_of(first, world, &bare, &nominal, value)?;
         }
     }
     for (motion, parameter) in [
+        (Motion::Drop, Parameter::Restitution),
         (Motion::Payload, Parameter::PayloadMass),
+        (Motion::Payload, Parameter::PayloadCenter(0)),
+        (Motion::Payload, Parameter::PayloadCenter(1)),
+        (Motion::Payload, Parameter::PayloadCenter(2)),
         (Motion::Push, Parameter::TableFriction),
         (Motion::Slip, Parameter::PadFriction),
     ] {
@@ -214,38 +254,29 @@ fn arm(
     Ok(())
 }
 
-/// One coefficient of friction from the track of the block, with the arm as identified so far.
-fn block_friction(
+/// One coefficient of friction from simulated contacts, with the arm as identified so far.
+fn contact(
     world: &World,
     robot: &RobotModel,
-    recordings: &[&Recording],
-    parameter: Parameter,
-    nominal: &Values,
+    recordings: Vec<(&Recording, Range<usize>)>,
+    (parameter, measured): (Parameter, Measured),
     settings: &SearchSettings,
     found: &mut Identification,
-) -> Result<(), IdentifyError> {
+) -> Result<Coefficient, IdentifyError> {
     let bare = bare(robot, true);
-    let problem = Problem {
-        recordings: recordings.iter().map(|&recording| (recording, 0..recording.landed())).collect(),
+    let mut problem = Problem {
+        recordings,
         world,
         robot: &bare,
-        measured: Measured::Block,
-        unknowns: vec![unknown(parameter, nominal, robot, nominal)],
+        measured,
+        unknowns: vec![unknown(parameter, &found.values, robot, &found.values)],
         base: found.values.clone(),
-        noise: vec![1e-3; 3],
+        noise: Vec::new(),
         derivatives: RefCell::default(),
     };
+    problem.noise = vec![1e-3; problem.channels()];
     let fit = friction::fit(&problem, settings).ok_or(IdentifyError::Start)?;
     let scale = problem.unknowns[0].members[0].1;
-    if Z * fit.sd > WIDEST * fit.value {
-        let reason = match fit.sd < INVISIBLE {
-            true => format!("known to ± {:.2} only", Z * fit.sd * scale),
-            false => "it changes nothing in these recordings".into(),
-        };
-        found.unidentified.push(unidentified(parameter, robot, reason));
-    } else {
-        found.add(problem.unknowns[0].members[0], parameter.name(robot), nominal, fit.value, fit.sd);
-    }
     found.fits.push(Fit {
         motions: kinds(&problem),
         condition_number: 1.0,
@@ -253,7 +284,7 @@ fn block_friction(
         channels: fit.channels,
         starts_rms: fit.starts_rms,
     });
-    Ok(())
+    Ok(Coefficient { value: fit.value * scale, sd: fit.sd * scale })
 }
 
 /// Kinds of the recordings of a problem.
@@ -273,11 +304,38 @@ impl Identification {
             unit: parameter.unit(),
             before: nominal.get(parameter),
             value: at * scale,
-            interval: [at - Z * sd, at + Z * sd].map(|end| end.max(0.0) * scale),
+            interval: [at - Z * sd, at + Z * sd].map(|end| end.max(low.min(0.0)) * scale),
             is_at_bound: at - low < AT_BOUND || high - at < AT_BOUND,
             parameter,
         });
         self.values.set(parameter, at * scale);
+    }
+
+    /// Adds a coefficient that each of several measurements shows by itself: the mean, weighed by information, and less
+    /// certain if they disagree (Birge, 1932). `None` if they do not determine it.
+    fn coefficient(
+        &mut self,
+        parameter: Parameter,
+        each: &[Coefficient],
+        nominal: &Values,
+        robot: &RobotModel,
+    ) -> Option<f64> {
+        let scale = parameter.scale(nominal, robot);
+        let information: f64 = each.iter().map(|it| it.sd.powi(-2)).sum();
+        let value = each.iter().map(|it| it.value * it.sd.powi(-2)).sum::<f64>() / information;
+        let squares: f64 = each.iter().map(|it| ((it.value - value) / it.sd).powi(2)).sum();
+        let birge = (squares / each.len().saturating_sub(1).max(1) as f64).max(1.0);
+        let sd = (birge / information).sqrt();
+        if Z * sd <= WIDEST * value.max(scale) {
+            self.add((parameter, scale), parameter.name(robot), nominal, value / scale, sd / scale);
+            return Some(value);
+        }
+        let reason = match sd.is_finite() && sd < INVISIBLE * scale {
+            true => format!("known to ± {:.2} only", Z * sd),
+            false => "it changes nothing in these recordings".into(),
+        };
+        self.unidentified.push(unidentified(parameter, robot, reason));
+        None
     }
 }
 
@@ -285,7 +343,10 @@ impl Identification {
 pub(crate) fn parameters_of(recordings: &[&Recording], robot: &RobotModel) -> Vec<Parameter> {
     let mut parameters = Parameter::of_arm(robot.arm_dof());
     let has_payload = recordings.iter().any(|recording| recording.motion == Motion::Payload);
-    parameters.extend(has_payload.then_some(Parameter::PayloadMass));
+    if has_payload {
+        parameters.push(Parameter::PayloadMass);
+        parameters.extend((0..3).map(Parameter::PayloadCenter));
+    }
     parameters
 }
 
@@ -332,8 +393,7 @@ fn report(problem: &Problem, solution: &Solution, robot: &RobotModel, nominal: &
     }
     let channels = problem.channels();
     let whiteness = (0..channels).map(|channel| {
-        let measured = problem.recordings.iter().flat_map(|(recording, rows)| recording.measured(channel, rows));
-        whiteness(&channel_of(&solution.evaluation.residuals, channels, channel), resolution(measured))
+        whiteness(&channel_of(&solution.evaluation.residuals, channels, channel), problem.resolution(channel))
     });
     found.fits.push(Fit {
         motions: kinds(problem),

@@ -6,6 +6,7 @@
 //! - [`synthetic`]: simulated recordings with known truth, for rehearsals and measurements.
 
 mod block;
+mod curve;
 mod error;
 mod expected;
 mod friction;
@@ -15,8 +16,10 @@ pub mod parameters;
 mod problem;
 pub mod recording;
 mod replay;
+mod restitution;
 mod search;
 mod set_points;
+mod slide;
 pub mod structure;
 pub mod synthetic;
 #[cfg(test)]

@@ -132,19 +132,28 @@ fn fade(at: f64) -> f64 {
 
 /// Rate of pushing and slipping motions, Hz.
 const RATE_HZ: f64 = 100.0;
+/// Duration of a drop, s: a block that keeps 0.7 of its speed has come to rest.
+const DROP_S: f64 = 1.5;
+/// Lowest drop, m.
+const LOWEST_DROP_M: f64 = 0.05;
 /// Speed at which the fingers meet the block, m/s.
 const CREEP_M_S: f64 = 0.03;
+/// Deceleration of the fingers, m/s²: harder than friction brakes the block, which slides on.
+const BRAKE_M_S2: f64 = 12.0;
+/// Lowest friction coefficient at which the block comes to rest within the motion.
+const LEAST_FRICTION: f64 = 0.15;
 /// Height of the tool while it pushes, m.
 const PUSH_HEIGHT_M: f64 = 0.03;
 
-/// A push of a block along +x: the closed gripper accelerates it to a speed (m/s), and stops within centimetres.
+/// A push of a block along +x: the closed gripper accelerates it to a speed (m/s), and stops; the block slides on.
 ///
 /// # Errors
 /// [`IdentifyError::NoPath`] when the path is out of reach.
 pub fn push(planner: &Planner, block: Block, speed_m_s: f64) -> Result<Recording, IdentifyError> {
     // Half the depth of the closed fingers along x, and a gap.
     let start_x = block.base_m[0] - block.size_m[0] / 2.0 - 0.025;
-    let (rest_s, creep_s, rise_s, cruise_s, brake_s, after_s) = (1.1, 0.7, 0.35, 0.25, 0.05, 0.45);
+    let (rest_s, creep_s, rise_s, cruise_s) = (1.1, 0.7, 0.35, 0.25);
+    let (brake_s, after_s) = (speed_m_s / BRAKE_M_S2, 0.25 + speed_m_s / (LEAST_FRICTION * 9.81));
     // The fingers meet the block slowly, so that it does not bounce, take it along smoothly, and stop.
     let speed = |time: f64| {
         let t = time - rest_s;
@@ -193,6 +202,20 @@ pub fn slip(planner: &Planner, block: Block) -> Result<Recording, IdentifyError>
     };
     let duration_s = rest_s + close_s + lift_s + loosen_s + after_s;
     tool_motion(planner, Motion::Slip, block, duration_s, path, opening)
+}
+
+/// A drop: a block falls from the height of its base above the table, and the arm stands still at home.
+///
+/// # Errors
+/// [`IdentifyError::NoPath`] for a block that is not above the table.
+pub fn drop_block(robot: &RobotModel, block: Block) -> Result<Recording, IdentifyError> {
+    if block.base_m[2] < LOWEST_DROP_M {
+        let message = format!("a block {} m above the table does not fall far enough", block.base_m[2]);
+        return Err(IdentifyError::NoPath { message });
+    }
+    let times: Vec<f64> = (0..=(DROP_S * RATE_HZ) as usize).map(|index| index as f64 / RATE_HZ).collect();
+    let rows = vec![robot.home.clone(); times.len()];
+    Ok(Recording { block: Some(block), ..recording(robot, Motion::Drop, times, rows) })
 }
 
 /// Motion of the downward tool along a path of positions, with an opening width of the gripper.

@@ -2,7 +2,10 @@
 
 use genmanip_core::{ArmPhysics, Drives, RobotModel, World};
 
-use crate::recording::Motion;
+use crate::recording::{Motion, Recording};
+
+/// Engine setting of the contacts: time constant and damping ratio.
+pub(crate) const CONTACT: &str = "contact_solref";
 
 /// One parameter; joints are counted from the base.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -19,10 +22,14 @@ pub enum Parameter {
     Latency,
     /// Mass of the payload on the hand, kg.
     PayloadMass,
+    /// Centre of mass of the payload along an axis of the hand's frame, m.
+    PayloadCenter(usize),
     /// Sliding friction of the block on the table.
     TableFriction,
     /// Factor on the sliding friction of the gripper's pads.
     PadFriction,
+    /// Share of its speed that the block keeps when it falls on the table.
+    Restitution,
 }
 
 /// Values of all parameters.
@@ -32,10 +39,16 @@ pub struct Values {
     pub arm: ArmPhysics,
     /// Mass of the payload, kg.
     pub payload_kg: f64,
+    /// Centre of mass of the payload in the frame of the hand, m.
+    pub payload_center_m: [f64; 3],
     /// Sliding friction of the block on the table.
     pub table_friction: f64,
     /// Factor on the sliding friction of the pads.
     pub pad_friction: f64,
+    /// Damping ratio of the contacts, on which the restitution depends.
+    pub contact_damping: f64,
+    /// Restitution of the block on the table with that ratio; 0 until it is simulated.
+    pub restitution: f64,
 }
 
 impl Values {
@@ -60,9 +73,19 @@ impl Values {
                 latency_s: own.latency_s,
             },
             payload_kg: 0.0,
+            payload_center_m: [0.0; 3],
             table_friction: world.table().map_or(0.0, |table| table.friction),
             pad_friction: world.physics.pad_friction,
+            contact_damping: contact_damping(world).unwrap_or(1.0),
+            restitution: 0.0,
         }
+    }
+
+    /// The same with the centre of the payload as the first of the recordings that has one states it.
+    #[must_use]
+    pub fn with_center_of<'a>(self, recordings: impl IntoIterator<Item = &'a Recording>) -> Self {
+        let stated = recordings.into_iter().find_map(|recording| recording.payload.as_ref());
+        Self { payload_center_m: stated.map_or(self.payload_center_m, |payload| payload.center_m), ..self }
     }
 
     /// Value of a parameter in its own unit.
@@ -74,8 +97,10 @@ impl Values {
             Parameter::FrictionLoss(joint) => self.arm.friction_loss[joint],
             Parameter::Latency => self.arm.latency_s,
             Parameter::PayloadMass => self.payload_kg,
+            Parameter::PayloadCenter(axis) => self.payload_center_m[axis],
             Parameter::TableFriction => self.table_friction,
             Parameter::PadFriction => self.pad_friction,
+            Parameter::Restitution => self.restitution,
         }
     }
 
@@ -88,8 +113,10 @@ impl Values {
             Parameter::FrictionLoss(joint) => self.arm.friction_loss[joint] = value,
             Parameter::Latency => self.arm.latency_s = value,
             Parameter::PayloadMass => self.payload_kg = value,
+            Parameter::PayloadCenter(axis) => self.payload_center_m[axis] = value,
             Parameter::TableFriction => self.table_friction = value,
             Parameter::PadFriction => self.pad_friction = value,
+            Parameter::Restitution => self.restitution = value,
         }
     }
 }
@@ -121,8 +148,10 @@ impl Parameter {
             Self::FrictionLoss(joint) => of_joint(joint, "friction_loss"),
             Self::Latency => "latency".into(),
             Self::PayloadMass => "payload_mass".into(),
+            Self::PayloadCenter(axis) => format!("payload_center.{}", ["x", "y", "z"][axis]),
             Self::TableFriction => "table_friction".into(),
             Self::PadFriction => "pad_friction".into(),
+            Self::Restitution => "restitution".into(),
         }
     }
 
@@ -134,7 +163,8 @@ impl Parameter {
             Self::FrictionLoss(_) => "N·m",
             Self::Latency => "s",
             Self::PayloadMass => "kg",
-            Self::TableFriction | Self::PadFriction => "",
+            Self::PayloadCenter(_) => "m",
+            Self::TableFriction | Self::PadFriction | Self::Restitution => "",
         }
     }
 
@@ -143,7 +173,8 @@ impl Parameter {
         match self {
             Self::TableFriction => motion == Motion::Push,
             Self::PadFriction => motion == Motion::Slip,
-            Self::PayloadMass => motion == Motion::Payload,
+            Self::Restitution => motion == Motion::Drop,
+            Self::PayloadMass | Self::PayloadCenter(_) => motion == Motion::Payload,
             _ => matches!(motion, Motion::Arm | Motion::Payload),
         }
     }
@@ -161,8 +192,12 @@ impl Parameter {
             Self::PayloadMass => {
                 "move the joints near the base up and down with the payload, not the last joint alone".into()
             }
+            Self::PayloadCenter(_) => {
+                "turn the wrist with the payload, so that gravity pulls along every axis of the hand".into()
+            }
             Self::TableFriction => "push the block at 0.2 m/s or faster, stop, and let it slide".into(),
             Self::PadFriction => "loosen the grip until the block slips".into(),
+            Self::Restitution => "drop the block flat on the table, from 10 cm or more".into(),
         }
     }
 
@@ -175,7 +210,9 @@ impl Parameter {
             Self::FrictionLoss(joint) => 0.01 * robot.arm_joints().nth(joint).map_or(10.0, |it| it.max_effort),
             Self::Latency => 0.01,
             Self::PayloadMass | Self::TableFriction => 0.5,
+            Self::PayloadCenter(_) => 0.05,
             Self::PadFriction => 1.0,
+            Self::Restitution => 0.2,
         }
     }
 
@@ -186,7 +223,21 @@ impl Parameter {
             Self::Damping(_) | Self::FrictionLoss(_) => [0.0, 40.0],
             Self::Latency => [0.0, 100.0 * 0.4],
             Self::PayloadMass => [0.0, 40.0],
+            Self::PayloadCenter(_) => [-10.0, 10.0],
             Self::TableFriction | Self::PadFriction => [0.02, 4.0],
+            Self::Restitution => [0.0, 5.0],
         }
+    }
+}
+
+/// Damping ratio of the contacts of a world; `None` if its engine settings have none.
+pub fn contact_damping(world: &World) -> Option<f64> {
+    world.physics.engine.get(CONTACT)?.get(1)?.as_f64()
+}
+
+/// Sets the damping ratio of the contacts of a world.
+pub fn set_contact_damping(world: &mut World, damping: f64) {
+    if let Some(ratio) = world.physics.engine.get_mut(CONTACT).and_then(|pair| pair.get_mut(1)) {
+        *ratio = damping.into();
     }
 }

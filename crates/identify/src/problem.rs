@@ -11,6 +11,7 @@ use genmanip_sim::SimError;
 use crate::parameters::{Parameter, Values};
 use crate::recording::Recording;
 use crate::replay::replay;
+use crate::structure::resolution;
 
 /// Step of the finite differences, in multiples of a parameter's typical size: far above the solver's tolerance, far
 /// below any curvature.
@@ -91,6 +92,18 @@ impl Problem<'_> {
             Measured::Joints => self.robot.arm_dof(),
             Measured::Block => 3,
         }
+    }
+
+    /// Resolution of one channel's sensor, rad or m.
+    pub fn resolution(&self, channel: usize) -> f64 {
+        let each = self.recordings.iter().flat_map(|(recording, rows)| {
+            let measured = |row: usize| match (self.measured, &recording.block) {
+                (Measured::Block, Some(block)) => block.track_m[row][channel],
+                _ => recording.joint_rad[row][channel],
+            };
+            rows.clone().map(measured)
+        });
+        resolution(each)
     }
 
     /// Starting point of the search.

@@ -1,7 +1,5 @@
 //! Recordings of an arm: commands in force, and what was measured.
 
-use std::ops::Range;
-
 use genmanip_core::glam::DVec3;
 use genmanip_core::limits::Limit;
 use genmanip_core::{Document, DocumentError, RobotModel};
@@ -57,13 +55,15 @@ pub enum Motion {
     Push,
     /// The gripper lifts a block and loosens its grip until the block slips.
     Slip,
+    /// A block falls on the table and bounces; the arm stands still.
+    Drop,
 }
 
 /// Payload that is rigidly attached to the hand.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Payload {
-    /// Centre of mass in the frame of the hand link, m.
+    /// Centre of mass in the frame of the hand link, m, as far as it is known: the search starts there.
     pub center_m: [f64; 3],
     /// Radius of gyration, m: its inertia is taken as that of a ball.
     pub gyration_m: f64,
@@ -93,6 +93,7 @@ impl Motion {
             Self::Payload => "payload",
             Self::Push => "push",
             Self::Slip => "slip",
+            Self::Drop => "drop",
         }
     }
 }
@@ -152,15 +153,6 @@ impl Recording {
         let lifted = block.track_m.iter().position(|row| height(row) > 0.9 * top).unwrap_or(0);
         let fallen = block.track_m[lifted..].iter().position(|row| height(row) < 0.4 * top);
         fallen.map_or(self.len(), |after| lifted + after)
-    }
-
-    /// Measured values of one channel at some moments: of an axis of the block (m) where there is one, else of a
-    /// joint (rad).
-    pub fn measured(&self, channel: usize, rows: &Range<usize>) -> Vec<f64> {
-        match &self.block {
-            Some(block) => block.track_m[rows.clone()].iter().map(|point| point[channel]).collect(),
-            None => self.joint_rad[rows.clone()].iter().map(|row| row[channel]).collect(),
-        }
     }
 
     /// Checks the recording against the robot that it names.
@@ -235,6 +227,7 @@ impl Document for Recording {
         match self.motion {
             Motion::Arm => {}
             Motion::Payload => needs(self.payload.is_some(), "payload")?,
+            Motion::Drop => needs(self.block.is_some(), "block")?,
             Motion::Push | Motion::Slip => {
                 needs(self.block.is_some(), "block")?;
                 needs(!self.width_m.is_empty(), "width_m")?;

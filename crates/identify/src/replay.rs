@@ -7,7 +7,7 @@ use genmanip_core::{ArmPhysics, MassProperties, RobotModel, World};
 use genmanip_sim::{Model, Sim, SimError};
 
 use crate::block::scene_object;
-use crate::parameters::Values;
+use crate::parameters::{Values, set_contact_damping};
 use crate::recording::{Payload, Recording};
 use crate::set_points::SetPoints;
 
@@ -40,6 +40,7 @@ pub fn compile(recording: &Recording, world: &World, robot: &RobotModel, values:
     world.robot.start = Some(recording.start());
     world.physics.arm = Some(values.arm.clone());
     world.physics.pad_friction = values.pad_friction;
+    set_contact_damping(&mut world, values.contact_damping);
     if let Some(table) = world.surfaces.first_mut() {
         table.friction = values.table_friction;
     }
@@ -47,17 +48,18 @@ pub fn compile(recording: &Recording, world: &World, robot: &RobotModel, values:
         // The larger friction of two bodies counts: that of the table, which is identified.
         (Some(block), _) => Model::compile(&world, robot, &[scene_object(block, 0.01)]),
         (None, Some(payload)) if values.payload_kg > 0.0 => {
-            Model::compile_with_payload(&world, robot, &mass(payload, values.payload_kg))
+            Model::compile_with_payload(&world, robot, &mass(payload, values))
         }
         _ => Model::compile(&world, robot, &[]),
     }
 }
 
-fn mass(payload: &Payload, mass_kg: f64) -> MassProperties {
+fn mass(payload: &Payload, values: &Values) -> MassProperties {
+    let mass_kg = values.payload_kg;
     let moment = mass_kg * payload.gyration_m * payload.gyration_m;
     MassProperties {
         mass_kg,
-        center: DVec3::from_array(payload.center_m),
+        center: DVec3::from_array(values.payload_center_m),
         inertia: DMat3::from_diagonal(DVec3::splat(moment)),
     }
 }

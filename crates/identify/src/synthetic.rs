@@ -8,7 +8,7 @@ use genmanip_sim::{Sim, SimError};
 use rand::RngExt;
 
 use crate::parameters::Values;
-use crate::recording::Recording;
+use crate::recording::{Motion, Recording};
 use crate::replay::{Sampler, compile};
 use crate::set_points::SetPoints;
 
@@ -90,7 +90,8 @@ pub fn record(hidden: &HiddenArm, robot: &RobotModel, motion: &Recording, seed: 
     let (first, start_s) = (motion.start_command(), motion.time_s[0]);
     let step_s = world.physics.timestep_s();
     let mut played = before.command_rad[0].clone();
-    let approach = (APPROACH_S / step_s).round();
+    // A block that is dropped falls from the first moment on.
+    let approach = if motion.motion == Motion::Drop { 0.0 } else { (APPROACH_S / step_s).round() };
     let mut sampler = None;
     let mut step = -approach;
     loop {

@@ -3,7 +3,9 @@
 use genmanip_assets::worlds;
 use genmanip_core::{ArmPhysics, World};
 
-/// TOML text of a world whose robot, arm dynamics, pad friction or table friction differ from those of `before`, which
+use crate::parameters::CONTACT;
+
+/// TOML text of a world whose robot, arm dynamics, frictions, damping of contacts or sensors differ from those of `before`, which
 /// was read from `text`; comments are kept. `None` if the text sets these values in an unusual form of TOML.
 pub fn edited(text: &str, before: &World, world: &World) -> Option<String> {
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
@@ -17,6 +19,17 @@ pub fn edited(text: &str, before: &World, world: &World) -> Option<String> {
         && old.friction != new.friction
     {
         set(&mut lines, "[[surfaces]]", "friction", &format!("{:?}", new.friction));
+    }
+    if let (old, Some(new)) = (before.physics.engine.get(CONTACT), world.physics.engine.get(CONTACT))
+        && old != Some(new)
+    {
+        set(&mut lines, "[physics.engine]", CONTACT, &new.to_string());
+    }
+    for (old, new) in before.cameras.iter().zip(&world.cameras) {
+        if let (Some(sensor), true) = (new.sensor, old.sensor != new.sensor) {
+            let table = camera_table(&lines, &new.name)?;
+            set_in(&mut lines, table, "sensor", &inline(&serde_json::json!(sensor)));
+        }
     }
     if before.physics.arm != world.physics.arm {
         remove(&mut lines, "[physics.arm]");
@@ -40,12 +53,43 @@ fn section(lines: &[String], header: &str) -> Option<(usize, usize)> {
     Some((at + 1, length.map_or(lines.len(), |length| at + 1 + length)))
 }
 
+/// Content of the `[[cameras]]` table with a name.
+fn camera_table(lines: &[String], name: &str) -> Option<(usize, usize)> {
+    let mut begin = 0;
+    while let Some((from, to)) = section(&lines[begin..], "[[cameras]]").map(|(from, to)| (begin + from, begin + to)) {
+        let is_name = |line: &String| {
+            line.split_once('=')
+                .is_some_and(|(key, value)| key.trim() == "name" && value.contains(&format!("\"{name}\"")))
+        };
+        if lines[from..to].iter().any(is_name) {
+            return Some((from, to));
+        }
+        begin = from;
+    }
+    None
+}
+
+/// A value as TOML on one line.
+fn inline(value: &serde_json::Value) -> String {
+    match value {
+        serde_json::Value::Object(table) => {
+            let entries: Vec<String> = table.iter().map(|(key, value)| format!("{key} = {}", inline(value))).collect();
+            format!("{{ {} }}", entries.join(", "))
+        }
+        other => other.to_string(),
+    }
+}
+
 /// Sets a key of a table, keeping a comment behind its value; adds the table at the end if there is none.
 fn set(lines: &mut Vec<String>, header: &str, key: &str, value: &str) {
-    let Some((from, to)) = section(lines, header) else {
-        lines.extend([String::new(), header.into(), format!("{key} = {value}")]);
-        return;
-    };
+    match section(lines, header) {
+        Some(table) => set_in(lines, table, key, value),
+        None => lines.extend([String::new(), header.into(), format!("{key} = {value}")]),
+    }
+}
+
+/// The same in the lines of a table.
+fn set_in(lines: &mut Vec<String>, (from, to): (usize, usize), key: &str, value: &str) {
     let is_key = |line: &String| line.split_once('=').is_some_and(|(name, _)| name.trim() == key);
     match lines[from..to].iter().position(is_key) {
         Some(at) => {
@@ -76,6 +120,7 @@ fn arm_table(arm: &ArmPhysics) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::parameters::set_contact_damping;
 
     #[test]
     fn a_changed_world_reads_back_and_keeps_its_comments() {
@@ -90,6 +135,8 @@ mod tests {
         });
         world.physics.pad_friction = 0.8;
         world.surfaces[0].friction = 0.45;
+        set_contact_damping(&mut world, 0.25);
+        world.cameras[1].sensor = Some(genmanip_core::sensor::SENSORS[0].sensor);
         let first = edited(worlds::DEFAULT_TEXT, &before, &world).unwrap();
         assert!(
             first.contains("# Usable part of the table.") && first.contains("larger coefficient of the two bodies")

@@ -88,7 +88,8 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             printer.data(&measured, &hand_eye::describe(&measured));
         }
         LabCommand::Identify(arguments) => {
-            let measured = identification::measure(arguments.count, Seed::new(arguments.seed))?;
+            let measured =
+                identification::measure(arguments.first, arguments.count, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &identification::describe(&measured));
         }
         LabCommand::Match(arguments) => {

@@ -39,6 +39,9 @@ enum Plant {
     NoSlip,
 }
 
+/// Centre of the payload that the recordings state; the true one lies up to 3 cm away along each axis.
+const STATED_CENTER_M: [f64; 3] = [0.0, 0.0, 0.11];
+
 /// One hidden arm with its recordings.
 pub struct HiddenCase {
     /// Robot.
@@ -75,8 +78,8 @@ pub fn hidden_case(index: usize, seed: Seed) -> Result<HiddenCase, WorkspaceErro
     let mut truth = values(&world, &robot, rng);
     let last = robot.arm_dof() - 1;
     if plant == Some(Plant::StillJoint) {
-        // Enough to hold the joint against the motion of the others.
-        truth.arm.friction_loss[last] = 0.05 * robot.arm_joints().nth(last).map_or(0.0, |it| it.max_effort);
+        // Enough to hold the joint against the motion of the others and a payload beside its axis.
+        truth.arm.friction_loss[last] = 0.2 * robot.arm_joints().nth(last).map_or(0.0, |it| it.max_effort);
     }
     let hidden = HiddenArm {
         world: world.clone(),
@@ -89,7 +92,7 @@ pub fn hidden_case(index: usize, seed: Seed) -> Result<HiddenCase, WorkspaceErro
         },
     };
     let broken = |error: IdentifyError| WorkspaceError::broken(format!("hidden arm {index} cannot be made"), error);
-    let made = motions(&planner, &world, plant, rng, seed).map_err(broken)?;
+    let made = motions(&planner, &world, plant, seed).map_err(broken)?;
     let (held_out, training) = made.split_last().map_or((None, &[][..]), |(last, rest)| (Some(last), rest));
     let execute = |(number, motion): (usize, &Recording)| {
         record(&hidden, &robot, motion, seed.fork("noise").fork_index(number as u64))
@@ -101,7 +104,9 @@ pub fn hidden_case(index: usize, seed: Seed) -> Result<HiddenCase, WorkspaceErro
         Some(Plant::StillJoint) => {
             vec![Parameter::Kp(last), Parameter::Kv(last), Parameter::Damping(last), Parameter::FrictionLoss(last)]
         }
-        Some(Plant::NoPayload) => vec![Parameter::PayloadMass],
+        Some(Plant::NoPayload) => {
+            [Parameter::PayloadMass].into_iter().chain((0..3).map(Parameter::PayloadCenter)).collect()
+        }
         Some(Plant::NoTouch) if !is_ur => vec![Parameter::TableFriction],
         Some(Plant::NoSlip) if !is_ur => vec![Parameter::PadFriction],
         _ => Vec::new(),
@@ -120,6 +125,8 @@ fn values(world: &World, robot: &RobotModel, rng: &mut impl Rng) -> Values {
     }
     truth.arm.latency_s = rng.random_range(0.002..0.08);
     truth.payload_kg = rng.random_range(0.2..2.0);
+    truth.payload_center_m = [0.02, 0.02, 0.03].map(|off| rng.random_range(-off..off));
+    truth.payload_center_m[2] += STATED_CENTER_M[2];
     truth.table_friction = rng.random_range(0.2..0.8);
     truth.pad_friction = rng.random_range(0.5..1.3);
     truth
@@ -142,7 +149,6 @@ fn motions(
     planner: &Planner,
     world: &World,
     plant: Option<Plant>,
-    rng: &mut impl Rng,
     seed: Seed,
 ) -> Result<Vec<Recording>, IdentifyError> {
     let joints = planner.robot().arm_dof();
@@ -154,7 +160,7 @@ fn motions(
     };
     let mut made = vec![free("motion", 6.0)?];
     if plant != Some(Plant::NoPayload) {
-        let payload = Payload { center_m: [0.0, 0.0, rng.random_range(0.08..0.14)], gyration_m: 0.03 };
+        let payload = Payload { center_m: STATED_CENTER_M, gyration_m: 0.03 };
         made.push(with_payload(&free("payload", 4.0)?, payload));
     }
     if planner.robot().name == "panda" {

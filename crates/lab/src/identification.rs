@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use genmanip_core::Seed;
 use genmanip_identify::parameters::Parameter;
 use genmanip_identify::{Identification, SearchSettings, identify};
-use genmanip_workspace::{WorkspaceError, text_table};
+use genmanip_workspace::{Progress, WorkspaceError, text_table};
 use serde::Serialize;
 
 use crate::clock::cpu_clock;
@@ -30,10 +30,14 @@ pub struct Report {
     pub payload_median: f64,
     /// Median error of the payload's mass, g.
     pub payload_g_median: f64,
+    /// Median error of the payload's centre along one axis, mm.
+    pub payload_center_mm_median: f64,
     /// Median error of the factor on pad friction.
     pub pad_friction_median: f64,
     /// Median error of the friction of the block on the table.
     pub table_friction_median: f64,
+    /// Median relative errors of the frictions of pads and table.
+    pub friction_relative_medians: [f64; 2],
     /// Share of the stated 95 % intervals that contain the truth, over all parameters; 0.95 is ideal.
     pub coverage: f64,
     /// The same by kind of parameter, with the number of intervals.
@@ -60,6 +64,77 @@ pub struct Report {
     pub failed: Vec<String>,
     /// CPU time, s, without that of making the recordings.
     pub cpu_s: f64,
+    /// Identified values of every arm beside the true ones.
+    pub arms: Vec<Arm>,
+}
+
+/// Identified values of one hidden arm beside the true ones.
+#[derive(Clone, Debug, Serialize)]
+pub struct Arm {
+    /// Number of the arm in its series.
+    pub number: usize,
+    /// Effect that the model lacks; `null` if the model is right.
+    pub lacking: Option<Lacking>,
+    /// True if the identification says that the model lacks something.
+    pub is_flagged: bool,
+    /// Held-out tracking error before over that after.
+    pub held_out_ratio: f64,
+    /// Identified parameters.
+    pub estimates: Vec<Compared>,
+}
+
+/// One identified value beside the true one.
+#[derive(Clone, Debug, Serialize)]
+pub struct Compared {
+    /// Name of the parameter.
+    pub name: String,
+    /// True value.
+    pub truth: f64,
+    /// Identified value.
+    pub value: f64,
+    /// 95 % interval.
+    pub interval: [f64; 2],
+}
+
+impl Arm {
+    fn of(number: usize, case: &HiddenCase, found: &Identification) -> Self {
+        let estimates = found.parameters.iter().map(|it| Compared {
+            name: it.name.clone(),
+            truth: case.truth.get(it.parameter),
+            value: it.value,
+            interval: it.interval,
+        });
+        Self {
+            number,
+            lacking: case.lacking,
+            is_flagged: found.is_structure_wrong,
+            held_out_ratio: found.held_out.map_or(0.0, |it| it.ratio()),
+            estimates: estimates.collect(),
+        }
+    }
+
+    /// One line: what was found, and which intervals miss the truth.
+    fn describe(&self) -> String {
+        let is_missed = |it: &&Compared| !(it.interval[0]..=it.interval[1]).contains(&it.truth);
+        let missed: Vec<String> = self
+            .estimates
+            .iter()
+            .filter(is_missed)
+            .map(|it| {
+                format!("{} {:.4} [{:.4}, {:.4}] of {:.4}", it.name, it.value, it.interval[0], it.interval[1], it.truth)
+            })
+            .collect();
+        let lacking = self.lacking.map_or("nothing".into(), |it| format!("{it:?}"));
+        let flagged = if self.is_flagged { "flagged" } else { "not flagged" };
+        format!(
+            "arm {}: lacks {lacking}, {flagged}; held-out error {:.1} times smaller; {} of {} intervals miss {}",
+            self.number,
+            self.held_out_ratio,
+            missed.len(),
+            self.estimates.len(),
+            missed.join("; ")
+        )
+    }
 }
 
 /// Samples behind a report.
@@ -67,6 +142,7 @@ pub struct Report {
 struct Tally {
     errors: BTreeMap<&'static str, Vec<f64>>,
     payload_g: Vec<f64>,
+    frictions: [Vec<f64>; 2],
     covered: BTreeMap<&'static str, (usize, usize)>,
     identified: (usize, usize),
     ratios: [Vec<f64>; 2],
@@ -74,25 +150,32 @@ struct Tally {
     falsely: (usize, usize),
 }
 
-/// Identifies `count` hidden arms.
+/// Identifies `count` hidden arms of a series, from a number on.
 ///
 /// # Errors
 /// When a hidden arm cannot be made.
-pub fn measure(count: usize, seed: Seed) -> Result<Report, WorkspaceError> {
+pub fn measure(first: usize, count: usize, seed: Seed, progress: &dyn Progress) -> Result<Report, WorkspaceError> {
     let mut clock = cpu_clock();
     let mut report = Report { count, ..Report::default() };
     let mut tally = Tally::default();
-    for index in 0..count {
+    progress.begin("hidden arms", count);
+    for index in first..first + count {
         let case = hidden_case(index, seed.fork_index(index as u64))?;
         let began = clock();
         let held_out = std::slice::from_ref(&case.held_out);
         let settings = SearchSettings::default();
         match identify(&case.world, &case.robot, &case.recordings, held_out, &settings) {
-            Ok(found) => tally.add(&case, &found, &mut report),
+            Ok(found) => {
+                tally.add(&case, &found, &mut report);
+                report.arms.push(Arm::of(index, &case, &found));
+                progress.note(&report.arms[report.arms.len() - 1].describe());
+            }
             Err(error) => report.failed.push(format!("{index}: {error}")),
         }
         report.cpu_s += clock() - began;
+        progress.advance();
     }
+    progress.end();
     tally.finish(&mut report);
     Ok(report)
 }
@@ -106,8 +189,10 @@ fn kind(parameter: Parameter) -> &'static str {
         Parameter::FrictionLoss(_) => "friction_loss",
         Parameter::Latency => "latency",
         Parameter::PayloadMass => "payload_mass",
+        Parameter::PayloadCenter(_) => "payload_center",
         Parameter::TableFriction => "table_friction",
         Parameter::PadFriction => "pad_friction",
+        Parameter::Restitution => "restitution",
     }
 }
 
@@ -140,12 +225,18 @@ impl Tally {
             let error = match estimate.parameter {
                 Parameter::Latency => 1e3 * off,
                 Parameter::TableFriction | Parameter::PadFriction => off,
+                Parameter::PayloadCenter(_) => 1e3 * off,
                 _ => off / truth,
             };
             let name = kind(estimate.parameter);
             self.errors.entry(name).or_default().push(error);
             if estimate.parameter == Parameter::PayloadMass {
                 self.payload_g.push(1e3 * off);
+            }
+            if let Some(index) =
+                [Parameter::PadFriction, Parameter::TableFriction].iter().position(|it| *it == estimate.parameter)
+            {
+                self.frictions[index].push(off / truth);
             }
             let (covered, all) = self.covered.entry(name).or_default();
             *covered += usize::from((estimate.interval[0]..=estimate.interval[1]).contains(&truth));
@@ -164,8 +255,10 @@ impl Tally {
         report.friction_loss_median = median(&["friction_loss"]);
         report.gains_median = median(&["kp", "kv"]);
         report.payload_median = median(&["payload_mass"]);
+        report.payload_center_mm_median = median(&["payload_center"]);
         report.pad_friction_median = median(&["pad_friction"]);
         report.table_friction_median = median(&["table_friction"]);
+        report.friction_relative_medians = std::mem::take(&mut self.frictions).map(|errors| Spread::of(errors).median);
         report.payload_g_median = Spread::of(std::mem::take(&mut self.payload_g)).median;
         let [right, wrong] = self.ratios;
         report.held_out_ratio_median = Spread::of(right).median;
@@ -193,6 +286,7 @@ pub fn describe(report: &Report) -> String {
         let covered = if all == 0 { "-".into() } else { percent(covered / all as f64) };
         vec![name.to_string(), error, all.to_string(), covered]
     };
+    let friction = |error: f64, of: usize| format!("{error:.4}, {}", percent(report.friction_relative_medians[of]));
     let head = ["parameter", "median error", "intervals", "95 %"];
     let rows = vec![
         head.map(String::from).to_vec(),
@@ -205,8 +299,9 @@ pub fn describe(report: &Report) -> String {
             format!("{}, {:.1} g", percent(report.payload_median), report.payload_g_median),
             &["payload_mass"],
         ),
-        row("table friction", format!("{:.4}", report.table_friction_median), &["table_friction"]),
-        row("pad friction", format!("{:.4}", report.pad_friction_median), &["pad_friction"]),
+        row("payload's centre", format!("{:.2} mm", report.payload_center_mm_median), &["payload_center"]),
+        row("pad friction", friction(report.pad_friction_median, 0), &["pad_friction"]),
+        row("table friction", friction(report.table_friction_median, 1), &["table_friction"]),
     ];
     let mut text = text_table(&rows);
     text += &format!(

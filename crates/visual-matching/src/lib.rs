@@ -18,6 +18,7 @@ mod error;
 pub mod flip;
 mod light;
 mod matching;
+pub mod noise;
 pub mod report;
 mod request;
 pub mod response;

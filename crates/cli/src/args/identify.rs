@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use genmanip_core::sensor::SensorPreset;
 use genmanip_terminal::parse;
 
 /// Arguments of `identify`.
@@ -43,6 +44,35 @@ pub enum IdentifyCommand {
         after_help = "Example:\n  genmanip identify rehearse motion.json --world truth.toml --out recording.json"
     )]
     Rehearse(RehearseArguments),
+    /// Find the noise of a camera from repeated images of a still scene
+    #[command(after_help = "Example:\n  genmanip identify camera --camera static --sensor d435 --color still/*.jpg \
+                      --depth still/*.png --out measured.toml\n\n\
+                      Nothing may move, and the light should be steady. Twenty images of bright and dark matt surfaces\n\
+                      are good. JPEG images hold less noise than the sensor: record without compression.")]
+    Camera(IdentifyCameraArguments),
+}
+
+/// Arguments of `identify camera`.
+#[derive(Debug, Args)]
+pub struct IdentifyCameraArguments {
+    /// Camera of the world that took the images
+    #[arg(long, value_name = "NAME")]
+    pub camera: String,
+    /// Colour images, PNG or JPEG
+    #[arg(long, value_name = "FILE", num_args = 1.., required_unless_present = "depth")]
+    pub color: Vec<PathBuf>,
+    /// Depth images, 16-bit PNG in millimetres
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    pub depth: Vec<PathBuf>,
+    /// World with the camera, TOML or JSON [default: the built-in one]
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
+    /// Device of the camera, whose other properties are kept [default: the sensor in the world]
+    #[arg(long, value_name = "DEVICE", value_parser = SensorPreset::names())]
+    pub sensor: Option<String>,
+    /// File to write the world with the camera's noise to
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
 }
 
 /// Arguments of `identify excite`.
@@ -50,7 +80,7 @@ pub enum IdentifyCommand {
 pub struct ExciteArguments {
     /// Parameters to show
     #[arg(long = "for", value_name = "WHAT", default_value = "arm",
-          value_parser = ["arm", "payload", "table-friction", "pad-friction"])]
+          value_parser = ["arm", "payload", "table-friction", "pad-friction", "restitution"])]
     pub shown: String,
     /// File to write the motion to
     #[arg(long, value_name = "FILE")]
@@ -95,6 +125,9 @@ pub struct ExciteArguments {
     #[arg(long, value_name = "X,Y", value_delimiter = ',', allow_hyphen_values = true, value_parser = parse::number,
           default_value = "0.4,0")]
     pub block_at: Vec<f64>,
+    /// Height from which the block is dropped, mm
+    #[arg(long, value_name = "MM", default_value_t = 150.0, value_parser = parse::number)]
+    pub drop_mm: f64,
     /// Speed of the push, m/s
     #[arg(long, value_name = "M_S", default_value_t = 0.5, value_parser = parse::number)]
     pub speed: f64,

@@ -1,16 +1,15 @@
 //! `genmanip identify`: parameters of the simulator from recordings of an arm.
 
+mod camera;
 mod files;
 mod motion;
 
-use std::path::Path;
-
-use genmanip_assets::worlds::DEFAULT_TEXT;
-use genmanip_core::{Document, World, limits};
+use genmanip_core::World;
+use genmanip_identify::parameters::{Parameter, set_contact_damping};
 use genmanip_identify::recording::Recording;
-use genmanip_identify::{Identification, SearchSettings, identify, world_text};
+use genmanip_identify::{Identification, SearchSettings, identify};
 use genmanip_terminal::{ExitStatus, Failed, Printer};
-use genmanip_workspace::{WorkspaceError, documents, text_table, worlds};
+use genmanip_workspace::{WorkspaceError, text_table, worlds};
 
 use crate::args::{IdentifyArguments, IdentifyCommand};
 
@@ -18,6 +17,7 @@ pub fn run(arguments: &IdentifyArguments, printer: &Printer) -> Result<ExitStatu
     match &arguments.command {
         Some(IdentifyCommand::Excite(arguments)) => motion::excite(arguments, printer),
         Some(IdentifyCommand::Rehearse(arguments)) => motion::rehearse(arguments, printer),
+        Some(IdentifyCommand::Camera(arguments)) => camera::run(arguments, printer),
         None => solve(arguments, printer),
     }
 }
@@ -44,33 +44,15 @@ fn solve(arguments: &IdentifyArguments, printer: &Printer) -> Result<ExitStatus,
     let found = identify(&world, &robot, &recordings, &held_out, &SearchSettings::default())
         .map_err(|error| WorkspaceError::input("the recordings identify nothing").because(error))?;
     if let Some(out) = &arguments.out {
-        write_world(arguments.world.as_deref(), &world, &identified_world(&world, &found), out)?;
+        files::write_world(arguments.world.as_deref(), &world, &identified_world(&world, &found), out)?;
         printer.say(format!("wrote {}", out.display()));
     }
     printer.data(&found, &describe(&found));
     Ok(ExitStatus::Done)
 }
 
-/// Writes the identified world: as TOML with the comments of its source, or as JSON if that is one or the name ends so.
-fn write_world(source: Option<&Path>, before: &World, world: &World, out: &Path) -> Result<(), WorkspaceError> {
-    let text = match source {
-        Some(path) => documents::read_text(path, limits::WORLD)?,
-        None => DEFAULT_TEXT.to_owned(),
-    };
-    let is_json = out.extension().is_some_and(|extension| extension == "json") || text.trim_start().starts_with('{');
-    let written = match is_json {
-        true => world.to_json(),
-        false => world_text::edited(&text, before, world).ok_or_else(|| {
-            WorkspaceError::input("the world's file sets its physics in a form that cannot be edited")
-                .with_hint("write the result as JSON: --out world.json")
-        })?,
-    };
-    documents::write_file(out, written.as_bytes())
-}
-
 /// The world with the identified values; everything else stays.
 fn identified_world(world: &World, found: &Identification) -> World {
-    use genmanip_identify::parameters::Parameter;
     let mut identified = world.clone();
     let is_found = |wanted: fn(&Parameter) -> bool| found.parameters.iter().any(|it| wanted(&it.parameter));
     if is_found(|it| it.joint().is_some() || *it == Parameter::Latency) {
@@ -83,6 +65,9 @@ fn identified_world(world: &World, found: &Identification) -> World {
     }
     if is_found(|it| *it == Parameter::PadFriction) {
         identified.physics.pad_friction = rounded(found.values.pad_friction);
+    }
+    if let Some(damping) = found.contact_damping {
+        set_contact_damping(&mut identified, rounded(damping));
     }
     if is_found(|it| *it == Parameter::TableFriction)
         && let Some(table) = identified.surfaces.first_mut()
@@ -118,6 +103,9 @@ fn describe(found: &Identification) -> String {
     let mut text = text_table(&rows);
     for it in &found.unidentified {
         text += &format!("not identified: {}: {}; to see it, {}\n", it.name, it.reason, it.motion);
+    }
+    if found.contact_damping.is_none() && found.parameters.iter().any(|it| it.parameter == Parameter::Restitution) {
+        text += "warning: no damping ratio of the simulated contacts bounces as much: physics.engine.contact_solref stays\n";
     }
     for fit in &found.fits {
         let motions = fit.motions.iter().map(|motion| motion.name()).collect::<Vec<_>>().join(" and ");

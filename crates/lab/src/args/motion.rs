@@ -99,6 +99,9 @@ pub struct LabIdentifyArguments {
     /// Number of hidden arms
     #[arg(long, default_value_t = 20, value_parser = parse::count)]
     pub count: usize,
+    /// Number of the first hidden arm, to measure a series in parts
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub first: usize,
 }
 
 /// Arguments of `genmanip-lab calibrate`.

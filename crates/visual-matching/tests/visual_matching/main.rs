@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)] // The exemption for tests does not reach helpers of an integration test.
 
+mod noise;
+
 use std::sync::Arc;
 
 use genmanip_assets::worlds::default_world;

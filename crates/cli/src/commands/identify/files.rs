@@ -1,10 +1,11 @@
-//! Files of motions and recordings.
+//! Files of motions, recordings and identified worlds.
 
 use std::path::Path;
 
-use genmanip_core::{Document, RobotModel};
-use genmanip_identify::IdentifyError;
+use genmanip_assets::worlds::DEFAULT_TEXT;
+use genmanip_core::{Document, RobotModel, World, limits};
 use genmanip_identify::recording::{RECORDING, Recording};
+use genmanip_identify::{IdentifyError, world_text};
 use genmanip_terminal::Failed;
 use genmanip_workspace::{WorkspaceError, documents};
 
@@ -22,4 +23,21 @@ pub fn read(path: &Path, robot: &RobotModel) -> Result<Recording, Failed> {
 /// Writes a motion or recording.
 pub fn write(path: &Path, recording: &Recording) -> Result<(), WorkspaceError> {
     documents::write_file(path, recording.to_json().as_bytes())
+}
+
+/// Writes the identified world: as TOML with the comments of its source, or as JSON if that is one or the name ends so.
+pub fn write_world(source: Option<&Path>, before: &World, world: &World, out: &Path) -> Result<(), WorkspaceError> {
+    let text = match source {
+        Some(path) => documents::read_text(path, limits::WORLD)?,
+        None => DEFAULT_TEXT.to_owned(),
+    };
+    let is_json = out.extension().is_some_and(|extension| extension == "json") || text.trim_start().starts_with('{');
+    let written = match is_json {
+        true => world.to_json(),
+        false => world_text::edited(&text, before, world).ok_or_else(|| {
+            WorkspaceError::input("the world's file sets its physics in a form that cannot be edited")
+                .with_hint("write the result as JSON: --out world.json")
+        })?,
+    };
+    documents::write_file(out, written.as_bytes())
 }

@@ -1,7 +1,7 @@
 //! `genmanip identify excite` and `rehearse`: motions, and recordings of a simulated arm.
 
 use genmanip_core::{RobotModel, Seed, World};
-use genmanip_identify::motions::{ExcitationSettings, excitation, push, slip, with_payload};
+use genmanip_identify::motions::{ExcitationSettings, drop_block, excitation, push, slip, with_payload};
 use genmanip_identify::parameters::Values;
 use genmanip_identify::recording::{Block, Motion, Payload, Recording};
 use genmanip_identify::synthetic::{Effect, HiddenArm, Sensors, record};
@@ -23,6 +23,11 @@ pub fn excite(arguments: &ExciteArguments, printer: &Printer) -> Result<ExitStat
         "table-friction" => {
             let block = block(arguments)?;
             (push(&planner, block, positive("--speed", arguments.speed)?).map_err(refused)?, Vec::new())
+        }
+        "restitution" => {
+            let mut block = block(arguments)?;
+            block.base_m[2] = 1e-3 * positive("--drop-mm", arguments.drop_mm)?;
+            (drop_block(planner.robot(), block).map_err(refused)?, Vec::new())
         }
         _ => (slip(&planner, block(arguments)?).map_err(refused)?, Vec::new()),
     };
@@ -128,7 +133,7 @@ pub fn rehearse(arguments: &RehearseArguments, printer: &Printer) -> Result<Exit
         Motion::Payload => positive("--payload-kg", arguments.payload_kg)?,
         _ => 0.0,
     };
-    let values = Values { payload_kg, ..Values::of(&world, &robot) };
+    let values = Values { payload_kg, ..Values::of(&world, &robot).with_center_of([&motion]) };
     let sensors = Sensors {
         joint_rad: arguments.noise.max(0.0),
         joint_step_rad: arguments.step.max(0.0),
