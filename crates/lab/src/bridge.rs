@@ -292,6 +292,20 @@ pub struct Motions {
     pub tally: Tally,
 }
 
+impl Motions {
+    /// What is not as it should be; empty if all is: every motion ends within 5 mm and 2 degrees of its plan, without a
+    /// stop of the arm and without a refused command.
+    pub fn flaws(&self) -> Vec<String> {
+        let ends = format!("motions end up to {:.2} mm and {:.2} degrees from the plan", self.worst_mm, self.worst_deg);
+        let stops = format!("{} stops of the arm, refused commands: {:?}", self.tally.arm_stops, self.tally.refused);
+        let checks = [
+            (self.worst_mm <= 5.0 && self.worst_deg <= 2.0, format!("{ends}; expected 5 mm and 2 degrees")),
+            (self.tally.arm_stops == 0 && self.tally.refused.is_empty(), format!("{stops}; expected none")),
+        ];
+        checks.into_iter().filter(|(is_right, _)| !is_right).map(|(_, text)| text).collect()
+    }
+}
+
 /// Ranges of the joints around the home position in which goals of motions are drawn, rad.
 const GOAL_RANGE_RAD: f64 = 0.5;
 /// Time for the arm to come to rest after a motion, s.

@@ -90,8 +90,9 @@ pub enum LabCommand {
     Match(LabMatchArguments),
     /// Send random streams of commands to the bridge of an arm, and run policies behind it and directly
     #[command(after_help = "Examples:\n  genmanip-lab bridge --seed 7 --count 10000 --json\n  \
-                      genmanip-lab bridge --count 0 --suite suites/genmanip-200-rc --scenes 50 --policy expert\n\n\
-                      The connection has 20 +- 10 ms of delay and loses 1 % of the commands and states.")]
+                      genmanip-lab bridge --count 0 --suite suites/genmanip-200-rc --scenes 50 --policy expert\n  \
+                      genmanip-lab bridge --count 0 --robot tcp://127.0.0.1:4757 --motions 20 --drills free\n\n\
+                      In simulation the connection has 20 +- 10 ms of delay and loses 1 % of the commands and states.")]
     Bridge(BridgeArguments),
     /// Compose tasks with the rule-based designer and check validity, variety, quotas and references
     #[command(after_help = "Example:\n  genmanip-lab design --seed 7 --count 2000 --json")]

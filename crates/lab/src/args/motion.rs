@@ -81,8 +81,11 @@ pub struct BridgeArguments {
     #[arg(long, value_name = "URL")]
     pub robot: Option<String>,
     /// Number of motions
-    #[arg(long, default_value_t = 20, value_parser = parse::count)]
+    #[arg(long, default_value_t = 20)]
     pub motions: usize,
+    /// Drills on it: starts and resumes, and the gripper; or the gripper and a collision with a post between its fingers
+    #[arg(long, value_name = "WHERE", value_parser = ["free", "post"], requires = "robot")]
+    pub drills: Option<String>,
 }
 
 /// Examples and conditions of `genmanip-lab identify`.
