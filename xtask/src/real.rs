@@ -89,7 +89,7 @@ fn round(workspace: &Workspace, python: &Path, simulated: &[&str], measured: &[&
 /// Interrupts the bridge as Ctrl-C does; returns what it says at its end.
 fn end(workspace: &Workspace, bridge: &mut Child, said: Lines<BufReader<impl Read>>) -> Result<String> {
     process::output(workspace.command("kill").args(["-INT", &bridge.id().to_string()]))?;
-    let said: Vec<String> = said.map_while(std::result::Result::ok).collect();
+    let said: Vec<String> = said.map_while(|line| line.ok()).collect();
     let status = bridge.wait().map_err(|error| process::cannot_start("genmanip", &error))?;
     let report = said.iter().skip_while(|line| !line.contains("motions")).cloned().collect::<Vec<_>>().join("\n");
     match status.success() {
@@ -105,7 +105,7 @@ fn lines<R: Read>(pipe: Option<R>) -> Lines<BufReader<R>> {
 /// First line that is wanted, or what was said instead.
 fn find<T>(said: &mut Lines<BufReader<impl Read>>, wanted: impl Fn(&str) -> Option<T>) -> Result<T> {
     let mut before = Vec::new();
-    for line in said.map_while(std::result::Result::ok) {
+    for line in said.map_while(|line| line.ok()) {
         match wanted(&line) {
             Some(found) => return Ok(found),
             None => before.push(line),

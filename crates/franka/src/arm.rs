@@ -16,7 +16,7 @@ const LINGER_TICKS: usize = 200;
 /// Error word while the connection to the gripper is lost.
 const GRIPPER_LOST: &str = "gripper_lost";
 
-/// What happened on the control interface.
+/// Counts of events on the control interface.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ArmReport {
     /// Number of motions, from standstill to standstill.

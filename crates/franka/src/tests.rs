@@ -4,7 +4,7 @@ mod fake;
 
 use std::sync::Arc;
 use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use genmanip_real::bridge::{
     Bridge, BridgeRobot, BridgeSettings, Command, Driver, JointLimits, Reading, Reply, Request, State,
@@ -22,7 +22,8 @@ const FIRST_STEP_RAD: f64 = 1e-5;
 struct Rig<'a> {
     arm: FrankaArm<'a>,
     bridge: Bridge,
-    start: Instant,
+    /// Time of the bridge, s: one control period after the other, however long they take.
+    now_s: f64,
     lease: u64,
     sequence: u64,
 }
@@ -39,16 +40,12 @@ impl<'a> Rig<'a> {
         let settings = BridgeSettings { recovery_after_s: 0.02, ..BridgeSettings::default() };
         let mut bridge = Bridge::new(facts, settings, arm.read().unwrap()).unwrap();
         let Some(Reply::Lease { lease }) = bridge.handle(0.0, &Request::Acquire {}) else { panic!("no lease") };
-        Self { arm, bridge, start: Instant::now(), lease, sequence: 0 }
-    }
-
-    fn now_s(&self) -> f64 {
-        self.start.elapsed().as_secs_f64()
+        Self { arm, bridge, now_s: 0.0, lease, sequence: 0 }
     }
 
     fn ask_to_start(&mut self) -> Option<Reply> {
         let start = Request::Start { lease: self.lease, dead_man: true, speed: 1.0, workspace_m: None };
-        self.bridge.handle(self.now_s(), &start)
+        self.bridge.handle(self.now_s, &start)
     }
 
     fn command(&mut self, positions: [f64; 7]) {
@@ -62,14 +59,15 @@ impl<'a> Rig<'a> {
             over_s: 0.0,
             width_m: None,
         };
-        let refused = self.bridge.handle(self.now_s(), &Request::Command(command));
+        let refused = self.bridge.handle(self.now_s, &Request::Command(command));
         assert!(refused.is_none(), "{refused:?}");
     }
 
     /// One control period.
     fn tick(&mut self) -> Reading {
         let reading = self.arm.read().unwrap();
-        let orders = self.bridge.tick(self.now_s(), reading.clone());
+        self.now_s += 1e-3;
+        let orders = self.bridge.tick(self.now_s, reading.clone());
         self.arm.write(&orders).unwrap();
         reading
     }
@@ -78,17 +76,17 @@ impl<'a> Rig<'a> {
     fn until(&mut self, wanted: impl Fn(&State) -> bool) -> State {
         for _ in 0..3000 {
             self.tick();
-            let state = self.bridge.state(self.now_s());
+            let state = self.bridge.state(self.now_s);
             if wanted(&state) {
                 return state;
             }
         }
-        panic!("never: {:?}", self.bridge.state(self.now_s()));
+        panic!("never: {:?}", self.bridge.state(self.now_s));
     }
 
     fn release(&mut self) {
         let release = Request::Release { lease: self.lease, keep: true };
-        assert_eq!(self.bridge.handle(self.now_s(), &release), Some(Reply::Released));
+        assert_eq!(self.bridge.handle(self.now_s, &release), Some(Reply::Released));
     }
 }
 

@@ -293,8 +293,8 @@ pub struct Motions {
 }
 
 impl Motions {
-    /// What is not as it should be; empty if all is: every motion ends within 5 mm and 2 degrees of its plan, without a
-    /// stop of the arm and without a refused command.
+    /// Flaws in words; empty if every motion ended within 5 mm and 2 degrees of its plan, without a stop of the arm and
+    /// without a refused command.
     pub fn flaws(&self) -> Vec<String> {
         let ends = format!("motions end up to {:.2} mm and {:.2} degrees from the plan", self.worst_mm, self.worst_deg);
         let stops = format!("{} stops of the arm, refused commands: {:?}", self.tally.arm_stops, self.tally.refused);

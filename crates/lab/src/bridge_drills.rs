@@ -22,7 +22,7 @@ const GRIPPER_S: f64 = 3.5;
 /// Time after which the arm must have recovered, s.
 const RECOVERY_S: f64 = 5.0;
 
-/// What the drills found.
+/// Results of the drills.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Drills {
     /// Number of starts and resumes.
@@ -202,7 +202,7 @@ fn no_gripper() -> BridgeError {
 }
 
 impl Drills {
-    /// What is not as it should be; empty if all is.
+    /// Flaws in words; empty if there are none.
     pub fn flaws(&self) -> Vec<String> {
         let mut flaws = Vec::new();
         let mut check = |is_right: bool, text: String| {

@@ -35,7 +35,7 @@ fn urdf() -> String {
     format!("<robot name=\"fake\">{}</robot>", (1..=7).map(joint).collect::<String>())
 }
 
-/// What the fake does and has seen.
+/// Behaviour of the fake, and what it has seen.
 #[derive(Clone, Debug, Default)]
 pub struct Facts {
     /// Positions that the arm's controller holds, rad.
@@ -129,6 +129,7 @@ impl Link {
         let udp = UdpSocket::bind("127.0.0.1:0").unwrap();
         udp.set_nonblocking(true).unwrap();
         stream.set_nonblocking(true).unwrap();
+        stream.set_nodelay(true).unwrap();
         Self { stream, peer, udp, is_open: true, received: Vec::new(), states: None, number: 0, running: None }
     }
 

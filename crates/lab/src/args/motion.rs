@@ -59,6 +59,12 @@ pub struct MotionArguments {
     pub paths: Option<PathBuf>,
 }
 
+/// Examples and conditions of `genmanip-lab bridge`.
+pub(super) const BRIDGE_HELP: &str = "Examples:\n  genmanip-lab bridge --seed 7 --count 10000 --json\n  \
+    genmanip-lab bridge --count 0 --suite suites/genmanip-200-rc --scenes 50 --policy expert\n  \
+    genmanip-lab bridge --count 0 --robot tcp://127.0.0.1:4757 --motions 20 --drills free\n\n\
+    The simulated connection has 20 +- 10 ms of delay and loses 1 % of the commands and states.";
+
 /// Arguments of `genmanip-lab bridge`.
 #[derive(Debug, Args)]
 pub struct BridgeArguments {

@@ -30,7 +30,7 @@ pub fn run(arguments: &RealFrankaArguments, printer: &Printer) -> Result<ExitSta
     let (listener, address) = listening::open(&arguments.bridge)?;
     let host = arguments.host.as_str();
     let realtime = if arguments.no_realtime { RealtimeConfig::Ignore } else { RealtimeConfig::Enforce };
-    let robot = Robot::new(host, realtime).map_err(|error| unreachable("arm", host, &error))?;
+    let robot = Robot::new(host, realtime).map_err(|error| unusable("arm", host, &error))?;
     let hand = match arguments.no_gripper {
         true => {
             facts.max_width_m = 0.0;
@@ -38,13 +38,13 @@ pub fn run(arguments: &RealFrankaArguments, printer: &Printer) -> Result<ExitSta
         }
         false => {
             let settings = HandSettings { speed_m_s: arguments.gripper_speed, force_n: arguments.gripper_force };
-            Some(Hand::connect(host, settings).map_err(|error| unreachable("gripper", host, &error))?)
+            Some(Hand::connect(host, settings).map_err(|error| unusable("gripper", host, &error))?)
         }
     };
     let mut arm = FrankaArm::new(&robot, hand);
     let failed = |error| Failed::because("the bridge stopped", &error);
     let reading = arm.read().map_err(failed)?;
-    let reported = arm.end_effector().map_err(|error| unreachable("arm", host, &error))?;
+    let reported = arm.end_effector().map_err(|error| unusable("arm", host, &error))?;
     let tool = (facts.tool)(&reading.positions);
     let apart_m = beyond_m(&[reported, reported], &tool);
     if apart_m > SAME_TOOL_M {
@@ -82,7 +82,7 @@ pub fn run(arguments: &RealFrankaArguments, printer: &Printer) -> Result<ExitSta
 /// Number of joints of a Franka arm.
 const JOINTS: usize = 7;
 
-fn unreachable(what: &str, host: &str, error: &FrankaError) -> Failed {
+fn unusable(what: &str, host: &str, error: &FrankaError) -> Failed {
     let failed = Failed::because(format!("the {what} at {host} cannot be used"), error);
     match error {
         FrankaError::Realtime(_) => failed.hint("run a kernel with PREEMPT_RT; --no-realtime is for simulated arms"),

@@ -1,4 +1,4 @@
-//! What all bridges share: where they listen, what they allow, how they report.
+//! Parts that all bridges share: the socket at which they listen, their settings, their report.
 
 use std::net::{SocketAddr, TcpListener};
 
