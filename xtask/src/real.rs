@@ -67,7 +67,8 @@ fn round(workspace: &Workspace, python: &Path, simulated: &[&str], measured: &[&
     bridge.args(["--latency-ms", "20", "--jitter-ms", "10"]).stdin(Stdio::null()).stderr(Stdio::piped());
     let mut bridge = Ending(bridge.spawn().map_err(|error| started("genmanip", &error))?);
     let mut said = lines(bridge.0.stderr.take());
-    let url = find(&mut said, |line| line.split_whitespace().find(|word| word.starts_with("tcp://")).map(str::to_owned))?;
+    let url =
+        find(&mut said, |line| line.split_whitespace().find(|word| word.starts_with("tcp://")).map(str::to_owned))?;
 
     let lab = workspace.genmanip()?.with_file_name(format!("genmanip-lab{}", std::env::consts::EXE_SUFFIX));
     let mut lab = workspace.command(lab);
@@ -75,7 +76,8 @@ fn round(workspace: &Workspace, python: &Path, simulated: &[&str], measured: &[&
 
     let report = end(workspace, &mut bridge.0, said)?;
     println!("{report}");
-    let wanted = if simulated.contains(&"--post") { format!("aborted by the arm: 1 {REFLEX};") } else { "none;".into() };
+    let wanted =
+        if simulated.contains(&"--post") { format!("aborted by the arm: 1 {REFLEX};") } else { "none;".into() };
     if report.contains(&wanted) {
         return Ok(());
     }

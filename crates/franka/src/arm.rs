@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use franka::{
-    ActiveMotionGenerator, ControlException, FrankaError, JointPositions, MoveControllerMode, Robot, RobotMode, RobotState,
+    ActiveMotionGenerator, ControlException, FrankaError, JointPositions, MoveControllerMode, Robot, RobotMode,
+    RobotState,
 };
 use genmanip_real::bridge::{Driver, DriverError, Orders, Reading};
 

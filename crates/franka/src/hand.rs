@@ -51,8 +51,7 @@ impl Hand {
     /// # Errors
     /// If nothing answers, or another version of the protocol.
     pub fn connect(host: &str, settings: HandSettings) -> FrankaResult<Self> {
-        let mut hand =
-            Self { host: host.into(), settings, network: None, width_m: 0.0, commands: Commands::default() };
+        let mut hand = Self { host: host.into(), settings, network: None, width_m: 0.0, commands: Commands::default() };
         hand.reconnect()?;
         Ok(hand)
     }

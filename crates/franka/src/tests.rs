@@ -148,7 +148,8 @@ fn lost_states_do_not_hold_the_setpoints_back() {
     }
     let gap = facts.setpoints.windows(2).map(|pair| pair[1].0 - pair[0].0).max();
     assert!(gap >= Some(7), "{gap:?}");
-    let [(_, before), (_, after)] = *facts.setpoints.windows(2).max_by_key(|pair| pair[1].0 - pair[0].0).unwrap() else {
+    let [(_, before), (_, after)] = *facts.setpoints.windows(2).max_by_key(|pair| pair[1].0 - pair[0].0).unwrap()
+    else {
         panic!("a pair")
     };
     assert!(step(&before, &after) > 5.0 * 1e-3 * 0.5, "the setpoints stood still while states were lost");

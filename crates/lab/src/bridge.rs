@@ -301,7 +301,10 @@ impl Motions {
         let is_sound = stops == 0 && refused.keys().all(|word| word == "sequence");
         let checks = [
             (self.worst_mm <= 5.0 && self.worst_deg <= 2.0, format!("{ends}; expected 5 mm and 2 degrees")),
-            (is_sound, format!("{stops} stops of the arm, refused commands: {refused:?}; expected none but overtaken ones")),
+            (
+                is_sound,
+                format!("{stops} stops of the arm, refused commands: {refused:?}; expected none but overtaken ones"),
+            ),
         ];
         checks.into_iter().filter(|(is_right, _)| !is_right).map(|(_, text)| text).collect()
     }

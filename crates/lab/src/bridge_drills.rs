@@ -211,11 +211,17 @@ impl Drills {
             }
         };
         let jumps = [self.start_jump_mm, self.resume_jump_mm, self.collision.as_ref().map_or(0.0, |it| it.jump_mm)];
-        check(jumps.iter().all(|jump_mm| *jump_mm <= 1.0), format!("the tool jumped by {jumps:.2?} mm, expected 1 mm at most"));
+        check(
+            jumps.iter().all(|jump_mm| *jump_mm <= 1.0),
+            format!("the tool jumped by {jumps:.2?} mm, expected 1 mm at most"),
+        );
         for it in &self.gripper {
             let is_blocked = self.collision.is_some() && it.wanted_m == 0.0;
             let expected = if is_blocked { GripperWord::Holding } else { GripperWord::Arrived };
-            check(it.word == expected && it.took_s <= GRIPPER_S, format!("{it:?}, expected {expected:?} within {GRIPPER_S} s"));
+            check(
+                it.word == expected && it.took_s <= GRIPPER_S,
+                format!("{it:?}, expected {expected:?} within {GRIPPER_S} s"),
+            );
         }
         if let Some(it) = &self.collision {
             let is_right = !it.errors.is_empty() && it.recovered_s < RECOVERY_S;

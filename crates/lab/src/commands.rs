@@ -16,9 +16,9 @@ use genmanip_lab::agent::AgentArguments;
 use genmanip_lab::answers::Amount;
 use genmanip_lab::batch::BatchArguments;
 use genmanip_lab::blame::BlameArguments;
-use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::bridge::Motions;
 use genmanip_lab::bridge_drills::Drills;
+use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::hostile::HostileArguments;
 use genmanip_lab::learn::LearnArguments;
 use genmanip_lab::learned_controls::ControlArguments;
@@ -28,9 +28,9 @@ use genmanip_lab::studio::StudioArguments;
 use genmanip_lab::teleop::TeleopArguments;
 use genmanip_lab::transfer::TransferArguments;
 use genmanip_lab::{
-    agent, answers, assets, batch, blame, bridge, bridge_drills, data, design, environment, expert, fit, grasp, hand_eye, hostile,
-    identification, layout, learn, learned_controls, matching, motion, readers, relations, render, rendered, scale,
-    segment, statistics, strangers, studio, suite, teleop, transfer, wording,
+    agent, answers, assets, batch, blame, bridge, bridge_drills, data, design, environment, expert, fit, grasp,
+    hand_eye, hostile, identification, layout, learn, learned_controls, matching, motion, readers, relations, render,
+    rendered, scale, segment, statistics, strangers, studio, suite, teleop, transfer, wording,
 };
 use genmanip_workspace::WorkspaceError;
 

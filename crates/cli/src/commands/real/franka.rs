@@ -24,8 +24,12 @@ pub fn run(arguments: &RealFrankaArguments, printer: &Printer) -> Result<ExitSta
     let model = worlds::robot(&world)?;
     let mut facts = bridge_robot(&model);
     if facts.joints.len() != JOINTS {
-        return Err(Failed::new(format!("robot `{}` has {} joints, a Franka arm {JOINTS}", model.name, facts.joints.len()))
-            .hint("choose --robot fr3 or --robot panda"));
+        return Err(Failed::new(format!(
+            "robot `{}` has {} joints, a Franka arm {JOINTS}",
+            model.name,
+            facts.joints.len()
+        ))
+        .hint("choose --robot fr3 or --robot panda"));
     }
     let (listener, address) = listening::open(&arguments.bridge)?;
     let host = arguments.host.as_str();

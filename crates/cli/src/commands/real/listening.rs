@@ -25,11 +25,7 @@ pub fn open(arguments: &BridgeArguments) -> Result<(TcpListener, SocketAddr), Fa
 }
 
 pub fn settings(arguments: &BridgeArguments) -> BridgeSettings {
-    BridgeSettings {
-        top_speed: arguments.top_speed,
-        workspace_m: arguments.workspace,
-        ..BridgeSettings::default()
-    }
+    BridgeSettings { top_speed: arguments.top_speed, workspace_m: arguments.workspace, ..BridgeSettings::default() }
 }
 
 pub fn flaws(arguments: &BridgeArguments, seed: Seed) -> Flaws {
