@@ -3,7 +3,7 @@
 //! The phase [`BESIDE`] runs at the same time as those between it and the tests.
 
 use crate::command_line::{OPT_IN, PHASES};
-use crate::features::ALL;
+use crate::features::{ALL, LEARN};
 use crate::problem::{Problem, Result};
 use crate::process::{self, Workspace};
 use crate::{docs, features, real, setup, tidy, web, wheel};
@@ -260,7 +260,7 @@ fn python_wheel(workspace: &Workspace) -> Result<Outcome> {
 
 /// The simulated arm needs packages that only the network has.
 fn franka_arm(workspace: &Workspace) -> Result<Outcome> {
-    process::visible(&mut workspace.cargo(["build", "--release", "--bins"].into_iter().chain(ALL)))?;
+    process::visible(&mut workspace.cargo(["build", "--release", "--bins"].into_iter().chain(LEARN)))?;
     Ok(real::run(workspace)?.map_or_else(passed, Outcome::Skipped))
 }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use genmanip_core::RobotModel;
-use genmanip_real::bridge::client::{ArmClient, BridgeError, ClientSettings, Connection, TcpConnection};
+use genmanip_real::bridge::client::{ArmClient, BridgeError, ClientSettings, TcpConnection};
 use genmanip_real::bridge::{GripperWord, Motion};
 use genmanip_workspace::{WorkspaceError, worlds};
 use serde::Serialize;
@@ -17,8 +17,9 @@ const STARTS: usize = 5;
 const HOLD_S: f64 = 0.5;
 /// Largest turn of the first joint, rad; the tool goes 11 cm aside.
 const TURN_RAD: f64 = 0.2;
-/// Time after which a gripper command must have ended, s: the bridge's own limit and a little for the connection.
-const GRIPPER_S: f64 = 3.5;
+/// Time after which a gripper command must have ended, s: the limit of a bridge to a slow gripper, and a little for the
+/// connection.
+const GRIPPER_S: f64 = 5.0;
 /// Time after which the arm must have recovered, s.
 const RECOVERY_S: f64 = 5.0;
 

@@ -152,10 +152,10 @@ pub struct RealFrankaArguments {
     #[arg(long)]
     pub no_gripper: bool,
     /// Speed of the gripper's opening width, m/s
-    #[arg(long, value_name = "M/S", default_value_t = 0.1, value_parser = parse::number, conflicts_with = "no_gripper")]
+    #[arg(long, value_name = "M/S", default_value_t = 0.1, value_parser = gripper_speed, conflicts_with = "no_gripper")]
     pub gripper_speed: f64,
     /// Force of the gripper when it closes, N
-    #[arg(long, value_name = "N", default_value_t = 35.0, value_parser = parse::number, conflicts_with = "no_gripper")]
+    #[arg(long, value_name = "N", default_value_t = 35.0, value_parser = gripper_force, conflicts_with = "no_gripper")]
     pub gripper_force: f64,
     /// Run without a real-time kernel, for a simulated arm: a real one aborts motions when setpoints come late
     #[arg(long)]
@@ -239,6 +239,14 @@ fn share(text: &str) -> Result<f64, String> {
 
 fn speed(text: &str) -> Result<f64, String> {
     within(text, 0.001, 1.0)
+}
+
+fn gripper_speed(text: &str) -> Result<f64, String> {
+    within(text, 0.005, 0.1)
+}
+
+fn gripper_force(text: &str) -> Result<f64, String> {
+    within(text, 1.0, 70.0)
 }
 
 fn corners(text: &str) -> Result<[[f64; 3]; 2], String> {

@@ -59,7 +59,7 @@ pub fn run(arguments: &RealFrankaArguments, printer: &Printer) -> Result<ExitSta
         ));
     }
     let settings = BridgeSettings {
-        gripper: GripperSettings { stall_s: HAND_STALL_S, ..GripperSettings::default() },
+        gripper: hand_limits(facts.max_width_m, arguments.gripper_speed),
         ..listening::settings(&arguments.bridge)
     };
     let bridge = Bridge::new(facts, settings, reading)
@@ -81,6 +81,13 @@ pub fn run(arguments: &RealFrankaArguments, printer: &Printer) -> Result<ExitSta
     ));
     listening::say(&ended.map_err(failed)?, printer);
     Ok(ExitStatus::Done)
+}
+
+/// Time limits of gripper commands: one ends after twice the time that its speed asks for, and a second.
+fn hand_limits(max_width_m: f64, speed_m_s: f64) -> GripperSettings {
+    let usual = GripperSettings::default();
+    let longest_s = usual.longest_s.max(1.0 + 2.0 * max_width_m / speed_m_s);
+    GripperSettings { stall_s: HAND_STALL_S, longest_s, ..usual }
 }
 
 /// Number of joints of a Franka arm.
