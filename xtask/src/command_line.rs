@@ -4,7 +4,7 @@
 pub const SUBCOMMANDS: [&str; 9] = ["setup", "demo", "install", "wheel", "test", "fuzz", "tidy", "docs", "help"];
 
 /// Phases of `cargo xtask test`, in their order: what fails in seconds comes before what takes minutes.
-pub const PHASES: [&str; 14] = [
+pub const PHASES: [&str; 15] = [
     "setup",
     "fmt",
     "tidy",
@@ -19,10 +19,12 @@ pub const PHASES: [&str; 14] = [
     "python",
     "docs",
     "test",
+    "real",
 ];
 
-/// Phases that run only when they are named: `bytes` compiles the renderer and all below it again.
-pub const OPT_IN: [&str; 1] = ["bytes"];
+/// Phases that run only when they are named: `bytes` compiles the renderer and all below it again, `real` downloads another
+/// project's simulator.
+pub const OPT_IN: [&str; 2] = ["bytes", "real"];
 
 /// Options of `cargo xtask test`, each of which is a test of its own.
 const OPTIONS: [&str; 7] = ["--packs", "--interop", "--cluster", "--s3", "--train", "--models", "--long"];
@@ -37,12 +39,14 @@ Usage: cargo xtask SUBCOMMAND
 
   setup            download and verify the simulator library, make the Python environment of the tests
   setup web        install the packages that build and test the studio's page (Node.js, once 130 MB)
+  setup real       install the packages of the simulated Franka arm that `test real` drives (Linux on x86-64, once 200 MB)
   demo [ARGS…]     set-up, build, and run `genmanip demo` (ARGS are passed on; default: --out out/demo)
   install [--root DIR]   build, and put `genmanip`, `genmanip-lab` and the suites where cargo installs programs
   install --learn  the same, with programs that train policies (minutes longer)
   wheel [--out DIR]   build the Python wheel, with the simulator's library inside, and check that it runs elsewhere
   test [PHASE…]    everything CI runs, or only the named phases
   test bytes       compare rendered images with and without wide SIMD registers (minutes; not part of CI)
+  test real        drive another project's simulated Franka arm over Franka's own protocol (minutes; not part of CI)
   test web --long [OPTION…]   the studio killed 100 times, 500 faults, ten tabs, a trial, ten minutes of orbiting (an
                    hour; not part of CI); options shorten it: --kills N --faults N --cut-s S --tabs N --suite N --orbit-s S
   test --packs     import objects of published packages (downloads 320 MB, takes minutes; not part of CI)

@@ -6,12 +6,12 @@ mod opencv;
 mod usd;
 
 use crate::problem::{OnPath, Problem, Result};
-use crate::process::{self, Workspace};
+use crate::process::{self, Ending, Workspace};
 use crate::{docs, wheel};
 pub use environment::{environment, hashed_environment};
 use std::fs;
 use std::path::Path;
-use std::process::{Child, Stdio};
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 const SERVER: &str = "crates/remote-policies/testdata/openpi_server.py";
@@ -99,14 +99,4 @@ fn openpi(workspace: &Workspace, place: &Path, scenario: &Path) -> Result {
     }
     println!("openpi-client: {} questions read by the real client, as they were meant", told.lines().count());
     Ok(())
-}
-
-/// A process that ends with its owner.
-struct Ending(Child);
-
-impl Drop for Ending {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
 }

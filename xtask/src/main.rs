@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `setup` | downloads and verifies the simulator library, makes the small Python environment of the tests |
 //! | `setup web` | installs the packages that build and test the studio's page |
+//! | `setup real` | installs the packages of the simulated Franka arm |
 //! | `demo` | set-up, build, then `genmanip demo` |
 //! | `test` | everything CI runs, with the time of each phase |
 //! | `install` | puts the programs and the suites where cargo installs programs |
@@ -30,6 +31,7 @@ mod packs;
 mod problem;
 mod process;
 mod python;
+mod real;
 mod s3;
 mod setup;
 mod sha256;
@@ -59,6 +61,7 @@ fn run(args: &[String]) -> Result {
     let rest = args.get(1..).unwrap_or_default();
     match args.first().map(String::as_str) {
         Some("setup") if rest == ["web"] => web::set_up(&workspace),
+        Some("setup") if rest == ["real"] => real::set_up(&workspace),
         Some("setup") => setup::run(&workspace),
         Some("demo") => demo::run(&workspace, rest),
         Some("test") if rest == ["--packs"] => packs::run(&workspace),

@@ -3,7 +3,7 @@
 use crate::problem::{OnPath, Problem, Result};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 
 /// The repository this program belongs to.
 pub struct Workspace {
@@ -117,6 +117,16 @@ pub fn shown(command: &Command) -> String {
     let program = Path::new(command.get_program());
     let name = program.file_name().unwrap_or(command.get_program()).to_string_lossy().into_owned();
     command.get_args().fold(name, |line, arg| format!("{line} {}", arg.to_string_lossy()))
+}
+
+/// A process that ends with its owner.
+pub struct Ending(pub Child);
+
+impl Drop for Ending {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
 }
 
 /// Puts a finished file or link in place; who looks meanwhile sees the old one or the new one, never half of it.

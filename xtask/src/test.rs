@@ -3,10 +3,10 @@
 //! The phase [`BESIDE`] runs at the same time as those between it and the tests.
 
 use crate::command_line::{OPT_IN, PHASES};
-use crate::features::ALL;
+use crate::features::{ALL, LEARN};
 use crate::problem::{Problem, Result};
 use crate::process::{self, Workspace};
-use crate::{docs, features, setup, tidy, web, wheel};
+use crate::{docs, features, real, setup, tidy, web, wheel};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 use std::thread::{self, JoinHandle};
@@ -42,6 +42,7 @@ fn phase(name: &str, workspace: &Workspace) -> Result<Outcome> {
         "python" => python_wheel(workspace),
         "docs" => documentation_blocks(workspace),
         "test" => tests(workspace),
+        "real" => franka_arm(workspace),
         other => unreachable!("{other} is no phase"),
     }
 }
@@ -255,6 +256,12 @@ fn python_wheel(workspace: &Workspace) -> Result<Outcome> {
             Ok(Outcome::Skipped("no Python environment to build the wheel in; a failure in CI".into()))
         }
     }
+}
+
+/// The simulated arm needs packages that only the network has.
+fn franka_arm(workspace: &Workspace) -> Result<Outcome> {
+    process::visible(&mut workspace.cargo(["build", "--release", "--bins"].into_iter().chain(LEARN)))?;
+    Ok(real::run(workspace)?.map_or_else(passed, Outcome::Skipped))
 }
 
 /// Unit, integration and documentation tests; adds up what they report, since cargo itself never does.

@@ -16,6 +16,8 @@ use genmanip_lab::agent::AgentArguments;
 use genmanip_lab::answers::Amount;
 use genmanip_lab::batch::BatchArguments;
 use genmanip_lab::blame::BlameArguments;
+use genmanip_lab::bridge::Motions;
+use genmanip_lab::bridge_drills::Drills;
 use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::hostile::HostileArguments;
 use genmanip_lab::learn::LearnArguments;
@@ -26,9 +28,9 @@ use genmanip_lab::studio::StudioArguments;
 use genmanip_lab::teleop::TeleopArguments;
 use genmanip_lab::transfer::TransferArguments;
 use genmanip_lab::{
-    agent, answers, assets, batch, blame, bridge, data, design, environment, expert, fit, grasp, hand_eye, hostile,
-    identification, layout, learn, learned_controls, matching, motion, readers, relations, render, rendered, scale,
-    segment, statistics, strangers, studio, suite, teleop, transfer, wording,
+    agent, answers, assets, batch, blame, bridge, bridge_drills, data, design, environment, expert, fit, grasp,
+    hand_eye, hostile, identification, layout, learn, learned_controls, matching, motion, readers, relations, render,
+    rendered, scale, segment, statistics, strangers, studio, suite, teleop, transfer, wording,
 };
 use genmanip_workspace::WorkspaceError;
 
@@ -107,10 +109,19 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
                 policies.iter().map(|policy| bridge::paired(suite, policy, arguments.scenes, printer))
             });
             let paired = paired.collect::<Result<Vec<_>, _>>()?;
-            let motions =
-                arguments.robot.as_deref().map(|url| bridge::motions(url, arguments.motions, seed)).transpose()?;
-            let text = bridge::describe(streams.as_ref(), &paired, motions.as_ref());
-            printer.data(&(&streams, &paired, &motions), &text);
+            let url = arguments.robot.as_deref();
+            let moved = url.filter(|_| arguments.motions > 0);
+            let motions = moved.map(|url| bridge::motions(url, arguments.motions, seed)).transpose()?;
+            let drills = url.zip(arguments.drills.as_deref());
+            let drills = drills.map(|(url, place)| bridge_drills::drill(url, place == "post")).transpose()?;
+            let mut text = bridge::describe(streams.as_ref(), &paired, motions.as_ref());
+            text += &drills.as_ref().map(Drills::text).unwrap_or_default();
+            printer.data(&(&streams, &paired, &motions, &drills), &text);
+            let flaws = drills.iter().flat_map(Drills::flaws).chain(motions.iter().flat_map(Motions::flaws));
+            let flaws: Vec<String> = flaws.inspect(|flaw| printer.say(flaw)).collect();
+            if !flaws.is_empty() {
+                return Ok(ExitStatus::NotMet);
+            }
         }
         LabCommand::Wording(arguments) => {
             let cards = catalogue(&arguments.catalog).cards();

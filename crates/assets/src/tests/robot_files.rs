@@ -25,7 +25,7 @@ fn released_robots_keep_their_physics() {
 fn built_in_robots_are_sound() {
     // Other tests register robots of their own.
     let names: Vec<String> = robots::names().into_iter().filter(|name| !name.contains("test")).collect();
-    assert_eq!(names, ["panda", "panda_2f85", "ur5e_2f85"]);
+    assert_eq!(names, ["fr3", "panda", "panda_2f85", "ur5e_2f85"]);
     for name in names {
         let robot = robots::named(&name).unwrap();
         assert_eq!(robot.name, name);
@@ -110,6 +110,31 @@ fn the_ur5e_has_the_makers_kinematics() {
     let mass: f64 = robot.links[..7].iter().map(|link| link.mass.mass_kg).sum();
     assert!((mass - 21.7).abs() < 0.01, "{mass} kg");
     assert_eq!(robot.gripper.max_width, 0.085);
+}
+
+/// The FR3 stands, reaches and grips as the Panda, and keeps to what both arms' makers allow.
+#[test]
+fn the_fr3_is_a_panda_within_the_limits_of_both() {
+    let (fr3, panda) = (robots::named("fr3").unwrap(), panda());
+    for arm in [[0.0, -0.5, 0.0, -2.38, 0.0, 1.88, 0.8], [1.1, 0.7, -2.0, -1.0, 2.5, 3.1, -2.6]] {
+        assert_eq!(fr3.tcp_pose(&arm), panda.tcp_pose(&arm));
+    }
+    // Position, velocity and acceleration limits in the maker's specification of the FR3.
+    const FR3: [[f64; 4]; 7] = [
+        [-2.7437, 2.7437, 2.62, 10.0],
+        [-1.7837, 1.7837, 2.62, 10.0],
+        [-2.9007, 2.9007, 2.62, 10.0],
+        [-3.0421, -0.1518, 2.62, 10.0],
+        [-2.8065, 2.8065, 5.26, 10.0],
+        [0.5445, 4.5169, 4.18, 10.0],
+        [-3.0159, 3.0159, 5.26, 10.0],
+    ];
+    for ((joint, other), [lower, upper, velocity, acceleration]) in fr3.arm_joints().zip(panda.arm_joints()).zip(FR3) {
+        assert_eq!((joint.lower, joint.upper), (other.lower.max(lower), other.upper.min(upper)), "{}", joint.name);
+        assert_eq!(joint.max_velocity, other.max_velocity.min(velocity), "{}", joint.name);
+        assert_eq!(joint.max_acceleration, other.max_acceleration.min(acceleration), "{}", joint.name);
+        assert_eq!(joint.max_jerk, other.max_jerk.min(5000.0), "{}", joint.name);
+    }
 }
 
 /// Values of the robot file replace those of arm and gripper.

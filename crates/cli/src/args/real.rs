@@ -14,6 +14,11 @@ pub enum RealCommand {
                       genmanip real simulate scenario.json --latency-ms 20 --jitter-ms 10 --loss 0.01\n\n\
                       docs/formats/bridge.md has the protocol, for other programs on either side.")]
     Simulate(RealSimulateArguments),
+    /// Drive a Franka arm over its own control protocol, behind a bridge
+    #[command(after_help = "Examples:\n  genmanip real franka --host 172.16.0.2\n  \
+                      genmanip real franka --host 127.0.0.1 --no-realtime --latency-ms 20 --jitter-ms 10\n\n\
+                      docs/guides/from-here-to-your-arm.md says what the machine and the arm need.")]
+    Franka(RealFrankaArguments),
     /// Run a policy on the arm behind a bridge, and record the episode
     #[command(
         after_help = "Examples:\n  genmanip real run --policy do_nothing --robot tcp://127.0.0.1:4757 --horizon 5\n  \
@@ -92,6 +97,25 @@ pub struct RealSimulateArguments {
     pub world: Option<PathBuf>,
     #[arg(long, value_name = "NAME", help = genmanip_terminal::robot_help("Robot"))]
     pub robot: Option<String>,
+    #[command(flatten)]
+    pub bridge: BridgeArguments,
+    /// Time by which the arm lags behind its setpoints, ms
+    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = milliseconds)]
+    pub lag_ms: f64,
+    /// Standard deviation of measured joint positions, rad
+    #[arg(long, value_name = "RAD", default_value_t = 1e-4, value_parser = share)]
+    pub noise_rad: f64,
+    /// Contact force at which a reflex stops the arm, N; 0 for no reflexes
+    #[arg(long, value_name = "N", default_value_t = 100.0, value_parser = parse::number)]
+    pub reflex_n: f64,
+    /// Seed of noise, delays and losses
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
+    pub seed: u64,
+}
+
+/// Arguments of every bridge.
+#[derive(Debug, Args)]
+pub struct BridgeArguments {
     /// IP address and TCP port to listen on; port 0 picks a free one
     #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:4757")]
     pub address: SocketAddr,
@@ -107,22 +131,38 @@ pub struct RealSimulateArguments {
     /// Share of commands and states that are lost
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
     pub loss: f64,
-    /// Time by which the arm lags behind its setpoints, ms
-    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = milliseconds)]
-    pub lag_ms: f64,
-    /// Standard deviation of measured joint positions, rad
-    #[arg(long, value_name = "RAD", default_value_t = 1e-4, value_parser = share)]
-    pub noise_rad: f64,
-    /// Contact force at which a reflex stops the arm, N; 0 for no reflexes
-    #[arg(long, value_name = "N", default_value_t = 100.0, value_parser = parse::number)]
-    pub reflex_n: f64,
     /// Largest share of the joints' speed that clients may ask for
     #[arg(long, value_name = "SHARE", default_value_t = 1.0, value_parser = speed)]
     pub top_speed: f64,
     /// Box that the tool must not leave, metres, in the frame of the robot's base
     #[arg(long, value_name = "X1,Y1,Z1,X2,Y2,Z2", allow_hyphen_values = true, value_parser = corners)]
     pub workspace: Option<[[f64; 3]; 2]>,
-    /// Seed of noise, delays and losses
+}
+
+/// Arguments of `real franka`.
+#[derive(Debug, Args)]
+pub struct RealFrankaArguments {
+    /// Name or IP address of the arm's control unit
+    #[arg(long, value_name = "HOST")]
+    pub host: String,
+    /// Robot with the arm's joint limits and tool
+    #[arg(long, value_name = "NAME", default_value = "fr3")]
+    pub robot: String,
+    /// The arm carries no Franka Hand
+    #[arg(long)]
+    pub no_gripper: bool,
+    /// Speed of the gripper's opening width, m/s
+    #[arg(long, value_name = "M/S", default_value_t = 0.1, value_parser = gripper_speed, conflicts_with = "no_gripper")]
+    pub gripper_speed: f64,
+    /// Force of the gripper when it closes, N
+    #[arg(long, value_name = "N", default_value_t = 35.0, value_parser = gripper_force, conflicts_with = "no_gripper")]
+    pub gripper_force: f64,
+    /// Run without a real-time kernel, for a simulated arm: a real one aborts motions when setpoints come late
+    #[arg(long)]
+    pub no_realtime: bool,
+    #[command(flatten)]
+    pub bridge: BridgeArguments,
+    /// Seed of delays and losses
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
 }
@@ -199,6 +239,14 @@ fn share(text: &str) -> Result<f64, String> {
 
 fn speed(text: &str) -> Result<f64, String> {
     within(text, 0.001, 1.0)
+}
+
+fn gripper_speed(text: &str) -> Result<f64, String> {
+    within(text, 0.005, 0.1)
+}
+
+fn gripper_force(text: &str) -> Result<f64, String> {
+    within(text, 1.0, 70.0)
 }
 
 fn corners(text: &str) -> Result<[[f64; 3]; 2], String> {

@@ -1,10 +1,11 @@
-//! `genmanip real`: policies on an arm behind a bridge, a simulated arm in its place, and worlds that look like the real
-//! workspace.
+//! `genmanip real`: policies on an arm behind a bridge, bridges to a Franka arm and to a simulated one, and worlds that
+//! look like the real workspace.
 
+mod franka;
+mod listening;
 mod matched;
 
 use std::io::{IsTerminal, stdin};
-use std::net::TcpListener;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
@@ -17,9 +18,9 @@ use genmanip_pipeline::real::arm::ArmSettings;
 use genmanip_pipeline::real::cameras::Rig;
 use genmanip_pipeline::real::run::{Judgement, Outcome, RealRequest, open_store, run as run_on_arm};
 use genmanip_pipeline::real::simulated::{PacedArm, SimulatedArm, SimulatedArmSettings, bridge_robot};
+use genmanip_real::bridge::Bridge;
 use genmanip_real::bridge::client::{ClientSettings, SLOW};
-use genmanip_real::bridge::server::{Clock, Flaws, serve};
-use genmanip_real::bridge::{Bridge, BridgeSettings, LinkSettings};
+use genmanip_real::bridge::server::{Clock, serve};
 use genmanip_rollout::Stage;
 use genmanip_terminal::{ExitStatus, Failed, Printer};
 use genmanip_workspace::{scenarios, worlds};
@@ -29,19 +30,14 @@ use crate::args::{RealCommand, RealRunArguments, RealSimulateArguments};
 pub fn run(command: &RealCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
     match command {
         RealCommand::Simulate(arguments) => simulate(arguments, printer),
+        RealCommand::Franka(arguments) => franka::run(arguments, printer),
         RealCommand::Run(arguments) => run_policy(arguments, printer),
         RealCommand::Match(arguments) => matched::run(arguments, printer),
     }
 }
 
 fn simulate(arguments: &RealSimulateArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    if !arguments.address.ip().is_loopback() && !arguments.allow_others {
-        return Err(Failed::new(format!(
-            "other machines can reach {}, and nobody is asked who they are",
-            arguments.address
-        ))
-        .hint("listen at 127.0.0.1, or pass --allow-others"));
-    }
+    let (listener, address) = listening::open(&arguments.bridge)?;
     let stage = match &arguments.scenario {
         Some(path) => {
             let stage = scenarios::read_stage(path)?;
@@ -56,11 +52,7 @@ fn simulate(arguments: &RealSimulateArguments, printer: &Printer) -> Result<Exit
     if stage.robot.drives.is_none() {
         return Err(Failed::new(format!("robot `{}` has no drives, so it cannot be simulated", stage.robot.name)));
     }
-    let settings = BridgeSettings {
-        top_speed: arguments.top_speed,
-        workspace_m: arguments.workspace,
-        ..BridgeSettings::default()
-    };
+    let settings = listening::settings(&arguments.bridge);
     let flaws = SimulatedArmSettings {
         lag_s: arguments.lag_ms / 1e3,
         noise_rad: arguments.noise_rad,
@@ -71,11 +63,6 @@ fn simulate(arguments: &RealSimulateArguments, printer: &Printer) -> Result<Exit
     let cameras = arm.cameras(&stage).map_err(|error| Failed::because("the cameras cannot be rendered", &error))?;
     let bridge = Bridge::new(bridge_robot(&stage.robot), settings, arm.reading())
         .ok_or_else(|| Failed::new(format!("robot `{}` has joints without limits", stage.robot.name)))?;
-    let listener = TcpListener::bind(arguments.address).map_err(|error| {
-        Failed::because(format!("cannot listen at {}", arguments.address), &error)
-            .hint("another bridge may run there; choose another --address")
-    })?;
-    let address = listener.local_addr().map_err(|error| Failed::because("cannot listen", &error))?;
     let stop = genmanip_terminal::on_interrupt();
     printer.say(format!(
         "a simulated {} is at tcp://{address} with {} cameras and {} objects; Ctrl-C ends it",
@@ -83,21 +70,11 @@ fn simulate(arguments: &RealSimulateArguments, printer: &Printer) -> Result<Exit
         stage.scenario.world.cameras.len(),
         stage.scenario.objects.len()
     ));
-    let link = LinkSettings {
-        latency_s: arguments.latency_ms / 1e3,
-        jitter_s: arguments.jitter_ms / 1e3,
-        loss: arguments.loss,
-    };
     let mut driver = PacedArm::new(arm, clock);
-    let flaws = Flaws { link, seed };
+    let flaws = listening::flaws(&arguments.bridge, seed);
     let report = serve(listener, bridge, &mut driver, Arc::new(cameras), flaws, clock, &stop)
         .map_err(|error| Failed::because("the bridge stopped", &error))?;
-    printer.say(format!(
-        "{} control periods, {} of them late, the longest {:.1} ms",
-        report.ticks,
-        report.late,
-        1e3 * report.longest_s
-    ));
+    listening::say(&report, printer);
     Ok(ExitStatus::Done)
 }
 

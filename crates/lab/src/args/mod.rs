@@ -21,7 +21,7 @@ mod perception;
 mod suites;
 mod transfer;
 
-use motion::{IDENTIFY_HELP, MATCH_HELP};
+use motion::{BRIDGE_HELP, IDENTIFY_HELP, MATCH_HELP};
 use transfer::TRANSFER_HELP;
 
 /// Measurements of GenManip on unseen seeds and files: agreement, validity, success rates, time
@@ -89,9 +89,7 @@ pub enum LabCommand {
     #[command(after_help = MATCH_HELP)]
     Match(LabMatchArguments),
     /// Send random streams of commands to the bridge of an arm, and run policies behind it and directly
-    #[command(after_help = "Examples:\n  genmanip-lab bridge --seed 7 --count 10000 --json\n  \
-                      genmanip-lab bridge --count 0 --suite suites/genmanip-200-rc --scenes 50 --policy expert\n\n\
-                      The connection has 20 +- 10 ms of delay and loses 1 % of the commands and states.")]
+    #[command(after_help = BRIDGE_HELP)]
     Bridge(BridgeArguments),
     /// Compose tasks with the rule-based designer and check validity, variety, quotas and references
     #[command(after_help = "Example:\n  genmanip-lab design --seed 7 --count 2000 --json")]

@@ -59,6 +59,12 @@ pub struct MotionArguments {
     pub paths: Option<PathBuf>,
 }
 
+/// Examples and conditions of `genmanip-lab bridge`.
+pub(super) const BRIDGE_HELP: &str = "Examples:\n  genmanip-lab bridge --seed 7 --count 10000 --json\n  \
+    genmanip-lab bridge --count 0 --suite suites/genmanip-200-rc --scenes 50 --policy expert\n  \
+    genmanip-lab bridge --count 0 --robot tcp://127.0.0.1:4757 --motions 20 --drills free\n\n\
+    The simulated connection has 20 +- 10 ms of delay and loses 1 % of the commands and states.";
+
 /// Arguments of `genmanip-lab bridge`.
 #[derive(Debug, Args)]
 pub struct BridgeArguments {
@@ -81,8 +87,11 @@ pub struct BridgeArguments {
     #[arg(long, value_name = "URL")]
     pub robot: Option<String>,
     /// Number of motions
-    #[arg(long, default_value_t = 20, value_parser = parse::count)]
+    #[arg(long, default_value_t = 20)]
     pub motions: usize,
+    /// Drills on it: starts and resumes, and the gripper; or the gripper and a collision with a post between its fingers
+    #[arg(long, value_name = "WHERE", value_parser = ["free", "post"], requires = "robot")]
+    pub drills: Option<String>,
 }
 
 /// Examples and conditions of `genmanip-lab identify`.

@@ -153,6 +153,7 @@ impl SimulatedArm {
             torques: self.torques.clone(),
             width_m: Some(self.sim.gripper_width()),
             errors: if self.has_reflex { vec![REFLEX.into()] } else { Vec::new() },
+            ..Reading::default()
         }
     }
 

@@ -59,6 +59,8 @@ impl Default for BridgeSettings {
 
 /// Time in which attempts at recovery are counted, s.
 const RECOVERY_WINDOW_S: f64 = 60.0;
+/// Largest number of lost control periods that the setpoints make up for; arms give up after fewer.
+const MOST_MISSED: usize = 100;
 
 /// Measurements of a control period.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -73,6 +75,18 @@ pub struct Reading {
     pub width_m: Option<f64>,
     /// Error words while the arm refuses to move; empty otherwise.
     pub errors: Vec<String>,
+    /// Positions that the arm's own controller holds, from which a motion has to start, rad or m; empty for the measured
+    /// ones.
+    pub held: Vec<f64>,
+    /// Number of control periods since the last reading whose measurements were lost.
+    pub missed: usize,
+}
+
+impl Reading {
+    /// Positions from which a motion has to start, rad or m.
+    fn start(&self) -> &[f64] {
+        if self.held.is_empty() { &self.positions } else { &self.held }
+    }
 }
 
 /// Orders to the arm for a control period.
@@ -80,6 +94,8 @@ pub struct Reading {
 pub struct Orders {
     /// Setpoints of the joints.
     pub setpoints: Vec<JointState>,
+    /// True while the arm has to follow the setpoints; false while it stands, and may hold its position by itself.
+    pub is_active: bool,
     /// New target width of the gripper, m; `None` for no new command.
     pub width_m: Option<f64>,
     /// True to clear the arm's errors.
@@ -105,7 +121,7 @@ pub struct Bridge {
 impl Bridge {
     /// Bridge of an arm at rest; `None` if limits, measurements or settings are invalid.
     pub fn new(robot: BridgeRobot, settings: BridgeSettings, reading: Reading) -> Option<Self> {
-        let guard = Guard::new(&robot.joints, &reading.positions, settings.guard.clone())?;
+        let guard = Guard::new(&robot.joints, reading.start(), settings.guard.clone())?;
         let gripper = GripperMonitor::new(robot.max_width_m, settings.gripper.clone());
         let is_sound = settings.top_speed > 0.0 && settings.top_speed <= 1.0;
         let workspaces_m = settings.workspace_m.into_iter().collect();
@@ -168,7 +184,7 @@ impl Bridge {
         if !self.reading.errors.is_empty() {
             return Err(Refused::ArmErrors(self.reading.errors.clone()));
         }
-        self.guard.start(now_s, lease, dead_man, &self.reading.positions)?;
+        self.guard.start(now_s, lease, dead_man, self.reading.start())?;
         self.guard.limit_speed(speed);
         self.workspaces_m = self.settings.workspace_m.into_iter().chain(workspace_m).collect();
         Ok(())
@@ -230,9 +246,14 @@ impl Bridge {
                 self.guard.leave_workspace();
             }
         }
+        // The arm's clock went on while measurements were lost, and so must the setpoints.
+        for _ in 0..self.reading.missed.min(MOST_MISSED) {
+            self.guard.tick(now_s);
+        }
         let setpoints = self.guard.tick(now_s).to_vec();
+        let is_active = self.guard.mode() == Mode::Following || !self.guard.is_at_rest();
         let width_m = self.reading.width_m.and_then(|measured_m| self.gripper.tick(now_s, measured_m));
-        Orders { setpoints, width_m, recover }
+        Orders { setpoints, is_active, width_m, recover }
     }
 
     /// Stops at errors of the arm; true if they are to be cleared now.
@@ -242,7 +263,7 @@ impl Bridge {
             return false;
         }
         if self.guard.mode() != Mode::Stopping(StopReason::Arm) {
-            self.guard.arm_stopped(&self.reading.positions);
+            self.guard.arm_stopped(self.reading.start());
         }
         let since_s = *self.error_since_s.get_or_insert(now_s);
         self.recoveries_s.retain(|at_s| now_s - at_s < RECOVERY_WINDOW_S);

@@ -43,6 +43,7 @@ impl FakeArm {
             torques: Vec::new(),
             width_m: Some(self.width_m),
             errors: self.errors.clone(),
+            ..Reading::default()
         }
     }
 

@@ -167,3 +167,44 @@ fn a_reflex_is_recovered_and_resumed_without_a_jump() {
     rig.run(5.0, &[1.5, 0.5], None);
     assert_eq!((rig.state().recovery, rig.arm.needed_recoveries), (Recovery::GivenUp, 7));
 }
+
+/// An arm that holds a position of its own starts there, not where it is measured, also after an error.
+#[test]
+fn a_motion_starts_where_the_arm_holds_itself() {
+    let mut rig = Rig::new(BridgeSettings::default());
+    let held = [0.301, -0.502];
+    let reading = |errors: &[&str]| Reading {
+        held: held.to_vec(),
+        errors: errors.iter().map(|word| (*word).to_owned()).collect(),
+        ..FakeArm::new().reading()
+    };
+    rig.now_s += TICK_S;
+    assert!(!rig.bridge.tick(rig.now_s, reading(&[])).is_active);
+    assert!(matches!(rig.start(1.0, None), Some(Reply::Started { .. })));
+    let orders = rig.bridge.tick(rig.now_s, reading(&[]));
+    assert!(orders.is_active);
+    let at = |orders: &Orders| orders.setpoints.iter().map(|joint| joint.position).collect::<Vec<_>>();
+    assert_eq!(at(&orders), held);
+    let orders = rig.bridge.tick(rig.now_s, reading(&["reflex"]));
+    assert!(!orders.is_active);
+    assert_eq!(at(&orders), held);
+}
+
+/// Control periods whose measurements were lost count: the setpoints are where they would be without the loss.
+#[test]
+fn setpoints_make_up_for_lost_control_periods() {
+    let ends = [vec![0; 42], vec![0, 9, 0, 0, 4, 5, 0, 0, 14, 0]].map(|losses| {
+        let mut rig = Rig::new(BridgeSettings::default());
+        rig.tick();
+        rig.start(1.0, None);
+        rig.command(&[0.6, -0.2], None);
+        let mut last = Vec::new();
+        for missed in losses {
+            rig.now_s += TICK_S * (1 + missed) as f64;
+            last = rig.bridge.tick(rig.now_s, Reading { missed, ..rig.arm.reading() }).setpoints;
+        }
+        last
+    });
+    assert_eq!(ends[0], ends[1]);
+    assert!(ends[0][0].velocity > 0.1, "{:?}", ends[0]);
+}
