@@ -19,6 +19,8 @@ use crate::target::{Limit, Target, TargetSettings};
 const ROUNDING: f64 = 1e-5;
 /// Distance from a joint limit below which the limit is reported as the reason why the tool does not follow, rad.
 const JOINT_MARGIN_RAD: f64 = 0.03;
+/// Difference between measured and commanded opening above which the fingers press on something, m.
+const PRESSED_M: f64 = 0.003;
 /// Manipulability below which a singularity is reported as the reason; at the arm's home it is several times larger.
 const SINGULAR: f64 = 0.02;
 
@@ -63,6 +65,7 @@ pub struct Teleoperation {
     rate_hz: f64,
     camera: Option<Axes>,
     report: Option<Report>,
+    first_step: usize,
     episode: EpisodeState,
 }
 
@@ -76,6 +79,9 @@ struct EpisodeState {
     target: Option<Target>,
     /// Commanded gripper opening, m; `None` before the first control step.
     width_m: Option<f64>,
+    /// Opening (m) that is kept until the operator uses the gripper, with the state of the gripper that it counts as;
+    /// `None` if the gripper was fully open when the operator took command.
+    kept_width_m: Option<(f64, bool)>,
     step: usize,
     /// Control step in which the last event was received.
     last_event: usize,
@@ -91,14 +97,15 @@ struct EpisodeState {
 }
 
 impl EpisodeState {
-    fn new(mapping: Mapping) -> Self {
+    fn new(mapping: Mapping, first_step: usize) -> Self {
         Self {
             decoder: Decoder::default(),
             mapping,
             target: None,
             width_m: None,
-            step: 0,
-            last_event: 0,
+            kept_width_m: None,
+            step: first_step,
+            last_event: first_step,
             is_silent: false,
             status: Status::default(),
             events: Vec::new(),
@@ -164,7 +171,8 @@ impl Teleoperation {
         let chain = Chain::new(robot).map_err(|error| error.to_string())?;
         let rate_hz = f64::from(world.physics.control_rate_hz);
         Ok(Self {
-            episode: EpisodeState::new(Mapping::new(settings.mapping.clone(), camera)),
+            episode: EpisodeState::new(Mapping::new(settings.mapping.clone(), camera), 0),
+            first_step: 0,
             settings,
             source,
             robot: Arc::clone(robot),
@@ -182,6 +190,20 @@ impl Teleoperation {
     pub fn reporting_to(mut self, report: impl FnMut(&Status) + Send + 'static) -> Self {
         self.report = Some(Box::new(report));
         self
+    }
+
+    /// Counts control steps from `step` on instead of 0: the operator takes command in mid-episode. The gripper keeps its
+    /// opening until the operator uses it, and the device has to be released first.
+    #[must_use]
+    pub fn starting_at(mut self, step: usize) -> Self {
+        self.first_step = step;
+        self.episode = EpisodeState::new(Mapping::new(self.settings.mapping.clone(), self.camera), step);
+        self
+    }
+
+    /// Frame in use.
+    pub fn frame(&self) -> OperatorFrame {
+        self.episode.mapping.frame()
     }
 
     /// State after the last control step.
@@ -214,6 +236,9 @@ impl Teleoperation {
             idle: idle.until(*step),
             held: held.until(*step),
             limited: limited.until(*step),
+            in_command: Vec::new(),
+            undone: Vec::new(),
+            trimmed: [0; 2],
         }
     }
 
@@ -236,7 +261,8 @@ impl Policy for Teleoperation {
     }
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
-        self.episode = EpisodeState::new(Mapping::new(self.settings.mapping.clone(), self.camera));
+        let mapping = Mapping::new(self.settings.mapping.clone(), self.camera);
+        self.episode = EpisodeState::new(mapping, self.first_step);
         self.source.start(start)
     }
 
@@ -250,7 +276,17 @@ impl Policy for Teleoperation {
         let events = self.source.receive(self.episode.step, observation);
 
         let input = &self.settings.input;
+        let widest_m = self.robot.gripper.max_width;
         let episode = &mut self.episode;
+        if episode.width_m.is_none() {
+            let width_m = in_force.last().copied().unwrap_or(widest_m);
+            if width_m < widest_m - ROUNDING {
+                let is_closed = opening_m - width_m > PRESSED_M || width_m < widest_m / 2.0;
+                episode.mapping.set_closed(is_closed);
+                episode.status.closed = is_closed;
+                episode.kept_width_m = Some((width_m, is_closed));
+            }
+        }
         episode.receive(events, input.most_events);
         let silence_s = (episode.step - episode.last_event) as f64 * period_s;
         if silence_s >= input.lost_after_s {
@@ -280,9 +316,10 @@ impl Policy for Teleoperation {
         limits.extend(target.advance(&twist, period_s, &measured, can_follow));
         let pose = target.pose();
 
-        let widest_m = self.robot.gripper.max_width;
-        let goal_m = if command.closed { 0.0 } else { widest_m };
-        let before_m = episode.width_m.unwrap_or(widest_m);
+        episode.kept_width_m = episode.kept_width_m.filter(|(_, closed)| *closed == command.closed);
+        let kept_m = episode.kept_width_m.map(|(width_m, _)| width_m);
+        let goal_m = kept_m.unwrap_or(if command.closed { 0.0 } else { widest_m });
+        let before_m = episode.width_m.or(kept_m).unwrap_or(widest_m);
         let most_m = input.gripper_m_s * period_s;
         let width_m =
             (before_m + (goal_m - before_m).clamp(-most_m, most_m)).max(opening_m - input.squeeze_m).min(widest_m);

@@ -1,7 +1,7 @@
 //! WebSocket of teleoperation: device events and commands of a page, states and status of the take.
 //!
 //! ```text
-//! page ─▶ start · events · gripper · pause · resume · retry · keep · discard
+//! page ─▶ start · events · gripper · pause · resume · back · hand_over · take_over · retry · keep · discard
 //! page ◀─ started · status (both JSON) · states (binary) · refused
 //! ```
 
@@ -13,6 +13,7 @@ use axum::extract::State;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::response::{IntoResponse, Response};
 use genmanip_assets::Catalogue;
+use genmanip_core::{Atom, Goal};
 use genmanip_rollout::Stage as Simulation;
 use genmanip_teleop::TeleopSettings;
 use genmanip_teleop::device::{Control, DeviceEvent};
@@ -29,8 +30,8 @@ use super::runs;
 use super::socket::Open;
 use super::studio::Studio;
 use crate::run::playback;
-use crate::teleop::session::{HORIZON_S, SessionStatus, TakeCommand};
-use crate::teleop::{Phase, Session, SessionSetup};
+use crate::teleop::session::{BACK_S, HORIZON_S};
+use crate::teleop::{Phase, Request, Session, SessionSetup, SessionStatus, TakeCommand};
 
 /// Label of takes among the episodes of a scenario.
 pub const LABEL: &str = "teleop";
@@ -58,6 +59,8 @@ enum FromPage {
         frame: OperatorFrame,
         #[serde(default)]
         camera: Option<String>,
+        #[serde(default)]
+        policy: Option<String>,
     },
     Events {
         sequence: u64,
@@ -68,8 +71,16 @@ enum FromPage {
     Gripper,
     Pause,
     Resume,
+    Back,
+    HandOver {
+        policy: String,
+    },
+    TakeOver,
     Retry,
-    Keep,
+    Keep {
+        #[serde(default)]
+        trim: bool,
+    },
     Discard,
 }
 
@@ -170,8 +181,8 @@ impl Connection {
     /// Handles a message of the page.
     async fn received(&mut self, text: &str) -> Result<Option<Value>, Refusal> {
         let message: FromPage = serde_json::from_str(text).map_err(|error| unreadable(&error.to_string()))?;
-        if let FromPage::Start { scenario, author, frame, camera } = message {
-            return self.start(scenario, &author, frame, camera).await.map(Some);
+        if let FromPage::Start { scenario, author, frame, camera, policy } = message {
+            return self.start(scenario, &author, frame, camera, policy).await.map(Some);
         }
         let Some(Attached { session, .. }) = &self.attached else {
             return Err(Refusal::unsuited("no scenario is teleoperated", "send a `start` message first"));
@@ -185,7 +196,14 @@ impl Connection {
             FromPage::Pause => session.set_command(TakeCommand::Pause),
             FromPage::Resume => session.set_command(TakeCommand::Run),
             FromPage::Retry => session.set_command(TakeCommand::Retry),
-            FromPage::Keep => session.set_command(TakeCommand::Keep),
+            FromPage::Back => session.ask(Request::Back),
+            FromPage::HandOver { policy } => {
+                runs::check_offered(&self.studio, &policy)?;
+                session.ask(Request::HandOver(policy));
+            }
+            FromPage::TakeOver => session.ask(Request::TakeOver),
+            FromPage::Keep { trim: false } => session.set_command(TakeCommand::Keep),
+            FromPage::Keep { trim: true } => session.set_command(TakeCommand::KeepTrimmed),
             FromPage::Discard => session.set_command(TakeCommand::Discard),
         }
         Ok(None)
@@ -197,7 +215,11 @@ impl Connection {
         author: &str,
         frame: OperatorFrame,
         camera: Option<String>,
+        policy: Option<String>,
     ) -> Result<Value, Refusal> {
+        if let Some(policy) = &policy {
+            runs::check_offered(&self.studio, policy)?;
+        }
         if let Some(attached) = self.attached.take() {
             attached.session.detach(self.number);
         }
@@ -209,7 +231,7 @@ impl Connection {
         teleop.mapping.frame = frame;
         let (studio, number) = (Arc::clone(&self.studio), self.number);
         let runtime = tokio::runtime::Handle::current();
-        let started = tokio::task::spawn_blocking(move || open(&studio, &key, author, teleop, number, &runtime)).await;
+        let started = tokio::task::spawn_blocking(move || open(&studio, &key, Opening { author, teleop, policy }, number, &runtime)).await;
         let panicked = |_| Refusal::unsuited("the session panicked; please report this bug", "");
         let (session, answer) = started.map_err(panicked)??;
         let (mut states, mut status) = (session.states.subscribe(), session.status.subscribe());
@@ -227,15 +249,25 @@ impl Connection {
 fn is_news(before: &SessionStatus, now: &SessionStatus) -> bool {
     let facts =
         |status: &SessionStatus| (status.phase, status.take, status.held, status.closed, status.frame, status.success);
-    facts(before) != facts(now) || before.limits != now.limits || before.grasped != now.grasped
+    let texts = |status: &SessionStatus| {
+        let SessionStatus { limits, grasped, policy, note, undone, .. } = status.clone();
+        (limits, grasped, policy, note, undone)
+    };
+    facts(before) != facts(now) || texts(before) != texts(now)
+}
+
+/// Wishes of the person who begins a session.
+struct Opening {
+    author: String,
+    teleop: TeleopSettings,
+    policy: Option<String>,
 }
 
 /// Begins a session, or attaches to the one of the scenario; its answer to the page.
 fn open(
     studio: &Arc<Studio>,
     key: &str,
-    author: String,
-    teleop: TeleopSettings,
+    Opening { author, teleop, policy }: Opening,
     connection: u64,
     runtime: &tokio::runtime::Handle,
 ) -> Result<(Arc<Session>, Value), Refusal> {
@@ -262,10 +294,11 @@ fn open(
         return Err(Refusal::unsuited("the scenario has no camera of this name", ""));
     }
     let bodies = playback::bodies(&scene, &robot, &models);
-    let setup = SessionSetup { stage, bodies, models, operator: author, teleop, runs: studio.runs.folder.clone() };
+    let runs = studio.runs.folder.clone();
+    let setup = SessionSetup { stage, bodies, models, operator: author, teleop, policy, runs };
     let about = json!({
         "scenario": key, "revision": now.number, "instruction": setup.stage.scenario.task.instruction,
-        "control_rate_hz": setup.stage.control_rate_hz(), "horizon_s": HORIZON_S,
+        "skill": skill(&setup.stage.goal), "control_rate_hz": setup.stage.control_rate_hz(), "horizon_s": HORIZON_S, "back_s": BACK_S,
         "width": playback::width(&setup.bodies),
     });
     let job = studio.runs.add(key, LABEL, now.number)?;
@@ -275,6 +308,21 @@ fn open(
     studio.teleoperations.add(key, &session);
     runtime.spawn(run(Arc::clone(studio), room, job, Arc::clone(&session), setup));
     Ok(started(session, false))
+}
+
+/// What a take teaches: the relations and states of the goal's first alternative, such as `in + closed`.
+fn skill(goal: &Goal) -> String {
+    let mut names: Vec<&str> = Vec::new();
+    for atom in goal.alternatives.iter().take(1).flatten() {
+        let name = match atom {
+            Atom::Relation { relation, .. } => relation.name(),
+            Atom::State { state, .. } => state,
+        };
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    names.join(" + ")
 }
 
 /// Answer to a page that is attached to a session; `again` if the session began before.
@@ -301,6 +349,7 @@ fn refused(refusal: &Refusal) -> Message {
 }
 
 fn unreadable(reason: &str) -> Refusal {
-    let hint = "expected a JSON message with `type`: start, events, gripper, pause, resume, retry, keep or discard";
+    let hint = "expected a JSON message with `type`: start, events, gripper, pause, resume, back, hand_over, take_over, retry, \
+                keep or discard";
     Refusal::unsuited(format!("the message cannot be read: {reason}"), hint)
 }

@@ -111,7 +111,8 @@ impl Inbox {
         state.pressed.clear();
         state.heard = now;
         state.is_silent = false;
-        state.events = state.device.clone().map(|device| DeviceEvent::Connected { device }).into_iter().collect();
+        let connected = state.device.clone().map(|device| DeviceEvent::Connected { device });
+        state.events = vec![connected.unwrap_or(DeviceEvent::Disconnected)];
     }
 
     /// As [`Inbox::restart`], for a new take.

@@ -217,3 +217,131 @@ fn other_sites_and_large_or_unknown_messages_are_refused() {
     let _ = tab.send_raw(Message::text(" ".repeat(1 << 20)));
     assert!(tab.is_closed());
 }
+
+/// Store and id of the only take of a studio.
+fn stored(studio: &Studio) -> (EpisodeStore, String) {
+    let run = std::fs::read_dir(studio.folder.path().join("out/runs")).unwrap().next().unwrap().unwrap().path();
+    let store = EpisodeStore::open(run.join("evaluation/teleop/episodes")).unwrap();
+    let id = store.ids().unwrap().remove(0);
+    (store, id)
+}
+
+fn json_of(store: &EpisodeStore, id: &str, name: &str) -> Value {
+    serde_json::from_slice(&store.read_attachment(id, name).unwrap()).unwrap()
+}
+
+fn replays(studio: &Studio, store: &EpisodeStore, id: &str) -> bool {
+    let stage = Stage::open(Arc::new(studio.scenario()), Catalogue::all(), &panda()).unwrap();
+    is_replayed(&stage, store, id, &rollout_settings()).unwrap()
+}
+
+#[test]
+fn going_back_restores_the_state_and_what_was_undone_is_cut_and_said() {
+    let studio = Studio::new();
+    let mut page = Page::with_keyboard(&studio);
+    page.send(&json!([key("KeyR", true)]));
+    page.watch(Duration::from_millis(700), true);
+    page.send(&json!([key("KeyR", false)]));
+    page.watch(Duration::from_millis(500), true);
+    let (high, rested_s) = (height(&page.state), page.status["time_s"].as_f64().unwrap());
+    page.watch(Duration::from_millis(4500), true);
+    // Down again: that is undone, and the part before it is not.
+    page.send(&json!([key("KeyF", true)]));
+    page.watch(Duration::from_millis(800), true);
+    page.send(&json!([key("KeyF", false)]));
+    page.watch(Duration::from_millis(300), true);
+    assert!(height(&page.state) < high - 0.03, "{} {high}", height(&page.state));
+    let before_s = page.status["time_s"].as_f64().unwrap();
+    page.say("back");
+    page.until(true, |status| status["phase"] == "paused" && status["undone"][0] == 1);
+    page.watch(Duration::from_millis(100), true);
+    let cut_s = page.status["undone"][1].as_f64().unwrap();
+    assert!((5.0..5.4).contains(&cut_s), "{cut_s}");
+    let now_s = page.status["time_s"].as_f64().unwrap();
+    assert!(now_s > rested_s && (before_s + 0.2 - now_s) > cut_s - 0.3, "{rested_s} {now_s} {before_s}");
+    assert!((height(&page.state) - high).abs() < 1e-3, "{} {high}", height(&page.state));
+    page.say("resume");
+    page.until(true, |status| status["phase"] == "running");
+    page.watch(Duration::from_millis(200), true);
+    page.send(&json!([key("KeyR", true)]));
+    page.watch(Duration::from_millis(400), true);
+    assert!(height(&page.state) > high + 0.01, "{} {high}", height(&page.state));
+    page.say("keep");
+    page.until(true, |status| status["phase"] == "kept");
+    let (store, id) = stored(&studio);
+    let record = json_of(&store, &id, "operator.json");
+    let undone = &record["undone"][0];
+    let (from, to) = (undone["from"].as_u64().unwrap(), undone["to"].as_u64().unwrap());
+    assert!((to - from) as f64 / 60.0 > 5.0 && undone["events"].as_u64().unwrap() > 10, "{undone}");
+    let parts = json!([{ "from": 0, "to": from, "frame": "world" }, { "from": from, "frame": "world" }]);
+    assert_eq!(record["in_command"][0], parts[0]);
+    assert_eq!(record["in_command"][1]["from"], parts[1]["from"]);
+    let text = String::from_utf8(store.read_attachment(&id, "operator_events.jsonl").unwrap()).unwrap();
+    let marked: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let cut: Vec<&Value> = marked.iter().filter(|line| line["undone"] == 1).collect();
+    assert_eq!(cut.len() as u64, undone["events"].as_u64().unwrap());
+    assert!(cut.iter().any(|line| line["event"]["code"] == "KeyF"), "the undone key is still in the file");
+    assert!(marked.iter().all(|line| line["event"]["code"] != "KeyF" || line["undone"] == 1));
+    let episode = store.read(&id).unwrap();
+    assert!(episode.frames.windows(2).all(|pair| pair[1].time_s > pair[0].time_s));
+    assert!(replays(&studio, &store, &id));
+}
+
+#[test]
+fn the_person_takes_over_from_a_policy_hands_back_and_idle_ends_are_cut() {
+    let studio = Studio::new();
+    let mut page = Page::open(&studio);
+    page.until(false, |status| status["phase"] == "running");
+    page.send(&json!([keyboard()]));
+    // Idle at first; then a policy that the studio does not offer, and one that it does.
+    page.watch(Duration::from_millis(1500), true);
+    page.tab.send(&json!({ "type": "hand_over", "policy": "python:os:system" }));
+    let refused = page.tab.find(|message| message["type"] == "refused");
+    assert!(refused["error"]["message"].as_str().unwrap().contains("python"), "{refused}");
+    page.tab.send(&json!({ "type": "hand_over", "policy": "expert" }));
+    page.until(true, |status| status["policy"] == "expert");
+    let handed_s = page.status["time_s"].as_f64().unwrap();
+    page.until(true, |status| status["time_s"].as_f64().unwrap() > handed_s + 1.0);
+    page.say("take_over");
+    page.until(true, |status| status["policy"].is_null());
+    page.watch(Duration::from_millis(200), true);
+    page.send(&json!([key("KeyR", true)]));
+    let low = height(&page.state);
+    page.watch(Duration::from_millis(500), true);
+    page.send(&json!([key("KeyR", false)]));
+    assert!(height(&page.state) > low + 0.01, "{low} {}", height(&page.state));
+    // A policy that ends leaves the person in command, and pauses.
+    page.tab.send(&json!({ "type": "hand_over", "policy": "do_nothing:seconds=1" }));
+    page.until(true, |status| status["phase"] == "paused");
+    assert!(page.status["note"].as_str().unwrap().contains("has finished"), "{}", page.status);
+    assert!(page.status["policy"].is_null());
+    page.say("resume");
+    page.until(true, |status| status["phase"] == "running" && status["note"].is_null());
+    page.watch(Duration::from_millis(1500), true);
+    page.tab.send(&json!({ "type": "keep", "trim": true }));
+    page.until(true, |status| status["phase"] == "kept");
+    let (store, id) = stored(&studio);
+    let episode = store.read(&id).unwrap();
+    let result = serde_json::to_value(&episode.result).unwrap();
+    let record = json_of(&store, &id, "operator.json");
+    assert_eq!(result["source"], "correction");
+    assert_eq!(result["correction"]["policy"], "expert");
+    let stretches = record["in_command"].as_array().unwrap();
+    let who: Vec<&Value> = stretches.iter().map(|stretch| &stretch["policy"]).collect();
+    assert_eq!(who, [&Value::Null, &json!("expert"), &Value::Null, &json!("do_nothing:seconds=1"), &Value::Null]);
+    assert_eq!(result["correction"]["from_step"], stretches[2]["from"]);
+    assert!(stretches.windows(2).all(|pair| pair[0]["to"] == pair[1]["from"]), "{stretches:?}");
+    // Six idle control steps stay at each end.
+    let trimmed: Vec<u64> = record["trimmed"].as_array().unwrap().iter().map(|cut| cut.as_u64().unwrap()).collect();
+    assert!(trimmed[0] > 40 && trimmed[1] > 40, "{trimmed:?}");
+    assert_eq!(stretches[0]["to"], 6);
+    let last = &stretches[4];
+    assert!(last["to"].as_u64().unwrap() - last["from"].as_u64().unwrap() <= 7, "{last}");
+    // The expert plans, so the arm has moved before the person took over.
+    let way_m = |stretch: &Value| {
+        let [from, to] = [&stretch["from"], &stretch["to"]].map(|step| step.as_u64().unwrap() as usize);
+        episode.frames[from].tcp.position.distance(episode.frames[to - 1].tcp.position)
+    };
+    assert!(way_m(&stretches[1]) > 0.02 && way_m(&stretches[0]) < 1e-3, "{} {}", way_m(&stretches[1]), way_m(&stretches[0]));
+    assert!(replays(&studio, &store, &id));
+}
