@@ -272,10 +272,12 @@ pub enum Command {
                             docs/guides/studio.md has the parts of the page and every operation over HTTP.")]
     Studio(StudioArguments),
     /// Move the robot of a scenario with a SpaceMouse, without a browser, and keep what you did as an episode
-    #[command(after_help = "Examples:\n  genmanip teleop out/run/scenarios/017_pick_and_place-000.json --device /dev/hidraw0\n  \
+    #[command(
+        after_help = "Examples:\n  genmanip teleop out/run/scenarios/017_pick_and_place-000.json --device /dev/hidraw0\n  \
                             genmanip teleop out/run/scenarios/017_pick_and_place-000.json --device /dev/hidraw0 --watch\n\n\
                             Type a letter and Enter: p pause or go on, b back 5 s, t take over or hand over, n begin anew,\n\
-                            k keep, l keep without idle ends, x discard. docs/guides/teleoperate.md")]
+                            k keep, l keep without idle ends, x discard. docs/guides/teleoperate.md"
+    )]
     Teleop(TeleopArguments),
     /// Serve masks, grasps, motions or environments to other programs over HTTP; local only by default
     Serve {

@@ -381,7 +381,8 @@ impl Session {
 
     fn is_terminated(&self, settings: &RolloutSettings) -> bool {
         let held = |since: usize| self.record.frames.len() - since >= steps_in(settings.settle_s, &self.stage);
-        self.record.memory.settled.is_some() || settings.stop_on_success && self.record.memory.held_since.is_some_and(held)
+        self.record.memory.settled.is_some()
+            || settings.stop_on_success && self.record.memory.held_since.is_some_and(held)
     }
 
     fn is_truncated(&self, settings: &RolloutSettings) -> bool {
@@ -410,7 +411,8 @@ impl Session {
     fn record_stray_contact(&mut self, frame: &Frame) {
         let record = &mut self.record;
         record.memory.last_gripped = frame.grasped.map(|object| (object, frame.time_s)).or(record.memory.last_gripped);
-        let Some([link, other]) = self.sim.stray_bodies().filter(|_| frame.stray_contact_n > record.memory.worst_stray_n)
+        let Some([link, other]) =
+            self.sim.stray_bodies().filter(|_| frame.stray_contact_n > record.memory.worst_stray_n)
         else {
             return;
         };

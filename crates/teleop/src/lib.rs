@@ -6,6 +6,7 @@
 //!
 //! - [`device`]: events decoded into six axes and controls.
 //! - [`mapping`]: dead zone, response curve, gains, precision mode, clutch and frame.
+//! - [`follow`]: leader arms and trackers, which ask for poses instead of twists.
 //! - [`target`]: the commanded pose within its limits.
 //! - [`Teleoperation`]: all of it as a [`Policy`](genmanip_core::Policy) of the ordinary episode loop.
 //! - [`record`]: raw events, settings, and the limits that were in force, stored beside the episode.
@@ -16,6 +17,7 @@
 
 pub mod device;
 mod episode_log;
+pub mod follow;
 pub mod mapping;
 pub mod record;
 pub mod scripted;

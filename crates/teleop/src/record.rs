@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::device::{Device, DeviceEvent};
+use crate::follow::FollowSettings;
 use crate::mapping::{MappingSettings, OperatorFrame};
 use crate::source::{Operator, Source};
 use crate::target::{Limit, TargetSettings};
@@ -34,6 +35,9 @@ pub struct OperatorRecord {
     pub target: TargetSettings,
     /// Timeouts of the events, and limits of the gripper.
     pub input: InputSettings,
+    /// How leader arms and trackers are followed; absent for the defaults.
+    #[serde(default, skip_serializing_if = "FollowSettings::is_default")]
+    pub follow: FollowSettings,
     /// Number of recorded events: all received ones except those beyond [`InputSettings::most_events`].
     pub events: u64,
     /// Number of events that the connected device cannot have sent ([`crate::device::DeviceError`]), or that exceeded
@@ -136,6 +140,8 @@ pub enum Hold {
     Clutch,
     /// The device has to be released first: after a connection, the clutch or a long silence.
     ReleaseFirst,
+    /// The leader arm has another number of joints than the robot.
+    OtherJoints,
 }
 
 /// Control steps from `from` to before `to`.

@@ -9,7 +9,8 @@ use genmanip_core::{
 };
 use genmanip_motion::{Chain, IkSettings, InverseKinematics};
 
-use crate::device::{Decoder, DeviceEvent};
+use crate::device::{Decoder, DeviceEvent, Goal};
+use crate::follow::{Follow, FollowSettings};
 use crate::mapping::{Axes, Mapping, MappingSettings, OperatorFrame, Twist};
 use crate::record::{Hold, InputSettings, Intervals, OperatorRecord, RecordedEvent};
 use crate::source::Source;
@@ -33,6 +34,8 @@ pub struct TeleopSettings {
     pub target: TargetSettings,
     /// Timeouts of the events, and limits of the gripper.
     pub input: InputSettings,
+    /// How leader arms and trackers are followed.
+    pub follow: FollowSettings,
     /// Name of the camera of [`OperatorFrame::Camera`]; without it that frame is skipped.
     pub camera: Option<String>,
 }
@@ -77,6 +80,9 @@ struct EpisodeState {
     decoder: Decoder,
     mapping: Mapping,
     target: Option<Target>,
+    follow: Follow,
+    /// State of a stream's gripper in the control step before; `None` without one.
+    was_closed: Option<bool>,
     /// Commanded gripper opening, m; `None` before the first control step.
     width_m: Option<f64>,
     /// Opening (m) that is kept until the operator uses the gripper, with the state of the gripper that it counts as;
@@ -102,6 +108,8 @@ impl EpisodeState {
             decoder: Decoder::default(),
             mapping,
             target: None,
+            follow: Follow::default(),
+            was_closed: None,
             width_m: None,
             kept_width_m: None,
             step: first_step,
@@ -230,6 +238,7 @@ impl Teleoperation {
             camera: self.settings.camera.clone(),
             target: self.settings.target.clone(),
             input: self.settings.input.clone(),
+            follow: self.settings.follow.clone(),
             events: events.len() as u64,
             refused: *refused,
             frames: frames.clone(),
@@ -293,15 +302,30 @@ impl Policy for Teleoperation {
             episode.mapping.require_release();
         }
         let reading = episode.decoder.reading();
+        // A stream's gripper acts when it changes, not by what it is when the device is engaged.
+        if let (Some(closed), Some(before)) = (reading.is_closed, episode.was_closed)
+            && closed != before
+        {
+            episode.mapping.set_closed(closed);
+        }
+        episode.was_closed = reading.is_closed;
         let command = episode.mapping.command(&reading);
-        let is_deflected = episode.mapping.is_deflected(&reading);
+        let is_deflected = episode.mapping.is_deflected(&reading) || reading.goal.is_some();
+        let dof = self.robot.arm_dof();
         let held = match (is_deflected, reading.clutch) {
             (false, _) => None,
             (true, true) => Some(Hold::Clutch),
             (true, false) if episode.is_silent || silence_s > input.hold_after_s => Some(Hold::Silence),
+            (true, false) if matches!(&reading.goal, Some(Goal::Joints(joints)) if joints.len() != dof) => {
+                Some(Hold::OtherJoints)
+            }
+            // Streams are engaged slowly instead.
+            (true, false) if reading.goal.is_some() => None,
             (true, false) => episode.mapping.needs_release().then_some(Hold::ReleaseFirst),
         };
-        let twist = if held.is_some() { Twist::ZERO } else { command.twist };
+        if held.is_some() || reading.goal.is_none() {
+            episode.follow.disengage();
+        }
 
         let mut limits = BTreeSet::new();
         let target = episode.target.get_or_insert_with(|| Target::new(self.settings.target.clone(), requested));
@@ -309,6 +333,21 @@ impl Policy for Teleoperation {
         if refused.position.distance(requested.position) > ROUNDING || refused.angle_to(&requested) > ROUNDING {
             target.place(requested);
             limits.insert(Limit::Reach);
+        }
+        let is_stream = held.is_none() && reading.goal.is_some();
+        let (tool, follow) = (target.pose(), &mut episode.follow);
+        let asked = reading.goal.filter(|_| is_stream).map(|goal| match goal {
+            Goal::Joints(joints) => self.robot.tcp_pose(&joints),
+            Goal::Absolute(pose) => pose,
+            Goal::Relative(pose) => follow.moved(tool, pose),
+        });
+        let twist = match asked {
+            Some(asked) => follow.twist(&tool, &asked, period_s, &self.settings.follow),
+            None if held.is_some() => Twist::ZERO,
+            None => command.twist,
+        };
+        if is_stream && !follow.is_near() {
+            limits.insert(Limit::Ramp);
         }
         // The adapter's own test of reachability within a control step: a pose that passes it leaves no path pending,
         // and the arm keeps its configuration branch.

@@ -51,8 +51,8 @@ export interface TeleopStatus {
   time_s: number;
   steps: number;
   late_steps: number;
-  held: "silence" | "clutch" | "release_first" | null;
-  limits: ("speed" | "workspace" | "lead" | "joint" | "singularity" | "reach")[];
+  held: "silence" | "clutch" | "release_first" | "other_joints" | null;
+  limits: ("speed" | "workspace" | "lead" | "joint" | "singularity" | "reach" | "ramp")[];
   frame: string;
   closed: boolean;
   contact_n: number;
@@ -65,7 +65,7 @@ export interface TeleopStatus {
   note: string | null;
 }
 
-const HELD = { silence: "The arm holds: no input", clutch: "The arm holds: clutch", release_first: "The arm holds: release all keys first" };
+const HELD = { silence: "The arm holds: no input", clutch: "The arm holds: clutch", release_first: "The arm holds: release all keys first", other_joints: "The arm holds: other joints" };
 const LIMITS = {
   speed: "at the speed limit",
   workspace: "at the border of the workspace",
@@ -73,6 +73,7 @@ const LIMITS = {
   joint: "a joint is at its limit",
   singularity: "near a singularity",
   reach: "out of reach",
+  ramp: "catches up",
 };
 const PHASES = {
   waiting: "Waits for another episode to end",

@@ -38,15 +38,8 @@ pub fn run(arguments: &TeleopArguments, printer: &Printer) -> Result<ExitStatus,
     let (bodies, models) = (Vec::new(), stage.models.clone());
     let first = watch.then(|| policy.clone());
     let instruction = stage.scenario.task.instruction.clone();
-    let setup = SessionSetup {
-        stage,
-        bodies,
-        models,
-        operator: author.clone(),
-        teleop,
-        policy: first,
-        runs: out.clone(),
-    };
+    let setup =
+        SessionSetup { stage, bodies, models, operator: author.clone(), teleop, policy: first, runs: out.clone() };
     let stop = genmanip_terminal::on_interrupt();
     let session = Arc::new(Session::new(json!({}), Arc::clone(&stop)));
     session.attach(TERMINAL);

@@ -65,8 +65,19 @@ fn a_space_mouse_behind_a_hidraw_file_drives_a_take_that_is_kept() {
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     fs::write(&described, descriptor()).unwrap();
     let scenario = scenario();
-    let arguments =
-        ["teleop", &scenario, "--device", "hidraw9", "--descriptor", "descriptor", "--out", "takes", "--author", "ada", "--json"];
+    let arguments = [
+        "teleop",
+        &scenario,
+        "--device",
+        "hidraw9",
+        "--descriptor",
+        "descriptor",
+        "--out",
+        "takes",
+        "--author",
+        "ada",
+        "--json",
+    ];
     let mut child = program(folder.path(), &arguments)
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
@@ -125,11 +136,12 @@ fn files_that_are_no_space_mouse_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("empty"), []).unwrap();
     let scenario = scenario();
-    for (device, descriptor, words) in
-        [("none", "empty", "cannot open none"), ("empty", "none", "descriptor none"), ("empty", "empty", "no SpaceMouse")]
-    {
-        let refused =
-            genmanip(folder.path(), &["teleop", &scenario, "--device", device, "--descriptor", descriptor]);
+    for (device, descriptor, words) in [
+        ("none", "empty", "cannot open none"),
+        ("empty", "none", "descriptor none"),
+        ("empty", "empty", "no SpaceMouse"),
+    ] {
+        let refused = genmanip(folder.path(), &["teleop", &scenario, "--device", device, "--descriptor", descriptor]);
         assert_eq!(refused.code, Some(1), "{refused:?}");
         assert!(refused.stderr.contains(words) && refused.stderr.contains("hint"), "{words}: {}", refused.stderr);
     }

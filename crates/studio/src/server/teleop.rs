@@ -3,6 +3,8 @@
 //! ```text
 //! page ─▶ start · events · gripper · pause · resume · back · hand_over · take_over · retry · keep · discard
 //! page ◀─ started · status (both JSON) · states (binary) · refused
+//! program beside the page ─▶ join · events
+//! program beside the page ◀─ joined · refused
 //! ```
 
 use std::sync::Arc;
@@ -62,6 +64,10 @@ enum FromPage {
         #[serde(default)]
         policy: Option<String>,
     },
+    /// Lets this connection send the events of the session that a page has begun.
+    Join {
+        scenario: String,
+    },
     Events {
         sequence: u64,
         #[serde(default)]
@@ -95,10 +101,13 @@ pub async fn connect(State(studio): State<Arc<Studio>>, upgrade: WebSocketUpgrad
     upgrade.max_message_size(MAX_MESSAGE).max_frame_size(MAX_MESSAGE).on_upgrade(async move |socket| {
         let _open = open;
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let mut connection = Connection { studio, number, attached: None };
+        let mut connection = Connection { studio, number, attached: None, joined: None };
         connection.serve(socket).await;
         if let Some(attached) = connection.attached {
             attached.session.detach(number);
+        }
+        if let Some(session) = connection.joined {
+            session.leave(number);
         }
     })
 }
@@ -108,6 +117,8 @@ struct Connection {
     studio: Arc<Studio>,
     number: u64,
     attached: Option<Attached>,
+    /// Session to which a program beside the page sends the events.
+    joined: Option<Arc<Session>>,
 }
 
 /// Session that a connection is attached to, with its newest state and status.
@@ -184,11 +195,21 @@ impl Connection {
         if let FromPage::Start { scenario, author, frame, camera, policy } = message {
             return self.start(scenario, &author, frame, camera, policy).await.map(Some);
         }
+        if let FromPage::Join { scenario } = &message {
+            return self.join(scenario).map(Some);
+        }
+        if let (Some(session), FromPage::Events { sequence, events, .. }) = (&self.joined, &message) {
+            if session.status.borrow().phase.is_over() {
+                return Err(Refusal::unsuited("the session is over", "join the next one"));
+            }
+            session.inbox.put_from_program(*sequence, events.clone(), Instant::now());
+            return Ok(None);
+        }
         let Some(Attached { session, .. }) = &self.attached else {
             return Err(Refusal::unsuited("no scenario is teleoperated", "send a `start` message first"));
         };
         match message {
-            FromPage::Start { .. } => {}
+            FromPage::Start { .. } | FromPage::Join { .. } => {}
             FromPage::Events { sequence, sent_ms, events } => {
                 session.inbox.put(sequence, sent_ms, events, Instant::now());
             }
@@ -207,6 +228,24 @@ impl Connection {
             FromPage::Discard => session.set_command(TakeCommand::Discard),
         }
         Ok(None)
+    }
+
+    /// Joins the session that a page has begun on a scenario.
+    fn join(&mut self, key: &str) -> Result<Value, Refusal> {
+        let session = self.studio.teleoperations.newest(key).filter(|session| !session.status.borrow().phase.is_over());
+        let Some(session) = session else {
+            return Err(Refusal::unsuited("nobody teleoperates this scenario", "begin in the page first"));
+        };
+        if let Some(before) = self.joined.take() {
+            before.leave(self.number);
+        }
+        if !session.join(self.number) {
+            return Err(Refusal::unsuited("another program sends the events of this session", "end it first"));
+        }
+        let mut answer = session.about.clone();
+        answer["type"] = json!("joined");
+        self.joined = Some(session);
+        Ok(answer)
     }
 
     async fn start(
@@ -231,7 +270,10 @@ impl Connection {
         teleop.mapping.frame = frame;
         let (studio, number) = (Arc::clone(&self.studio), self.number);
         let runtime = tokio::runtime::Handle::current();
-        let started = tokio::task::spawn_blocking(move || open(&studio, &key, Opening { author, teleop, policy }, number, &runtime)).await;
+        let started = tokio::task::spawn_blocking(move || {
+            open(&studio, &key, Opening { author, teleop, policy }, number, &runtime)
+        })
+        .await;
         let panicked = |_| Refusal::unsuited("the session panicked; please report this bug", "");
         let (session, answer) = started.map_err(panicked)??;
         let (mut states, mut status) = (session.states.subscribe(), session.status.subscribe());
@@ -349,7 +391,7 @@ fn refused(refusal: &Refusal) -> Message {
 }
 
 fn unreadable(reason: &str) -> Refusal {
-    let hint = "expected a JSON message with `type`: start, events, gripper, pause, resume, back, hand_over, take_over, retry, \
+    let hint = "expected a JSON message with `type`: start, join, events, gripper, pause, resume, back, hand_over, take_over, retry, \
                 keep or discard";
     Refusal::unsuited(format!("the message cannot be read: {reason}"), hint)
 }

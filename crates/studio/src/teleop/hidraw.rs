@@ -138,7 +138,8 @@ mod tests {
         let device = Device::SpaceMouse { name: "test".into(), descriptor: SPACE_NAVIGATOR.to_vec() };
         let whole = [&stream[..7], &stream[7..14], &stream[14..17]];
         for size in [1, 2, 3, 7, 20] {
-            let mouse = Hidraw { path: PathBuf::new(), device: device.clone(), layout: layout.clone(), is_stream: true };
+            let mouse =
+                Hidraw { path: PathBuf::new(), device: device.clone(), layout: layout.clone(), is_stream: true };
             let mut passed = Vec::new();
             // The last report is not complete.
             let parts = stream.chunks(size).collect::<Vec<_>>();

@@ -84,6 +84,8 @@ struct SessionState {
     request: Option<Request>,
     /// Number of the connection that is attached; `None` without one.
     attached: Option<u64>,
+    /// Number of the connection of a program beside the page that sends the events; `None` without one.
+    joined: Option<u64>,
     /// Time at which the last connection was lost.
     alone_since: Instant,
 }
@@ -119,7 +121,13 @@ impl Session {
             status: watch::Sender::default(),
             about,
             stop,
-            state: Mutex::new(SessionState { command: TakeCommand::Run, request: None, attached: None, alone_since: now }),
+            state: Mutex::new(SessionState {
+                command: TakeCommand::Run,
+                request: None,
+                attached: None,
+                joined: None,
+                alone_since: now,
+            }),
             changed: Condvar::new(),
         }
     }
@@ -147,6 +155,26 @@ impl Session {
             state.command = TakeCommand::Pause;
         }
         self.changed.notify_all();
+    }
+
+    /// Lets a program beside the page send the events of its device; false if another one does.
+    pub fn join(&self, connection: u64) -> bool {
+        let mut state = self.lock();
+        if state.joined.is_some() {
+            return false;
+        }
+        state.joined = Some(connection);
+        self.inbox.join(true);
+        true
+    }
+
+    /// Gives the events back to the page: the arm holds until its device is released.
+    pub fn leave(&self, connection: u64) {
+        let mut state = self.lock();
+        if state.joined == Some(connection) {
+            state.joined = None;
+            self.inbox.join(false);
+        }
     }
 
     /// Sets the command of the person. A take that is to be kept cannot be resumed.
@@ -492,7 +520,9 @@ fn policy(stage: &Stage, name: &str) -> Result<Box<dyn Policy>, WorkspaceError> 
 /// Note on the end of a policy.
 fn note(name: &str, gave_up: Option<&Failure>) -> String {
     match gave_up {
-        Some(Failure { cause, evidence }) => format!("{name} gave up ({}: {evidence}): you are in command", cause.name()),
+        Some(Failure { cause, evidence }) => {
+            format!("{name} gave up ({}: {evidence}): you are in command", cause.name())
+        }
         None => format!("{name} has finished: you are in command"),
     }
 }

@@ -129,8 +129,9 @@ impl Script<'_> {
         let operator = |frame, events| {
             let mapping = genmanip_teleop::mapping::MappingSettings { frame, ..record.mapping.clone() };
             let (target, input, camera) = (record.target.clone(), record.input.clone(), record.camera.clone());
+            let follow = record.follow.clone();
             let source = Box::new(Playback::new(record.operator.clone(), events));
-            let settings = TeleopSettings { mapping, target, input, camera };
+            let settings = TeleopSettings { mapping, target, input, follow, camera };
             Teleoperation::new(settings, source, &stage.robot, &stage.scenario.world).map_err(WorkspaceError::input)
         };
         let mut environment = Environment::new(settings.clone());

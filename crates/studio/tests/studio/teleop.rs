@@ -342,6 +342,58 @@ fn the_person_takes_over_from_a_policy_hands_back_and_idle_ends_are_cut() {
         let [from, to] = [&stretch["from"], &stretch["to"]].map(|step| step.as_u64().unwrap() as usize);
         episode.frames[from].tcp.position.distance(episode.frames[to - 1].tcp.position)
     };
-    assert!(way_m(&stretches[1]) > 0.02 && way_m(&stretches[0]) < 1e-3, "{} {}", way_m(&stretches[1]), way_m(&stretches[0]));
+    assert!(
+        way_m(&stretches[1]) > 0.02 && way_m(&stretches[0]) < 1e-3,
+        "{} {}",
+        way_m(&stretches[1]),
+        way_m(&stretches[0])
+    );
+    assert!(replays(&studio, &store, &id));
+}
+
+#[test]
+fn a_leader_arm_beside_the_page_is_followed_and_holds_when_it_falls_silent() {
+    let studio = Studio::new();
+    let mut program = Tab::connect_to("/api/teleop", studio.server.address(), "arm", None).unwrap();
+    program.send(&json!({ "type": "join", "scenario": studio.key }));
+    assert!(program.next("refused")["error"]["message"].as_str().unwrap().contains("nobody"));
+    let mut page = Page::with_keyboard(&studio);
+    program.send(&json!({ "type": "join", "scenario": studio.key }));
+    assert_eq!(program.next("joined")["scenario"], json!(studio.key));
+    let mut other = Tab::connect_to("/api/teleop", studio.server.address(), "arm", None).unwrap();
+    other.send(&json!({ "type": "join", "scenario": studio.key }));
+    assert!(other.next("refused")["error"]["message"].as_str().unwrap().contains("another program"));
+    // The leader is above the robot.
+    let mut joints = panda().home.clone();
+    joints[3] += 0.3;
+    let wanted = panda().tcp_pose(&joints);
+    let mut sequence = 0;
+    let mut send = |program: &mut Tab, events: Value| {
+        program.send(&json!({ "type": "events", "sequence": sequence, "events": events }));
+        sequence += 1;
+    };
+    send(&mut program, json!([{ "type": "connected", "device": { "kind": "leader_arm", "name": "gello" } }]));
+    let start = Instant::now();
+    let mut ramped = false;
+    while start.elapsed() < Duration::from_secs(4) {
+        send(&mut program, json!([{ "type": "joints", "position_rad": joints, "gripper": 1.0 }]));
+        page.watch(Duration::from_millis(20), true);
+        ramped |= page.status["limits"].to_string().contains("ramp");
+    }
+    assert!(ramped, "{}", page.status);
+    assert_eq!(page.status["limits"], json!([]), "it has caught up");
+    let silent = Instant::now();
+    page.until(true, |status| status["held"] == "silence");
+    assert!(silent.elapsed() < Duration::from_millis(400), "{:?}", silent.elapsed());
+    drop(program);
+    page.watch(Duration::from_millis(300), true);
+    page.say("keep");
+    page.until(true, |status| status["phase"] == "kept");
+    let (store, id) = stored(&studio);
+    let record = json_of(&store, &id, "operator.json");
+    assert_eq!(record["devices"][1], json!({ "kind": "leader_arm", "name": "gello" }));
+    let episode = store.read(&id).unwrap();
+    let last = episode.frames.last().unwrap().tcp;
+    assert!(last.position.distance(wanted.position) < 0.01, "{last:?} {wanted:?}");
     assert!(replays(&studio, &store, &id));
 }
