@@ -2,7 +2,7 @@
 
 use std::io::BufRead;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
 use genmanip_core::EpisodeResult;
@@ -46,12 +46,13 @@ pub fn run(arguments: &TeleopArguments, printer: &Printer) -> Result<ExitStatus,
     printer.say(format!("{instruction}\n{} moves the arm; {LETTERS}", mouse.name()));
     mouse.watch(Arc::clone(&session.inbox), Arc::clone(&stop));
     listen(&session, policy);
-    let is_over = AtomicBool::new(false);
     let place = std::thread::scope(|scope| {
-        scope.spawn(|| tell(&session, &is_over, printer));
-        let ran = session.run(&setup, |_| ());
-        is_over.store(true, Ordering::Relaxed);
-        ran
+        let (running, ended) = channel();
+        let told = &*session;
+        scope.spawn(move || tell(told, &ended, printer));
+        let place = session.run(&setup, |_| ());
+        drop(running);
+        place
     })?;
     let Some(place) = place else {
         printer.say("nothing was kept");
@@ -92,11 +93,10 @@ fn listen(session: &Arc<Session>, policy: &str) {
     });
 }
 
-/// Prints the status when it changes in more than its numbers, and every few seconds.
-fn tell(session: &Session, is_over: &AtomicBool, printer: &Printer) {
+/// Prints the status when it changes in more than its numbers, and every few seconds, until the session has ended.
+fn tell(session: &Session, ended: &Receiver<()>, printer: &Printer) {
     let mut told: Option<(Instant, String)> = None;
-    while !is_over.load(Ordering::Relaxed) {
-        std::thread::sleep(LOOK);
+    while ended.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
         let status = session.status.borrow().clone();
         let state = state(&status);
         if told.as_ref().is_some_and(|(at, before)| *before == state && at.elapsed() < LINE) {
@@ -119,6 +119,7 @@ fn state(status: &SessionStatus) -> String {
             Hold::Silence => "no input",
             Hold::Clutch => "clutch",
             Hold::ReleaseFirst => "release the device first",
+            Hold::OtherJoints => "the device has other joints",
         };
         format!(", the arm holds: {reason}")
     });

@@ -98,7 +98,7 @@ fn a_space_mouse_behind_a_hidraw_file_drives_a_take_that_is_kept() {
         }
     };
     deflect(0, 3);
-    deflect(-350, 100);
+    deflect(-350, 200);
     // Nothing more: the arm holds.
     driven.until("no input");
     deflect(0, 3);

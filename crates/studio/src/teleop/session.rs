@@ -24,7 +24,7 @@ use super::inbox::{Inbox, MOST_EVENTS, PageSource};
 use super::live::Live;
 use super::pace::Pace;
 use super::status::{Phase, Request, SessionStatus, TakeCommand, Unmet};
-use super::take::{POLICY, Take, interrupted};
+use super::take::{Take, interrupted};
 use crate::run::playback::{Body, row};
 use crate::run::{Place, run_folder_name};
 
