@@ -73,7 +73,7 @@ pub(crate) struct Record {
     pub(crate) memory: Memory,
 }
 
-/// What judging and explaining remember of an episode beside its frames and events.
+/// Memory of judging and explaining, beside the frames and events of an episode.
 #[derive(Clone, Debug)]
 pub(crate) struct Memory {
     pub(crate) success_once: bool,

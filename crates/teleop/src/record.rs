@@ -35,7 +35,7 @@ pub struct OperatorRecord {
     pub target: TargetSettings,
     /// Timeouts of the events, and limits of the gripper.
     pub input: InputSettings,
-    /// How leader arms and trackers are followed; absent for the defaults.
+    /// Speeds and tolerances of following leader arms and trackers; absent for the defaults.
     #[serde(default, skip_serializing_if = "FollowSettings::is_default")]
     pub follow: FollowSettings,
     /// Number of recorded events: all received ones except those beyond [`InputSettings::most_events`].

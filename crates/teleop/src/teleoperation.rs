@@ -34,7 +34,7 @@ pub struct TeleopSettings {
     pub target: TargetSettings,
     /// Timeouts of the events, and limits of the gripper.
     pub input: InputSettings,
-    /// How leader arms and trackers are followed.
+    /// Speeds and tolerances of following leader arms and trackers.
     pub follow: FollowSettings,
     /// Name of the camera of [`OperatorFrame::Camera`]; without it that frame is skipped.
     pub camera: Option<String>,

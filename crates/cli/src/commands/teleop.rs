@@ -107,7 +107,7 @@ fn tell(session: &Session, ended: &Receiver<()>, printer: &Printer) {
     }
 }
 
-/// Who is in command, and why the arm does not move.
+/// Words for the side in command, and for the reason why the arm does not move.
 fn state(status: &SessionStatus) -> String {
     let in_command = match (&status.note, &status.policy) {
         (Some(note), _) => note.clone(),

@@ -352,7 +352,7 @@ fn open(
     Ok(started(session, false))
 }
 
-/// What a take teaches: the relations and states of the goal's first alternative, such as `in + closed`.
+/// Skill that a take shows: relations and states of the goal's first alternative, such as `in + closed`.
 fn skill(goal: &Goal) -> String {
     let mut names: Vec<&str> = Vec::new();
     for atom in goal.alternatives.iter().take(1).flatten() {

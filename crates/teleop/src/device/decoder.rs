@@ -17,13 +17,13 @@ pub struct Reading {
     pub clutch: bool,
     /// Controls that were pressed since the previous reading, in order.
     pub pressed: Vec<Control>,
-    /// Where a leader arm or tracker wants the tool; `None` for other devices.
+    /// Pose of the tool that a leader arm or tracker asks for; `None` for other devices.
     pub goal: Option<Goal>,
     /// True if the gripper of that device is closed; `None` if it has none.
     pub is_closed: Option<bool>,
 }
 
-/// Where a device wants the tool.
+/// Pose of the tool that a device asks for.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Goal {
     /// Tool pose of these joint positions of the robot, rad.
