@@ -6,13 +6,13 @@ const SPEED_M_S = 0.2;
 /** Serves a page's socket of teleoperation; `studio.driven` lists its messages, for tests. */
 export function teleoperate(studio, socket) {
   studio.driven = [];
-  const session = { keys: new Set(), lift_m: 0, phase: "running", closed: false, heard: 0, held: null, steps: 0, take: 1 };
+  const session = { keys: new Set(), lift_m: 0, phase: "running", closed: false, heard: 0, held: null, steps: 0, take: 1, policy: null, undone: [0, 0] };
   let document;
   let timer;
   const tell = () => {
-    const { phase, closed, held, steps, take } = session;
+    const { phase, closed, held, steps, take, policy, undone } = session;
     const next = { text: "left: gap 0.042 m, at most 0.020 m", distance: 0.022, unit: "m" };
-    const status = { phase, take, time_s: steps / RATE_HZ, steps, late_steps: 1, held, limits: [], frame: "world", closed, contact_n: 0, grasped: null, conditions: [0, 1], next, success: null };
+    const status = { phase, take, time_s: steps / RATE_HZ, steps, late_steps: 1, held, limits: [], frame: "world", closed, contact_n: 0, grasped: null, conditions: [0, 1], next, success: null, policy, undone, note: null };
     socket.send(JSON.stringify({ type: "status", status }));
   };
   const step = () => {
@@ -42,7 +42,7 @@ export function teleoperate(studio, socket) {
     if (message.type !== "events") studio.driven.push(message.type);
     if (message.type === "start") {
       document = studio.documents.get(message.scenario);
-      socket.send(JSON.stringify({ type: "started", scenario: message.scenario, again: false }));
+      socket.send(JSON.stringify({ type: "started", scenario: message.scenario, skill: "left", again: false }));
       timer = setInterval(step, 1000 / RATE_HZ);
     } else if (message.type === "events") {
       session.heard = performance.now();
@@ -56,6 +56,13 @@ export function teleoperate(studio, socket) {
       }
     } else if (message.type === "pause" || message.type === "resume") {
       session.phase = message.type === "pause" ? "paused" : "running";
+      tell();
+    } else if (message.type === "back") {
+      session.undone = [session.undone[0] + 1, session.undone[1] + Math.min(session.steps / RATE_HZ, 5)];
+      Object.assign(session, { lift_m: 0, steps: Math.max(session.steps - 5 * RATE_HZ, 0), phase: "paused" });
+      tell();
+    } else if (message.type === "hand_over" || message.type === "take_over") {
+      session.policy = message.policy ?? null;
       tell();
     } else if (message.type === "retry") {
       Object.assign(session, { lift_m: 0, steps: 0, take: session.take + 1, phase: "running", closed: false });

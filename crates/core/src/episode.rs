@@ -120,7 +120,7 @@ pub struct EpisodeResult {
     /// True if the scenario's alternative request, which was not made, is satisfied at the end; `None` without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub other_request_success: Option<bool>,
-    /// Takeover from another policy that failed, and the failure that was corrected; `None` in other episodes.
+    /// Takeover from another policy, and the failure that was corrected; `None` in other episodes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correction: Option<Correction>,
     /// Style of the expert that acted in a collected episode; absent for the default one.
@@ -161,6 +161,8 @@ named_enum! {
         ScriptedTeleop = "scripted_teleop",
         /// A skill that was cut from another episode and transferred to this scene.
         Transfer = "transfer",
+        /// A policy or the expert, from which a person at a device took over.
+        Correction = "correction",
     }
 }
 
@@ -178,11 +180,12 @@ fn is_zero(count: &usize) -> bool {
 /// Takeover of an episode from a failing policy, as in DAgger-style training.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Correction {
-    /// Name of the failing policy.
+    /// Name of the policy that acted first.
     pub policy: String,
-    /// First control step of the correction; earlier steps belong to the failing policy.
+    /// First control step of the correction; earlier steps belong to that policy.
     pub from_step: usize,
-    /// Causes of the failure that the correction prevented, the most decisive first.
+    /// Causes of the failure that the correction prevented, the most decisive first; empty if a person took over before
+    /// any failure.
     pub failures: Vec<Failure>,
 }
 

@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! reset(stage, seed) ─► step(command)… ─► settle() ─► finish(conclusion) ─► Episode
-//!                        │ observe() · truth() · verdict() · save() / restore() at any time
+//!                        │ observe() · truth() · verdict() · save() / restore() · mark() / rewind() at any time
 //! ```
 
 use std::sync::Arc;
@@ -17,9 +17,12 @@ use genmanip_core::{
 use genmanip_relations::{PosedScene, RelationSettings, joint_state, judge_goal};
 use genmanip_sim::{BodyId, Sim};
 
-use crate::evidence::{Evidence, Unreachable};
+use crate::evidence::Unreachable;
 use crate::images::{Exposure, StageRenderer, sensor_seed};
+use crate::recording::{Memory, Record};
 use crate::{RolloutError, RolloutSettings, Stage, evidence};
+
+pub use crate::recording::{Event, EventKind, Mark, Snapshot};
 
 /// Time after the last grip during which contact with the object counts as part of the release, s. Chosen by hand.
 const RELEASE_S: f64 = 1.0;
@@ -53,30 +56,6 @@ pub struct Step {
     pub events: Vec<Event>,
 }
 
-/// An event of an episode.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Event {
-    /// Start of the control interval of the event; for goal events, the time of the verdict.
-    pub time_s: f64,
-    /// Kind of event, with its object or bodies.
-    pub kind: EventKind,
-}
-
-/// Kinds of events that the environment reports.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EventKind {
-    /// Both fingers started to press on the object with this index.
-    Grasped(usize),
-    /// The grip on the object with this index ended.
-    Released(usize),
-    /// A link of the robot started to touch something it should not, or the touched body changed.
-    StrayContact([BodyId; 2]),
-    /// The goal holds, and did not at the previous verdict.
-    GoalReached,
-    /// The goal no longer holds.
-    GoalLost,
-}
-
 /// Facts about the end of an episode that only the driver knows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conclusion<'a> {
@@ -92,22 +71,6 @@ pub struct Conclusion<'a> {
     pub gave_up: Option<Failure>,
 }
 
-/// Complete state of an episode at one moment: simulation, judge's memory, recording and events.
-#[derive(Clone, Debug)]
-pub struct Snapshot {
-    stage: Stage,
-    seed: Seed,
-    state: Vec<f64>,
-    record: Record,
-}
-
-impl Snapshot {
-    /// Complete state of the simulation.
-    pub fn state(&self) -> &[f64] {
-        &self.state
-    }
-}
-
 #[derive(Debug)]
 struct Session {
     stage: Stage,
@@ -116,35 +79,6 @@ struct Session {
     record: Record,
     /// Geometry for relations; during the episode, only the objects that the goal depends on are updated.
     scene: PosedScene,
-}
-
-/// Recording of the episode so far, without the simulation state.
-#[derive(Clone, Debug)]
-struct Record {
-    initial_state: Vec<f64>,
-    frames: Vec<Frame>,
-    events: Vec<Event>,
-    success_once: bool,
-    /// Number of control steps when the goal was first seen to hold, if it has held since; `None` otherwise.
-    held_since: Option<usize>,
-    worst_stray_n: f64,
-    stray_contact: Option<StrayContact>,
-    /// Bodies of the stray contact in the last control interval; `None` without one.
-    stray_bodies: Option<[BodyId; 2]>,
-    /// Index of the object gripped last, and time of the last grip (s). `None` before the first grip.
-    last_gripped: Option<(usize, f64)>,
-    /// Named state of each object's joints at the last verdict, for hysteresis: a state lasts until it is clearly left.
-    joint_states: Vec<Option<String>>,
-    /// Summary of the actions whose pose was unreachable; `None` if there were none.
-    unreachable: Option<Unreachable>,
-    /// Number of control steps before settling, and the verdict after it; `None` before settling.
-    settled: Option<(usize, GoalVerdict)>,
-}
-
-impl Record {
-    fn seen(&self) -> Evidence<'_> {
-        Evidence { frames: &self.frames, unreachable: self.unreachable.as_ref() }
-    }
 }
 
 impl Environment {
@@ -165,15 +99,17 @@ impl Environment {
             initial_state: sim.state(),
             frames: Vec::new(),
             events: Vec::new(),
-            success_once: false,
-            held_since: None,
-            worst_stray_n: 0.0,
-            stray_contact: None,
-            stray_bodies: None,
-            last_gripped: None,
-            joint_states: joint_states(stage.start(), &stage.relations),
-            unreachable: None,
-            settled: None,
+            memory: Memory {
+                success_once: false,
+                held_since: None,
+                worst_stray_n: 0.0,
+                stray_contact: None,
+                stray_bodies: None,
+                last_gripped: None,
+                joint_states: joint_states(stage.start(), &stage.relations),
+                unreachable: None,
+                settled: None,
+            },
         };
         let scene = stage.start().clone();
         self.session.insert(Session { stage: stage.clone(), seed, sim, record, scene }).observation()
@@ -200,17 +136,17 @@ impl Environment {
     pub fn settle(&mut self) -> Result<Step, RolloutError> {
         let session = self.session.as_mut().ok_or(RolloutError::NotReset)?;
         let known = session.record.events.len();
-        if session.record.settled.is_none() {
+        if session.record.memory.settled.is_none() {
             let (command, before) = (session.last_command(), session.record.frames.len());
             for _ in 0..steps_in(self.settings.settle_s, &session.stage) {
                 session.step(&command, &self.settings)?;
             }
             let (verdict, _) = session.judge(&self.settings);
-            session.record.settled = Some((before, verdict));
+            session.record.memory.settled = Some((before, verdict));
         }
         Ok(Step {
             observation: session.observation(),
-            verdict: session.record.settled.as_ref().map(|(_, verdict)| verdict.clone()),
+            verdict: session.record.memory.settled.as_ref().map(|(_, verdict)| verdict.clone()),
             terminated: true,
             truncated: session.is_truncated(&self.settings),
             events: session.record.events[known..].to_vec(),
@@ -287,7 +223,7 @@ impl Environment {
         let record = &mut self.session.as_mut().ok_or(RolloutError::NotReset)?.record;
         let step = record.frames.len();
         let first = || Unreachable { actions: 0, step, reason: reason.to_owned() };
-        record.unreachable.get_or_insert_with(first).actions += 1;
+        record.memory.unreachable.get_or_insert_with(first).actions += 1;
         Ok(())
     }
 
@@ -369,6 +305,32 @@ impl Environment {
         self.session = Some(Session { stage, seed, sim, record, scene });
         Ok(())
     }
+
+    /// Marks the present moment of the episode.
+    ///
+    /// # Errors
+    /// If the environment was not reset.
+    pub fn mark(&self) -> Result<Mark, RolloutError> {
+        let Session { sim, record, .. } = self.session.as_ref().ok_or(RolloutError::NotReset)?;
+        let (frames, events) = (record.frames.len(), record.events.len());
+        Ok(Mark { state: sim.state(), memory: record.memory.clone(), frames, events })
+    }
+
+    /// Returns to a marked moment of this episode; later frames and events are dropped from the recording. The same
+    /// commands then give the same bytes.
+    ///
+    /// # Errors
+    /// If the environment was not reset, or the physics engine rejects the state.
+    pub fn rewind(&mut self, mark: &Mark) -> Result<(), RolloutError> {
+        let session = self.session.as_mut().ok_or(RolloutError::NotReset)?;
+        let mut sim = Sim::new(Arc::clone(&session.stage.scene));
+        sim.set_state(&mark.state)?;
+        (session.sim, session.scene) = (sim, session.stage.start().clone());
+        session.record.frames.truncate(mark.frames);
+        session.record.events.truncate(mark.events);
+        session.record.memory = mark.memory.clone();
+        Ok(())
+    }
 }
 
 impl Session {
@@ -393,19 +355,19 @@ impl Session {
         let frames = self.record.frames.len();
         let verdict = frames.is_multiple_of(settings.judge_every.max(1)).then(|| {
             let (verdict, states) = self.judge_incrementally(settings);
-            self.record.joint_states = states;
+            self.record.memory.joint_states = states;
             verdict
         });
         let observation = self.observation();
         if let Some(verdict) = &verdict {
-            self.record.success_once |= verdict.success;
-            let kind = match (verdict.success, self.record.held_since) {
+            self.record.memory.success_once |= verdict.success;
+            let kind = match (verdict.success, self.record.memory.held_since) {
                 (true, None) => Some(EventKind::GoalReached),
                 (false, Some(_)) => Some(EventKind::GoalLost),
                 _ => None,
             };
             events.extend(kind.map(|kind| Event { time_s: observation.time_s, kind }));
-            self.record.held_since = verdict.success.then(|| self.record.held_since.unwrap_or(frames));
+            self.record.memory.held_since = verdict.success.then(|| self.record.memory.held_since.unwrap_or(frames));
         }
         self.record.events.extend_from_slice(&events);
         Ok(Step {
@@ -419,11 +381,12 @@ impl Session {
 
     fn is_terminated(&self, settings: &RolloutSettings) -> bool {
         let held = |since: usize| self.record.frames.len() - since >= steps_in(settings.settle_s, &self.stage);
-        self.record.settled.is_some() || settings.stop_on_success && self.record.held_since.is_some_and(held)
+        self.record.memory.settled.is_some()
+            || settings.stop_on_success && self.record.memory.held_since.is_some_and(held)
     }
 
     fn is_truncated(&self, settings: &RolloutSettings) -> bool {
-        let frames = self.record.settled.as_ref().map_or(self.record.frames.len(), |(before, _)| *before);
+        let frames = self.record.memory.settled.as_ref().map_or(self.record.frames.len(), |(before, _)| *before);
         frames >= steps_in(settings.horizon_s, &self.stage)
     }
 
@@ -437,9 +400,9 @@ impl Session {
             events.extend(frame.grasped.map(|object| event(EventKind::Grasped(object))));
         }
         let stray_bodies = self.sim.stray_bodies();
-        if stray_bodies != self.record.stray_bodies {
+        if stray_bodies != self.record.memory.stray_bodies {
             events.extend(stray_bodies.map(|bodies| event(EventKind::StrayContact(bodies))));
-            self.record.stray_bodies = stray_bodies;
+            self.record.memory.stray_bodies = stray_bodies;
         }
         events
     }
@@ -447,19 +410,20 @@ impl Session {
     /// Records the bodies of the strongest stray contact so far.
     fn record_stray_contact(&mut self, frame: &Frame) {
         let record = &mut self.record;
-        record.last_gripped = frame.grasped.map(|object| (object, frame.time_s)).or(record.last_gripped);
-        let Some([link, other]) = self.sim.stray_bodies().filter(|_| frame.stray_contact_n > record.worst_stray_n)
+        record.memory.last_gripped = frame.grasped.map(|object| (object, frame.time_s)).or(record.memory.last_gripped);
+        let Some([link, other]) =
+            self.sim.stray_bodies().filter(|_| frame.stray_contact_n > record.memory.worst_stray_n)
         else {
             return;
         };
         let before = record.frames.last().unwrap_or(frame).command.last().copied().unwrap_or_default();
-        record.worst_stray_n = frame.stray_contact_n;
-        record.stray_contact = Some(StrayContact {
+        record.memory.worst_stray_n = frame.stray_contact_n;
+        record.memory.stray_contact = Some(StrayContact {
             time_s: frame.time_s,
             link: self.stage.scene.body_name(link),
             other: self.stage.scene.body_name(other),
             hand: GripperPhase::of(frame, before),
-            let_go: record.last_gripped.is_some_and(|(held, last_s)| {
+            let_go: record.memory.last_gripped.is_some_and(|(held, last_s)| {
                 matches!(other, BodyId::Object { object, .. } if object == held) && frame.time_s - last_s <= RELEASE_S
             }),
         });
@@ -483,7 +447,7 @@ impl Session {
             let object = &objects[index];
             self.scene.set_pose(index, object.pose, &object.joint_positions);
         }
-        self.scene.set_previous_states(self.record.joint_states.iter().cloned());
+        self.scene.set_previous_states(self.record.memory.joint_states.iter().cloned());
         let states = joint_states(&self.scene, &self.stage.relations);
         let was_held = self.record.frames.last().is_some_and(|frame| frame.grasped.is_some());
         let mut rest = Stage::rest(&objects, if was_held { self.sim.grasped() } else { None }, settings);
@@ -502,13 +466,13 @@ impl Session {
         let objects = self.sim.object_states();
         let rest = Stage::rest(&objects, self.sim.grasped(), settings);
         let mut scene = self.stage.posed(&objects);
-        scene.set_previous_states(self.record.joint_states.iter().cloned());
+        scene.set_previous_states(self.record.memory.joint_states.iter().cloned());
         let states = joint_states(&scene, &self.stage.relations);
         (judge_goal(&scene, &self.stage.goal, &rest, &self.stage.relations), states)
     }
 
     fn finish(mut self, conclusion: Conclusion, settings: &RolloutSettings) -> Result<Episode, RolloutError> {
-        let verdict = match self.record.settled.take() {
+        let verdict = match self.record.memory.settled.take() {
             Some((_, verdict)) => verdict,
             None => self.judge(settings).0,
         };
@@ -532,7 +496,7 @@ impl Session {
             oracle,
             seed,
             success,
-            success_once: record.success_once || success,
+            success_once: record.memory.success_once || success,
             verdict,
             ending: Some(ending),
             failures,
@@ -540,10 +504,10 @@ impl Session {
             horizon_s: settings.horizon_s,
             control_rate_hz: stage.control_rate_hz(),
             frames: record.frames.len(),
-            unreachable_actions: record.unreachable.as_ref().map_or(0, |seen| seen.actions),
+            unreachable_actions: record.memory.unreachable.as_ref().map_or(0, |seen| seen.actions),
             tcp_path_m: path,
-            max_stray_contact_n: record.worst_stray_n,
-            stray_contact: record.stray_contact,
+            max_stray_contact_n: record.memory.worst_stray_n,
+            stray_contact: record.memory.stray_contact,
             world_hashes: Some(stage.scenario.world.hashes()),
             cloud: None,
             other_request_success,

@@ -18,6 +18,7 @@ pub mod grasp_trial;
 pub mod images;
 pub mod physics_variation;
 pub mod policies;
+mod recording;
 pub mod replay;
 mod robot_interface;
 mod settings;

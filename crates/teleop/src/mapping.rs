@@ -175,6 +175,11 @@ impl Mapping {
         self.needs_release = true;
     }
 
+    /// Sets the state of the gripper without a press, such as that of another policy before the operator took command.
+    pub fn set_closed(&mut self, closed: bool) {
+        self.closed = closed;
+    }
+
     /// True if an axis is outside the dead zone.
     pub fn is_deflected(&self, reading: &Reading) -> bool {
         reading.axes.iter().any(|axis| shape(*axis, &self.settings) != 0.0)

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::device::{Device, DeviceEvent};
+use crate::follow::FollowSettings;
 use crate::mapping::{MappingSettings, OperatorFrame};
 use crate::source::{Operator, Source};
 use crate::target::{Limit, TargetSettings};
@@ -34,6 +35,9 @@ pub struct OperatorRecord {
     pub target: TargetSettings,
     /// Timeouts of the events, and limits of the gripper.
     pub input: InputSettings,
+    /// Speeds and tolerances of following leader arms and trackers; absent for the defaults.
+    #[serde(default, skip_serializing_if = "FollowSettings::is_default")]
+    pub follow: FollowSettings,
     /// Number of recorded events: all received ones except those beyond [`InputSettings::most_events`].
     pub events: u64,
     /// Number of events that the connected device cannot have sent ([`crate::device::DeviceError`]), or that exceeded
@@ -47,6 +51,48 @@ pub struct OperatorRecord {
     pub held: Vec<Interval<Hold>>,
     /// Control steps in which a limit slowed the tool, with the limit.
     pub limited: Vec<Interval<Limit>>,
+    /// Stretches of the episode by who was in command, in order and without gaps up to the settling; empty if the
+    /// operator was from the first control step to the last.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub in_command: Vec<Stretch>,
+    /// Control steps that the operator undid, in the order in which that happened; they are not in the episode.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub undone: Vec<Undone>,
+    /// Numbers of idle control steps that were cut from the start and from the end; absent if none were.
+    #[serde(default, skip_serializing_if = "is_untrimmed")]
+    pub trimmed: [usize; 2],
+}
+
+fn is_untrimmed(trimmed: &[usize; 2]) -> bool {
+    *trimmed == [0; 2]
+}
+
+/// Control steps from `from` to before `to` in which one side was in command.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stretch {
+    /// First control step.
+    pub from: usize,
+    /// Control step after the last one.
+    pub to: usize,
+    /// Name of the policy that was in command; absent for the operator.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub policy: Option<String>,
+    /// Frame in use when the operator took command; absent for a policy.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<OperatorFrame>,
+}
+
+/// Control steps that were undone: the environment returned to the state before `from`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Undone {
+    /// First undone control step; the episode goes on with another step of this number.
+    pub from: usize,
+    /// Control step after the last undone one.
+    pub to: usize,
+    /// Number of raw events that were received in these control steps.
+    pub events: u64,
 }
 
 impl Document for OperatorRecord {
@@ -94,6 +140,8 @@ pub enum Hold {
     Clutch,
     /// The device has to be released first: after a connection, the clutch or a long silence.
     ReleaseFirst,
+    /// The leader arm has another number of joints than the robot.
+    OtherJoints,
 }
 
 /// Control steps from `from` to before `to`.
@@ -130,8 +178,20 @@ pub struct EventsError {
     pub why: String,
 }
 
+/// Line of a file of events.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct EventLine {
+    pub(crate) sequence: u64,
+    pub(crate) step: usize,
+    pub(crate) event: DeviceEvent,
+    /// Number of the undoing that cut the event's control step, from 1; absent if the step is in the episode.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) undone: Option<usize>,
+}
+
 /// Content of [`EVENTS_FILE`]: one JSON object per line.
-pub fn events_to_lines(events: &[RecordedEvent]) -> Vec<u8> {
+pub(crate) fn lines_of(events: &[EventLine]) -> Vec<u8> {
     let mut lines = Vec::new();
     for event in events {
         // Plain data: serialisation cannot fail.
@@ -141,7 +201,16 @@ pub fn events_to_lines(events: &[RecordedEvent]) -> Vec<u8> {
     lines
 }
 
-/// Events in the content of [`EVENTS_FILE`].
+/// Content of [`EVENTS_FILE`] for an episode of which nothing was undone.
+pub fn events_to_lines(events: &[RecordedEvent]) -> Vec<u8> {
+    let line = |event: &RecordedEvent| {
+        let RecordedEvent { sequence, step, event } = event.clone();
+        EventLine { sequence, step, event, undone: None }
+    };
+    lines_of(&events.iter().map(line).collect::<Vec<_>>())
+}
+
+/// Events in the content of [`EVENTS_FILE`], without those that were undone.
 ///
 /// # Errors
 /// The first line that is not an event, or does not follow the one before.
@@ -149,11 +218,15 @@ pub fn events_from_lines(text: &str) -> Result<Vec<RecordedEvent>, EventsError> 
     let mut events: Vec<RecordedEvent> = Vec::new();
     for (index, line) in text.lines().enumerate() {
         let fault = |why: String| EventsError { line: index + 1, why };
-        let event: RecordedEvent = serde_json::from_str(line).map_err(|error| fault(error.to_string()))?;
-        if event.sequence != index as u64 || events.last().is_some_and(|last| event.step < last.step) {
-            return Err(fault(format!("sequence {} at step {}", event.sequence, event.step)));
+        let line: EventLine = serde_json::from_str(line).map_err(|error| fault(error.to_string()))?;
+        let EventLine { sequence, step, event, undone } = line;
+        let is_kept = undone.is_none();
+        if sequence != index as u64 || is_kept && events.last().is_some_and(|last| step < last.step) {
+            return Err(fault(format!("sequence {sequence} at step {step}")));
         }
-        events.push(event);
+        if is_kept {
+            events.push(RecordedEvent { sequence, step, event });
+        }
     }
     Ok(events)
 }

@@ -54,6 +54,8 @@ pub enum Limit {
     Joint,
     /// The arm is near a singularity.
     Singularity,
+    /// The tool approaches the pose of a leader arm or tracker slowly, until it has caught up.
+    Ramp,
     /// The arm cannot reach the pose within a control step, at its maximum joint speeds and without changing its
     /// configuration branch.
     Reach,

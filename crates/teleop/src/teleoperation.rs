@@ -9,7 +9,8 @@ use genmanip_core::{
 };
 use genmanip_motion::{Chain, IkSettings, InverseKinematics};
 
-use crate::device::{Decoder, DeviceEvent};
+use crate::device::{Decoder, DeviceEvent, Goal};
+use crate::follow::{Follow, FollowSettings};
 use crate::mapping::{Axes, Mapping, MappingSettings, OperatorFrame, Twist};
 use crate::record::{Hold, InputSettings, Intervals, OperatorRecord, RecordedEvent};
 use crate::source::Source;
@@ -19,6 +20,8 @@ use crate::target::{Limit, Target, TargetSettings};
 const ROUNDING: f64 = 1e-5;
 /// Distance from a joint limit below which the limit is reported as the reason why the tool does not follow, rad.
 const JOINT_MARGIN_RAD: f64 = 0.03;
+/// Difference between measured and commanded opening above which the fingers press on something, m.
+const PRESSED_M: f64 = 0.003;
 /// Manipulability below which a singularity is reported as the reason; at the arm's home it is several times larger.
 const SINGULAR: f64 = 0.02;
 
@@ -31,6 +34,8 @@ pub struct TeleopSettings {
     pub target: TargetSettings,
     /// Timeouts of the events, and limits of the gripper.
     pub input: InputSettings,
+    /// Speeds and tolerances of following leader arms and trackers.
+    pub follow: FollowSettings,
     /// Name of the camera of [`OperatorFrame::Camera`]; without it that frame is skipped.
     pub camera: Option<String>,
 }
@@ -63,6 +68,7 @@ pub struct Teleoperation {
     rate_hz: f64,
     camera: Option<Axes>,
     report: Option<Report>,
+    first_step: usize,
     episode: EpisodeState,
 }
 
@@ -74,8 +80,14 @@ struct EpisodeState {
     decoder: Decoder,
     mapping: Mapping,
     target: Option<Target>,
+    follow: Follow,
+    /// State of a stream's gripper in the control step before; `None` without one.
+    was_closed: Option<bool>,
     /// Commanded gripper opening, m; `None` before the first control step.
     width_m: Option<f64>,
+    /// Opening (m) that is kept until the operator uses the gripper, with the state of the gripper that it counts as;
+    /// `None` if the gripper was fully open when the operator took command.
+    kept_width_m: Option<(f64, bool)>,
     step: usize,
     /// Control step in which the last event was received.
     last_event: usize,
@@ -91,14 +103,17 @@ struct EpisodeState {
 }
 
 impl EpisodeState {
-    fn new(mapping: Mapping) -> Self {
+    fn new(mapping: Mapping, first_step: usize) -> Self {
         Self {
             decoder: Decoder::default(),
             mapping,
             target: None,
+            follow: Follow::default(),
+            was_closed: None,
             width_m: None,
-            step: 0,
-            last_event: 0,
+            kept_width_m: None,
+            step: first_step,
+            last_event: first_step,
             is_silent: false,
             status: Status::default(),
             events: Vec::new(),
@@ -164,7 +179,8 @@ impl Teleoperation {
         let chain = Chain::new(robot).map_err(|error| error.to_string())?;
         let rate_hz = f64::from(world.physics.control_rate_hz);
         Ok(Self {
-            episode: EpisodeState::new(Mapping::new(settings.mapping.clone(), camera)),
+            episode: EpisodeState::new(Mapping::new(settings.mapping.clone(), camera), 0),
+            first_step: 0,
             settings,
             source,
             robot: Arc::clone(robot),
@@ -182,6 +198,20 @@ impl Teleoperation {
     pub fn reporting_to(mut self, report: impl FnMut(&Status) + Send + 'static) -> Self {
         self.report = Some(Box::new(report));
         self
+    }
+
+    /// Counts control steps from `step` on instead of 0: the operator takes command in mid-episode. The gripper keeps its
+    /// opening until the operator uses it, and the device has to be released first.
+    #[must_use]
+    pub fn starting_at(mut self, step: usize) -> Self {
+        self.first_step = step;
+        self.episode = EpisodeState::new(Mapping::new(self.settings.mapping.clone(), self.camera), step);
+        self
+    }
+
+    /// Frame in use.
+    pub fn frame(&self) -> OperatorFrame {
+        self.episode.mapping.frame()
     }
 
     /// State after the last control step.
@@ -208,12 +238,16 @@ impl Teleoperation {
             camera: self.settings.camera.clone(),
             target: self.settings.target.clone(),
             input: self.settings.input.clone(),
+            follow: self.settings.follow.clone(),
             events: events.len() as u64,
             refused: *refused,
             frames: frames.clone(),
             idle: idle.until(*step),
             held: held.until(*step),
             limited: limited.until(*step),
+            in_command: Vec::new(),
+            undone: Vec::new(),
+            trimmed: [0; 2],
         }
     }
 
@@ -236,7 +270,8 @@ impl Policy for Teleoperation {
     }
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
-        self.episode = EpisodeState::new(Mapping::new(self.settings.mapping.clone(), self.camera));
+        let mapping = Mapping::new(self.settings.mapping.clone(), self.camera);
+        self.episode = EpisodeState::new(mapping, self.first_step);
         self.source.start(start)
     }
 
@@ -250,22 +285,47 @@ impl Policy for Teleoperation {
         let events = self.source.receive(self.episode.step, observation);
 
         let input = &self.settings.input;
+        let widest_m = self.robot.gripper.max_width;
         let episode = &mut self.episode;
+        if episode.width_m.is_none() {
+            let width_m = in_force.last().copied().unwrap_or(widest_m);
+            if width_m < widest_m - ROUNDING {
+                let is_closed = opening_m - width_m > PRESSED_M || width_m < widest_m / 2.0;
+                episode.mapping.set_closed(is_closed);
+                episode.status.closed = is_closed;
+                episode.kept_width_m = Some((width_m, is_closed));
+            }
+        }
         episode.receive(events, input.most_events);
         let silence_s = (episode.step - episode.last_event) as f64 * period_s;
         if silence_s >= input.lost_after_s {
             episode.mapping.require_release();
         }
         let reading = episode.decoder.reading();
+        // A stream's gripper acts when it changes, not by what it is when the device is engaged.
+        if let (Some(closed), Some(before)) = (reading.is_closed, episode.was_closed)
+            && closed != before
+        {
+            episode.mapping.set_closed(closed);
+        }
+        episode.was_closed = reading.is_closed;
         let command = episode.mapping.command(&reading);
-        let is_deflected = episode.mapping.is_deflected(&reading);
+        let is_deflected = episode.mapping.is_deflected(&reading) || reading.goal.is_some();
+        let dof = self.robot.arm_dof();
         let held = match (is_deflected, reading.clutch) {
             (false, _) => None,
             (true, true) => Some(Hold::Clutch),
             (true, false) if episode.is_silent || silence_s > input.hold_after_s => Some(Hold::Silence),
+            (true, false) if matches!(&reading.goal, Some(Goal::Joints(joints)) if joints.len() != dof) => {
+                Some(Hold::OtherJoints)
+            }
+            // Streams are engaged slowly instead.
+            (true, false) if reading.goal.is_some() => None,
             (true, false) => episode.mapping.needs_release().then_some(Hold::ReleaseFirst),
         };
-        let twist = if held.is_some() { Twist::ZERO } else { command.twist };
+        if held.is_some() || reading.goal.is_none() {
+            episode.follow.disengage();
+        }
 
         let mut limits = BTreeSet::new();
         let target = episode.target.get_or_insert_with(|| Target::new(self.settings.target.clone(), requested));
@@ -274,15 +334,31 @@ impl Policy for Teleoperation {
             target.place(requested);
             limits.insert(Limit::Reach);
         }
+        let is_stream = held.is_none() && reading.goal.is_some();
+        let (tool, follow) = (target.pose(), &mut episode.follow);
+        let asked = reading.goal.filter(|_| is_stream).map(|goal| match goal {
+            Goal::Joints(joints) => self.robot.tcp_pose(&joints),
+            Goal::Absolute(pose) => pose,
+            Goal::Relative(pose) => follow.moved(tool, pose),
+        });
+        let twist = match asked {
+            Some(asked) => follow.twist(&tool, &asked, period_s, &self.settings.follow),
+            None if held.is_some() => Twist::ZERO,
+            None => command.twist,
+        };
+        if is_stream && !follow.is_near() {
+            limits.insert(Limit::Ramp);
+        }
         // The adapter's own test of reachability within a control step: a pose that passes it leaves no path pending,
         // and the arm keeps its configuration branch.
         let can_follow = |pose: &Pose| self.kinematics.follow(pose, arm, &self.reach).is_some();
         limits.extend(target.advance(&twist, period_s, &measured, can_follow));
         let pose = target.pose();
 
-        let widest_m = self.robot.gripper.max_width;
-        let goal_m = if command.closed { 0.0 } else { widest_m };
-        let before_m = episode.width_m.unwrap_or(widest_m);
+        episode.kept_width_m = episode.kept_width_m.filter(|(_, closed)| *closed == command.closed);
+        let kept_m = episode.kept_width_m.map(|(width_m, _)| width_m);
+        let goal_m = kept_m.unwrap_or(if command.closed { 0.0 } else { widest_m });
+        let before_m = episode.width_m.or(kept_m).unwrap_or(widest_m);
         let most_m = input.gripper_m_s * period_s;
         let width_m =
             (before_m + (goal_m - before_m).clamp(-most_m, most_m)).max(opening_m - input.squeeze_m).min(widest_m);

@@ -15,13 +15,16 @@ export const ARM_KEYS: readonly { codes: readonly string[]; keys: string; words:
   { codes: ["Enter"], keys: "Enter", words: "end the take" },
 ];
 
-export type Command = "pause" | "retry" | "keep" | "discard";
+export type Command = "pause" | "back" | "turn" | "retry" | "keep" | "trim" | "discard";
 
 /** Keys of the take. */
 export const TAKE_KEYS: readonly { code: string; key: string; command: Command; words: string }[] = [
   { code: "KeyP", key: "P", command: "pause", words: "pause or go on" },
+  { code: "KeyB", key: "B", command: "back", words: "back 5 s" },
+  { code: "KeyT", key: "T", command: "turn", words: "take over from the policy or hand over to it" },
   { code: "KeyN", key: "N", command: "retry", words: "begin anew" },
   { code: "KeyK", key: "K", command: "keep", words: "keep" },
+  { code: "KeyL", key: "L", command: "trim", words: "keep without idle ends" },
   { code: "KeyX", key: "X", command: "discard", words: "discard" },
 ];
 
@@ -48,8 +51,8 @@ export interface TeleopStatus {
   time_s: number;
   steps: number;
   late_steps: number;
-  held: "silence" | "clutch" | "release_first" | null;
-  limits: ("speed" | "workspace" | "lead" | "joint" | "singularity" | "reach")[];
+  held: "silence" | "clutch" | "release_first" | "other_joints" | null;
+  limits: ("speed" | "workspace" | "lead" | "joint" | "singularity" | "reach" | "ramp")[];
   frame: string;
   closed: boolean;
   contact_n: number;
@@ -57,9 +60,12 @@ export interface TeleopStatus {
   conditions: [number, number];
   next: { text: string; distance: number; unit: string | null } | null;
   success: boolean | null;
+  policy: string | null;
+  undone: [number, number];
+  note: string | null;
 }
 
-const HELD = { silence: "The arm holds: no input", clutch: "The arm holds: clutch", release_first: "The arm holds: release all keys first" };
+const HELD = { silence: "The arm holds: no input", clutch: "The arm holds: clutch", release_first: "The arm holds: release all keys first", other_joints: "The arm holds: other joints" };
 const LIMITS = {
   speed: "at the speed limit",
   workspace: "at the border of the workspace",
@@ -67,6 +73,7 @@ const LIMITS = {
   joint: "a joint is at its limit",
   singularity: "near a singularity",
   reach: "out of reach",
+  ramp: "catches up",
 };
 const PHASES = {
   waiting: "Waits for another episode to end",
@@ -81,11 +88,29 @@ const PHASES = {
 /** What the arm does and why, for the status line. */
 export function statusWords(status: TeleopStatus, hasFocus: boolean): string {
   if (status.phase === "judged" && status.success !== null) return `${status.success ? "Success" : "Goal missed"}: ${PHASES.judged}`;
+  if (status.phase === "paused" && status.note) return `Paused: ${status.note}`;
   if (status.phase !== "running") return PHASES[status.phase];
+  if (status.policy) return `${status.policy} is in command`;
   if (status.held) return HELD[status.held];
   if (!hasFocus) return "The arm holds: the keys need the focus, press Tab or click them";
   return ["The arm follows", ...status.limits.map((limit) => LIMITS[limit])].join("; ");
 }
+
+/** Message of a command; `policy` is the one to hand over to. */
+export function message(command: Command, status: TeleopStatus | null, policy: string): object {
+  if (command === "turn") return status?.policy ? { type: "take_over" } : { type: "hand_over", policy };
+  if (command === "trim") return { type: "keep", trim: true };
+  return { type: command === "pause" && status?.phase === "paused" ? "resume" : command };
+}
+
+/** What was undone, as an addition to a sentence. */
+export const undoneWords = ([times, seconds]: [number, number]): string => (times > 0 ? `; went back ${times}×, ${seconds.toFixed(1)} s cut` : "");
+
+/** Number of kept takes by skill; empty without any. */
+export const keptWords = (kept: Record<string, number>): string =>
+  Object.entries(kept)
+    .map(([skill, count]) => `${count} kept (${skill})`)
+    .join(", ");
 
 /** Distance of a condition in centimetres or degrees; null for a quantity without unit. */
 export function distanceWords({ distance, unit }: { distance: number; unit: string | null }): string | null {

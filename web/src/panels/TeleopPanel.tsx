@@ -1,7 +1,8 @@
 // Teleoperation: a pad that takes the keys, commands of the take, and what the arm does and why.
 
 import { useEffect, useRef } from "preact/hooks";
-import { ARM_KEYS, distanceWords, statusWords, TAKE_KEYS } from "../logic/teleop.ts";
+import { ARM_KEYS, distanceWords, keptWords, statusWords, TAKE_KEYS, undoneWords } from "../logic/teleop.ts";
+import { policy } from "../state/playback.ts";
 import * as store from "../state/store.ts";
 import * as teleop from "../state/teleop.ts";
 import { withKeys } from "./widgets.tsx";
@@ -15,10 +16,13 @@ export function TeleopPanel() {
   if (teleop.isActive.value) return <Active />;
   return (
     <div class="actions teleop-start">
-      <button type="button" title={withKeys("Move the robot yourself and record it", "teleop")} disabled={!store.isOnline.value || !store.current.value} onClick={teleop.begin}>
+      <button type="button" title={withKeys("Move the robot yourself and record it", "teleop")} disabled={!store.isOnline.value || !store.current.value} onClick={() => teleop.begin()}>
         Teleoperate
       </button>
-      {teleop.kept.value > 0 && <span class="muted">{teleop.kept.value} kept</span>}
+      <button type="button" disabled={!store.isOnline.value || !store.current.value} onClick={() => teleop.begin(policy.value)}>
+        Take over from {policy.value}
+      </button>
+      <span class="muted">{keptWords(teleop.kept.value)}</span>
     </div>
   );
 }
@@ -87,6 +91,7 @@ function Active() {
             take {status.take}, {status.time_s.toFixed(1)} s, {status.late_steps} of {status.steps} steps late; gripper {status.closed ? "closed" : "open"}
             {status.grasped && `, holds ${status.grasped}`}
             {status.contact_n > 2 && `, contact of ${status.contact_n.toFixed(0)} N`}; frame: {status.frame}
+            {undoneWords(status.undone)}
           </p>
         </>
       )}

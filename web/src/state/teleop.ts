@@ -3,8 +3,8 @@
 import { batch, computed, signal } from "@preact/signals";
 import { descriptor, hexadecimal, MULTI_AXIS_CONTROLLER, report, type ReportCollection } from "../logic/hid.ts";
 import { posedAt } from "../logic/track.ts";
-import { meaning, type Command, type TeleopStatus } from "../logic/teleop.ts";
-import { leave, live, loadEpisodes } from "./playback.ts";
+import { meaning, message, type Command, type TeleopStatus } from "../logic/teleop.ts";
+import { leave, live, loadEpisodes, policy } from "./playback.ts";
 import { address } from "./requests.ts";
 import * as store from "./store.ts";
 
@@ -19,8 +19,9 @@ export const hasFocus = signal(false);
 export const device = signal<"keyboard" | "space_mouse" | number>("keyboard");
 export const gamepads = signal<{ index: number; name: string }[]>([]);
 export const spaceMouse = signal<HidDevice | null>(null);
-/** Takes kept since the page was opened. */
-export const kept = signal(0);
+/** Takes kept since the page was opened, by skill. */
+export const kept = signal<Record<string, number>>({});
+let skill = "";
 export const isOver = computed(() => ["kept", "discarded", "failed"].includes(status.value?.phase ?? ""));
 
 /** Parts of WebHID's `HIDDevice` and `HID`; only some browsers have them. */
@@ -43,8 +44,10 @@ let ticker: ReturnType<typeof setInterval> | undefined;
 let scene: Parameters<typeof posedAt>[0] | null = null;
 let tries = 0;
 
-/** Begins to teleoperate the open scenario. */
-export function begin(): void {
+let first: string | undefined;
+
+/** Begins to teleoperate the open scenario; `by` is the policy in command at first, if not the person. */
+export function begin(by?: string): void {
   const [shown, state] = [store.scene.peek(), store.confirmed.peek()];
   if (!shown || !state || isActive.peek()) return;
   leave();
@@ -57,6 +60,7 @@ export function begin(): void {
     isActive.value = true;
   });
   tries = 0;
+  first = by;
   connect(shown.key);
 }
 
@@ -68,7 +72,7 @@ function connect(key: string): void {
   socket = own;
   sequence = 0;
   queue = [];
-  own.onopen = () => say({ type: "start", scenario: key, author: store.author.peek() });
+  own.onopen = () => say({ type: "start", scenario: key, author: store.author.peek(), policy: first });
   own.onmessage = (event) => {
     if (typeof event.data === "string") hear(JSON.parse(event.data) as Told);
     else show(new Float32Array(event.data as ArrayBuffer));
@@ -82,7 +86,7 @@ function connect(key: string): void {
   };
 }
 
-type Told = { type: "started" } | { type: "status"; status: TeleopStatus } | { type: "refused"; error: { message: string; hint: string } };
+type Told = { type: "started"; skill: string } | { type: "status"; status: TeleopStatus } | { type: "refused"; error: { message: string; hint: string } };
 
 function hear(told: Told): void {
   if (told.type === "refused") {
@@ -90,13 +94,14 @@ function hear(told: Told): void {
     if (!status.peek()) end();
   } else if (told.type === "started") {
     tries = 0;
+    skill = told.skill;
     connectDevice();
     clearInterval(ticker);
     ticker = setInterval(tick, TICK_MS);
   } else {
     status.value = told.status;
     if (!isOver.peek()) return;
-    if (told.status.phase === "kept") kept.value += 1;
+    if (told.status.phase === "kept") kept.value = { ...kept.value, [skill]: (kept.value[skill] ?? 0) + 1 };
     store.status.value = `The take was ${told.status.phase}.`;
     end();
     void loadEpisodes();
@@ -128,7 +133,7 @@ function say(message: object): void {
 export function command(what: Command): void {
   // What was pressed before comes first.
   send();
-  say({ type: what === "pause" && status.peek()?.phase === "paused" ? "resume" : what });
+  say(message(what, status.peek(), policy.peek()));
 }
 
 export function toggleGripper(): void {

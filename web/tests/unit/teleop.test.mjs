@@ -1,10 +1,10 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import test from "node:test";
-import { ARM_KEYS, distanceWords, meaning, statusWords, TAKE_KEYS } from "../../src/logic/teleop.ts";
+import { ARM_KEYS, distanceWords, keptWords, meaning, message, statusWords, TAKE_KEYS, undoneWords } from "../../src/logic/teleop.ts";
 
 const press = (code, more = {}) => ({ code, ctrlKey: false, metaKey: false, altKey: false, ...more });
-const status = (more) => ({ phase: "running", held: null, limits: [], success: null, ...more });
+const status = (more) => ({ phase: "running", held: null, limits: [], success: null, policy: null, note: null, undone: [0, 0], ...more });
 
 test("keys of the arm are those that the server maps, and none has two meanings", () => {
   const source = readFileSync(new URL("../../../crates/teleop/src/device/keyboard.rs", import.meta.url), "utf8");
@@ -29,10 +29,34 @@ test("words of a status", () => {
     [status({ held: "silence", limits: ["joint"] }), true, "The arm holds: no input"],
     [status({ limits: ["lead", "joint"] }), true, "The arm follows; slowed: the arm is blocked or lags behind; a joint is at its limit"],
     [status({ phase: "paused", held: "silence" }), true, "Paused"],
+    [status({ phase: "paused", note: "expert has finished: you are in command" }), true, "Paused: expert has finished: you are in command"],
+    [status({ policy: "expert", held: "silence" }), true, "expert is in command"],
     [status({ phase: "judged", success: false }), true, "Goal missed: keep it, begin anew or discard it"],
   ];
   for (const [now, hasFocus, words] of cases) assert.equal(statusWords(now, hasFocus), words);
   assert.equal(distanceWords({ distance: 0.0224, unit: "m" }), "2.2 cm");
   assert.equal(distanceWords({ distance: Math.PI / 2, unit: "rad" }), "90°");
   assert.equal(distanceWords({ distance: 0.5, unit: null }), null);
+});
+
+test("messages of commands", () => {
+  const cases = [
+    ["pause", status({}), { type: "pause" }],
+    ["pause", status({ phase: "paused" }), { type: "resume" }],
+    ["back", status({}), { type: "back" }],
+    ["turn", status({}), { type: "hand_over", policy: "expert" }],
+    ["turn", status({ policy: "clumsy" }), { type: "take_over" }],
+    ["keep", status({}), { type: "keep" }],
+    ["trim", null, { type: "keep", trim: true }],
+  ];
+  for (const [command, now, wanted] of cases) assert.deepEqual(message(command, now, "expert"), wanted);
+  const commands = TAKE_KEYS.map((one) => one.command);
+  assert.deepEqual([...new Set(cases.map(([command]) => command))].filter((one) => !commands.includes(one)), []);
+});
+
+test("what was undone and what was kept is said", () => {
+  assert.equal(undoneWords([0, 0]), "");
+  assert.equal(undoneWords([2, 10.2]), "; went back 2×, 10.2 s cut");
+  assert.equal(keptWords({}), "");
+  assert.equal(keptWords({ on: 2, open: 1 }), "2 kept (on), 1 kept (open)");
 });

@@ -125,10 +125,10 @@ fn verdict(task: &Task, shown: &EpisodeResult) -> String {
 fn taken_over(correction: &Correction, episode: &EpisodeResult) -> String {
     let after_s = correction.from_step as f64 / episode.control_rate_hz;
     let why = match correction.failures.first() {
-        Some(Failure { cause, evidence }) => format!(": {}, {evidence}", words(cause.name())),
+        Some(Failure { cause, evidence }) => format!(", which had failed: {}, {evidence}", words(cause.name())),
         None => String::new(),
     };
-    let text = format!("Taken over after {after_s:.1} s from {}, which had failed{why}.", words(&correction.policy));
+    let text = format!("Taken over after {after_s:.1} s from {}{why}.", words(&correction.policy));
     format!("<p class=\"note\">{}</p>\n", escape(&text))
 }
 

@@ -54,9 +54,16 @@ fn a_restored_environment_continues_to_the_same_bytes() {
     for at in [0, 1, 37, held, all.len()] {
         let mut first = environment(RolloutSettings::default());
         all[..at].iter().for_each(|command| drop(first.step(command).unwrap()));
-        let saved = first.save().unwrap();
+        let (saved, mark) = (first.save().unwrap(), first.mark().unwrap());
+        assert_eq!(mark.step(), at);
+        let other = || all[at..].iter().rev().take(40);
         // Everything after saving is discarded.
-        all[at..].iter().rev().take(40).for_each(|command| drop(first.step(command).unwrap()));
+        other().for_each(|command| drop(first.step(command).unwrap()));
+        first.rewind(&mark).unwrap();
+        all[at..].iter().for_each(|command| drop(first.step(command).unwrap()));
+        assert_eq!(&first.finish(NOBODY).unwrap(), known, "rewound to {at} steps");
+        first.restore(&saved).unwrap();
+        other().for_each(|command| drop(first.step(command).unwrap()));
         let mut fresh = Environment::new(RolloutSettings::default());
         for environment in [&mut first, &mut fresh] {
             environment.restore(&saved).unwrap();

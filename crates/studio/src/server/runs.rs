@@ -59,11 +59,7 @@ async fn start(State(studio): Shared, Path(key): Path<String>, request: HttpRequ
     };
     let own = Arc::clone(&studio);
     work(&studio, move |studio| {
-        if !studio.runs.offered.has(&policy) {
-            let offered: Vec<&str> = studio.runs.offered.all().iter().map(|one| one.policy.as_str()).collect();
-            let hint = format!("it offers {}; start it with --policy for others", offered.join(", "));
-            return Err(Refusal::unsuited(format!("this studio does not offer the policy `{policy}`"), hint));
-        }
+        check_offered(studio, &policy)?;
         let room = studio.room(&key)?;
         let now = room.revision();
         let episode = EpisodeJob {
@@ -79,6 +75,16 @@ async fn start(State(studio): Shared, Path(key): Path<String>, request: HttpRequ
         Ok(answer)
     })
     .await
+}
+
+/// Error for a policy that the studio does not offer.
+pub fn check_offered(studio: &Studio, policy: &str) -> Result<(), Refusal> {
+    if studio.runs.offered.has(policy) {
+        return Ok(());
+    }
+    let offered: Vec<&str> = studio.runs.offered.all().iter().map(|one| one.policy.as_str()).collect();
+    let hint = format!("it offers {}; start it with --policy for others", offered.join(", "));
+    Err(Refusal::unsuited(format!("this studio does not offer the policy `{policy}`"), hint))
 }
 
 /// Time limit of a scenario in its frozen suite, simulated s; `None` if it is in no suite.

@@ -1,8 +1,10 @@
 //! WebSocket of teleoperation: device events and commands of a page, states and status of the take.
 //!
 //! ```text
-//! page ─▶ start · events · gripper · pause · resume · retry · keep · discard
+//! page ─▶ start · events · gripper · pause · resume · back · hand_over · take_over · retry · keep · discard
 //! page ◀─ started · status (both JSON) · states (binary) · refused
+//! program beside the page ─▶ join · events
+//! program beside the page ◀─ joined · refused
 //! ```
 
 use std::sync::Arc;
@@ -13,6 +15,7 @@ use axum::extract::State;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::response::{IntoResponse, Response};
 use genmanip_assets::Catalogue;
+use genmanip_core::{Atom, Goal};
 use genmanip_rollout::Stage as Simulation;
 use genmanip_teleop::TeleopSettings;
 use genmanip_teleop::device::{Control, DeviceEvent};
@@ -29,8 +32,8 @@ use super::runs;
 use super::socket::Open;
 use super::studio::Studio;
 use crate::run::playback;
-use crate::teleop::session::{HORIZON_S, SessionStatus, TakeCommand};
-use crate::teleop::{Phase, Session, SessionSetup};
+use crate::teleop::session::{BACK_S, HORIZON_S};
+use crate::teleop::{Phase, Request, Session, SessionSetup, SessionStatus, TakeCommand};
 
 /// Label of takes among the episodes of a scenario.
 pub const LABEL: &str = "teleop";
@@ -58,6 +61,12 @@ enum FromPage {
         frame: OperatorFrame,
         #[serde(default)]
         camera: Option<String>,
+        #[serde(default)]
+        policy: Option<String>,
+    },
+    /// Lets this connection send the events of the session that a page has begun.
+    Join {
+        scenario: String,
     },
     Events {
         sequence: u64,
@@ -68,8 +77,16 @@ enum FromPage {
     Gripper,
     Pause,
     Resume,
+    Back,
+    HandOver {
+        policy: String,
+    },
+    TakeOver,
     Retry,
-    Keep,
+    Keep {
+        #[serde(default)]
+        trim: bool,
+    },
     Discard,
 }
 
@@ -84,10 +101,13 @@ pub async fn connect(State(studio): State<Arc<Studio>>, upgrade: WebSocketUpgrad
     upgrade.max_message_size(MAX_MESSAGE).max_frame_size(MAX_MESSAGE).on_upgrade(async move |socket| {
         let _open = open;
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let mut connection = Connection { studio, number, attached: None };
+        let mut connection = Connection { studio, number, attached: None, joined: None };
         connection.serve(socket).await;
         if let Some(attached) = connection.attached {
             attached.session.detach(number);
+        }
+        if let Some(session) = connection.joined {
+            session.leave(number);
         }
     })
 }
@@ -97,6 +117,8 @@ struct Connection {
     studio: Arc<Studio>,
     number: u64,
     attached: Option<Attached>,
+    /// Session to which a program beside the page sends the events.
+    joined: Option<Arc<Session>>,
 }
 
 /// Session that a connection is attached to, with its newest state and status.
@@ -170,14 +192,24 @@ impl Connection {
     /// Handles a message of the page.
     async fn received(&mut self, text: &str) -> Result<Option<Value>, Refusal> {
         let message: FromPage = serde_json::from_str(text).map_err(|error| unreadable(&error.to_string()))?;
-        if let FromPage::Start { scenario, author, frame, camera } = message {
-            return self.start(scenario, &author, frame, camera).await.map(Some);
+        if let FromPage::Start { scenario, author, frame, camera, policy } = message {
+            return self.start(scenario, &author, frame, camera, policy).await.map(Some);
+        }
+        if let FromPage::Join { scenario } = &message {
+            return self.join(scenario).map(Some);
+        }
+        if let (Some(session), FromPage::Events { sequence, events, .. }) = (&self.joined, &message) {
+            if session.status.borrow().phase.is_over() {
+                return Err(Refusal::unsuited("the session is over", "join the next one"));
+            }
+            session.inbox.put_from_program(*sequence, events.clone(), Instant::now());
+            return Ok(None);
         }
         let Some(Attached { session, .. }) = &self.attached else {
             return Err(Refusal::unsuited("no scenario is teleoperated", "send a `start` message first"));
         };
         match message {
-            FromPage::Start { .. } => {}
+            FromPage::Start { .. } | FromPage::Join { .. } => {}
             FromPage::Events { sequence, sent_ms, events } => {
                 session.inbox.put(sequence, sent_ms, events, Instant::now());
             }
@@ -185,10 +217,35 @@ impl Connection {
             FromPage::Pause => session.set_command(TakeCommand::Pause),
             FromPage::Resume => session.set_command(TakeCommand::Run),
             FromPage::Retry => session.set_command(TakeCommand::Retry),
-            FromPage::Keep => session.set_command(TakeCommand::Keep),
+            FromPage::Back => session.ask(Request::Back),
+            FromPage::HandOver { policy } => {
+                runs::check_offered(&self.studio, &policy)?;
+                session.ask(Request::HandOver(policy));
+            }
+            FromPage::TakeOver => session.ask(Request::TakeOver),
+            FromPage::Keep { trim: false } => session.set_command(TakeCommand::Keep),
+            FromPage::Keep { trim: true } => session.set_command(TakeCommand::KeepTrimmed),
             FromPage::Discard => session.set_command(TakeCommand::Discard),
         }
         Ok(None)
+    }
+
+    /// Joins the session that a page has begun on a scenario.
+    fn join(&mut self, key: &str) -> Result<Value, Refusal> {
+        let session = self.studio.teleoperations.newest(key).filter(|session| !session.status.borrow().phase.is_over());
+        let Some(session) = session else {
+            return Err(Refusal::unsuited("nobody teleoperates this scenario", "begin in the page first"));
+        };
+        if let Some(before) = self.joined.take() {
+            before.leave(self.number);
+        }
+        if !session.join(self.number) {
+            return Err(Refusal::unsuited("another program sends the events of this session", "end it first"));
+        }
+        let mut answer = session.about.clone();
+        answer["type"] = json!("joined");
+        self.joined = Some(session);
+        Ok(answer)
     }
 
     async fn start(
@@ -197,7 +254,11 @@ impl Connection {
         author: &str,
         frame: OperatorFrame,
         camera: Option<String>,
+        policy: Option<String>,
     ) -> Result<Value, Refusal> {
+        if let Some(policy) = &policy {
+            runs::check_offered(&self.studio, policy)?;
+        }
         if let Some(attached) = self.attached.take() {
             attached.session.detach(self.number);
         }
@@ -209,7 +270,10 @@ impl Connection {
         teleop.mapping.frame = frame;
         let (studio, number) = (Arc::clone(&self.studio), self.number);
         let runtime = tokio::runtime::Handle::current();
-        let started = tokio::task::spawn_blocking(move || open(&studio, &key, author, teleop, number, &runtime)).await;
+        let started = tokio::task::spawn_blocking(move || {
+            open(&studio, &key, Opening { author, teleop, policy }, number, &runtime)
+        })
+        .await;
         let panicked = |_| Refusal::unsuited("the session panicked; please report this bug", "");
         let (session, answer) = started.map_err(panicked)??;
         let (mut states, mut status) = (session.states.subscribe(), session.status.subscribe());
@@ -227,15 +291,25 @@ impl Connection {
 fn is_news(before: &SessionStatus, now: &SessionStatus) -> bool {
     let facts =
         |status: &SessionStatus| (status.phase, status.take, status.held, status.closed, status.frame, status.success);
-    facts(before) != facts(now) || before.limits != now.limits || before.grasped != now.grasped
+    let texts = |status: &SessionStatus| {
+        let SessionStatus { limits, grasped, policy, note, undone, .. } = status.clone();
+        (limits, grasped, policy, note, undone)
+    };
+    facts(before) != facts(now) || texts(before) != texts(now)
+}
+
+/// Wishes of the person who begins a session.
+struct Opening {
+    author: String,
+    teleop: TeleopSettings,
+    policy: Option<String>,
 }
 
 /// Begins a session, or attaches to the one of the scenario; its answer to the page.
 fn open(
     studio: &Arc<Studio>,
     key: &str,
-    author: String,
-    teleop: TeleopSettings,
+    Opening { author, teleop, policy }: Opening,
     connection: u64,
     runtime: &tokio::runtime::Handle,
 ) -> Result<(Arc<Session>, Value), Refusal> {
@@ -262,10 +336,11 @@ fn open(
         return Err(Refusal::unsuited("the scenario has no camera of this name", ""));
     }
     let bodies = playback::bodies(&scene, &robot, &models);
-    let setup = SessionSetup { stage, bodies, models, operator: author, teleop, runs: studio.runs.folder.clone() };
+    let runs = studio.runs.folder.clone();
+    let setup = SessionSetup { stage, bodies, models, operator: author, teleop, policy, runs };
     let about = json!({
         "scenario": key, "revision": now.number, "instruction": setup.stage.scenario.task.instruction,
-        "control_rate_hz": setup.stage.control_rate_hz(), "horizon_s": HORIZON_S,
+        "skill": skill(&setup.stage.goal), "control_rate_hz": setup.stage.control_rate_hz(), "horizon_s": HORIZON_S, "back_s": BACK_S,
         "width": playback::width(&setup.bodies),
     });
     let job = studio.runs.add(key, LABEL, now.number)?;
@@ -275,6 +350,21 @@ fn open(
     studio.teleoperations.add(key, &session);
     runtime.spawn(run(Arc::clone(studio), room, job, Arc::clone(&session), setup));
     Ok(started(session, false))
+}
+
+/// Skill that a take shows: relations and states of the goal's first alternative, such as `in + closed`.
+fn skill(goal: &Goal) -> String {
+    let mut names: Vec<&str> = Vec::new();
+    for atom in goal.alternatives.iter().take(1).flatten() {
+        let name = match atom {
+            Atom::Relation { relation, .. } => relation.name(),
+            Atom::State { state, .. } => state,
+        };
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    names.join(" + ")
 }
 
 /// Answer to a page that is attached to a session; `again` if the session began before.
@@ -301,6 +391,7 @@ fn refused(refusal: &Refusal) -> Message {
 }
 
 fn unreadable(reason: &str) -> Refusal {
-    let hint = "expected a JSON message with `type`: start, events, gripper, pause, resume, retry, keep or discard";
+    let hint = "expected a JSON message with `type`: start, join, events, gripper, pause, resume, back, hand_over, take_over, retry, \
+                keep or discard";
     Refusal::unsuited(format!("the message cannot be read: {reason}"), hint)
 }

@@ -33,6 +33,11 @@ struct State {
     pressed: Vec<Control>,
     /// Device that was connected last.
     device: Option<Device>,
+    /// Device of the page, while a program of its own sends the events of another one; the page's events are dropped
+    /// then. `None` without such a program.
+    behind: Option<Option<Device>>,
+    /// Sequence number of the last accepted message of that program.
+    program_sequence: Option<u64>,
     /// Time of the last accepted event.
     heard: Instant,
     is_silent: bool,
@@ -63,6 +68,8 @@ impl Inbox {
             events: Vec::new(),
             pressed: Vec::new(),
             device: None,
+            behind: None,
+            program_sequence: None,
             heard: now,
             is_silent: false,
             sequence: None,
@@ -73,7 +80,7 @@ impl Inbox {
         Self { state: Mutex::new(state) }
     }
 
-    /// Accepts the events of a message; a message that is not newer than the last one is dropped.
+    /// Accepts the events of a message of the page; a message that is not newer than the last one is dropped.
     pub fn put(&self, sequence: u64, sent_ms: f64, events: Vec<DeviceEvent>, now: Instant) {
         let mut state = self.lock();
         if state.sequence.is_some_and(|last| sequence <= last) {
@@ -81,22 +88,43 @@ impl Inbox {
             return;
         }
         (state.sequence, state.sent_ms) = (Some(sequence), sent_ms);
-        for event in events {
-            // One more than the policy accepts, so that it notices.
-            let has_room = state.events.len() <= MOST_EVENTS && state.of_take < MOST_OF_TAKE;
-            if !has_room || !is_bounded(&event) {
-                state.dropped += 1;
-                continue;
+        if let Some(own) = &mut state.behind {
+            for event in events.into_iter().filter(is_bounded) {
+                match event {
+                    DeviceEvent::Connected { device } => *own = Some(device),
+                    DeviceEvent::Disconnected => *own = None,
+                    _ => {}
+                }
             }
-            match &event {
-                DeviceEvent::Connected { device } => state.device = Some(device.clone()),
-                DeviceEvent::Disconnected => state.device = None,
-                _ => {}
-            }
-            (state.heard, state.is_silent) = (now, false);
-            state.of_take += 1;
-            state.events.push(event);
+            return;
         }
+        state.accept(events, now);
+    }
+
+    /// Accepts the events of a message of a program beside the page; a message that is not newer than the last one is
+    /// dropped.
+    pub fn put_from_program(&self, sequence: u64, events: Vec<DeviceEvent>, now: Instant) {
+        let mut state = self.lock();
+        if state.behind.is_none() || state.program_sequence.is_some_and(|last| sequence <= last) {
+            state.dropped += 1;
+            return;
+        }
+        state.program_sequence = Some(sequence);
+        state.accept(events, now);
+    }
+
+    /// Lets a program beside the page send the events; `false` gives that back to the page.
+    pub fn join(&self, joins: bool) {
+        let mut state = self.lock();
+        if joins {
+            let own = state.device.take();
+            state.behind.get_or_insert(own);
+            state.program_sequence = None;
+        } else if let Some(own) = state.behind.take() {
+            state.device = own;
+        }
+        let device = state.device.clone();
+        state.events = vec![device.map_or(DeviceEvent::Disconnected, |device| DeviceEvent::Connected { device })];
     }
 
     /// Presses a control otherwise than on the device.
@@ -111,7 +139,8 @@ impl Inbox {
         state.pressed.clear();
         state.heard = now;
         state.is_silent = false;
-        state.events = state.device.clone().map(|device| DeviceEvent::Connected { device }).into_iter().collect();
+        let connected = state.device.clone().map(|device| DeviceEvent::Connected { device });
+        state.events = vec![connected.unwrap_or(DeviceEvent::Disconnected)];
     }
 
     /// As [`Inbox::restart`], for a new take.
@@ -124,6 +153,10 @@ impl Inbox {
     pub fn reconnect(&self) {
         let mut state = self.lock();
         state.sequence = None;
+        if let Some(own) = &mut state.behind {
+            *own = None;
+            return;
+        }
         state.device = None;
         state.events = vec![DeviceEvent::Disconnected];
     }
@@ -153,6 +186,28 @@ impl Inbox {
     }
 }
 
+impl State {
+    /// Adds events of the device that moves the arm.
+    fn accept(&mut self, events: Vec<DeviceEvent>, now: Instant) {
+        for event in events {
+            // One more than the policy accepts, so that it notices.
+            let has_room = self.events.len() <= MOST_EVENTS && self.of_take < MOST_OF_TAKE;
+            if !has_room || !is_bounded(&event) {
+                self.dropped += 1;
+                continue;
+            }
+            match &event {
+                DeviceEvent::Connected { device } => self.device = Some(device.clone()),
+                DeviceEvent::Disconnected => self.device = None,
+                _ => {}
+            }
+            (self.heard, self.is_silent) = (now, false);
+            self.of_take += 1;
+            self.events.push(event);
+        }
+    }
+}
+
 /// True if all parts of an event have a size that a device can have. [`DeviceEvent::Silent`] and
 /// [`DeviceEvent::Pressed`] are the server's own.
 fn is_bounded(event: &DeviceEvent) -> bool {
@@ -160,12 +215,16 @@ fn is_bounded(event: &DeviceEvent) -> bool {
         DeviceEvent::Connected { device: Device::SpaceMouse { name, descriptor } } => {
             name.len() <= MOST_NAME && descriptor.len() <= MOST_DESCRIPTOR
         }
-        DeviceEvent::Connected { device: Device::Gamepad { name } } => name.len() <= MOST_NAME,
+        DeviceEvent::Connected {
+            device: Device::Gamepad { name } | Device::LeaderArm { name } | Device::PoseTracker { name, .. },
+        } => name.len() <= MOST_NAME,
+        DeviceEvent::Joints { position_rad, .. } => position_rad.len() <= MOST_VALUES,
         DeviceEvent::Report { bytes } => bytes.len() <= MOST_REPORT,
         DeviceEvent::Gamepad { axes, buttons } => axes.len() <= MOST_VALUES && buttons.len() <= MOST_VALUES,
         DeviceEvent::Key { code, .. } => code.len() <= MOST_NAME,
         DeviceEvent::Silent | DeviceEvent::Pressed { .. } => false,
         DeviceEvent::Connected { device: Device::Keyboard }
+        | DeviceEvent::Pose { .. }
         | DeviceEvent::Alive
         | DeviceEvent::Blurred
         | DeviceEvent::Disconnected => true,
@@ -255,5 +314,25 @@ mod tests {
         assert_eq!(inbox.take(now), [DeviceEvent::Disconnected]);
         inbox.put(0, 0.0, vec![connected()], now);
         assert_eq!(inbox.take(now), [connected()]);
+    }
+
+    #[test]
+    fn a_program_beside_the_page_sends_the_events_until_it_leaves() {
+        let now = Instant::now();
+        let inbox = Inbox::new(now);
+        inbox.put(0, 0.0, vec![connected(), key(true)], now);
+        inbox.put_from_program(0, vec![key(true)], now);
+        assert_eq!(inbox.take(now), [connected(), key(true)], "it has not joined");
+        inbox.join(true);
+        let leader = DeviceEvent::Connected { device: Device::LeaderArm { name: "gello".into() } };
+        inbox.put_from_program(0, vec![leader.clone()], now);
+        inbox.put_from_program(0, vec![leader.clone()], now);
+        inbox.put(1, 0.0, vec![key(false)], now);
+        assert_eq!(inbox.take(now), [DeviceEvent::Disconnected, leader.clone()]);
+        assert_eq!((inbox.received().sequence, inbox.received().dropped), (Some(1), 2));
+        inbox.restart(now);
+        assert_eq!(inbox.take(now), [leader]);
+        inbox.join(false);
+        assert_eq!(inbox.take(now), [connected()], "the page's keyboard again");
     }
 }

@@ -6,25 +6,32 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use genmanip_core::{ObjectModel, Seed};
+use genmanip_assets::GraspLibrary;
+use genmanip_core::{Ending, Failure, ObjectModel, Policy, Seed};
 use genmanip_data::EpisodeStore;
+use genmanip_pipeline::PolicyFactory;
+use genmanip_pipeline::policies::PolicyContext;
 use genmanip_relations::judge_goal;
-use genmanip_rollout::{Environment, RolloutError, RolloutSettings, Stage};
+use genmanip_rollout::collect::PipelineSettings;
+use genmanip_rollout::{Environment, RolloutError, RolloutSettings, Stage, run_policy};
 use genmanip_teleop::device::Control;
-use genmanip_teleop::record::Hold;
-use genmanip_teleop::{Status, TeleopSettings, Teleoperation};
-use genmanip_workspace::WorkspaceError;
-use serde::Serialize;
+use genmanip_teleop::mapping::OperatorFrame;
+use genmanip_teleop::{EpisodeLog, Status, TeleopSettings, Teleoperation};
+use genmanip_workspace::{WorkspaceError, worlds};
 use tokio::sync::watch;
 
 use super::inbox::{Inbox, MOST_EVENTS, PageSource};
+use super::live::Live;
 use super::pace::Pace;
-use super::take::Take;
+use super::status::{Phase, Request, SessionStatus, TakeCommand, Unmet};
+use super::take::{Take, interrupted};
 use crate::run::playback::{Body, row};
 use crate::run::{Place, run_folder_name};
 
 /// Time limit of a take, simulated s.
 pub const HORIZON_S: f64 = 300.0;
+/// Simulated time by which a person goes back, s.
+pub const BACK_S: f64 = 5.0;
 /// Time without a connection after which a session is discarded.
 const ABANDONED: Duration = Duration::from_secs(120);
 /// Longest wait before the session looks whether it is cancelled or abandoned.
@@ -33,99 +40,6 @@ const LOOK: Duration = Duration::from_millis(100);
 const STATE_EVERY: usize = 2;
 /// Control steps between two verdicts on the goal for the page.
 const JUDGE_EVERY: usize = 12;
-
-/// Stage of a session.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Phase {
-    /// Waiting for episodes of other jobs.
-    #[default]
-    Waiting,
-    /// The simulation runs in real time.
-    Running,
-    /// The simulation stands still.
-    Paused,
-    /// The take is judged, and is to be kept, repeated or discarded.
-    Judged,
-    /// The take was stored.
-    Kept,
-    /// All takes were discarded.
-    Discarded,
-    /// The session has failed.
-    Failed,
-}
-
-impl Phase {
-    /// True if the session has ended.
-    pub fn is_over(self) -> bool {
-        matches!(self, Self::Kept | Self::Discarded | Self::Failed)
-    }
-}
-
-/// Command of the person for the take in progress.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TakeCommand {
-    /// Goes on.
-    Run,
-    /// Stands still.
-    Pause,
-    /// Begins anew; the take is dropped.
-    Retry,
-    /// Ends the take and stores it.
-    Keep,
-    /// Ends the session; nothing is stored.
-    Discard,
-}
-
-/// State of a session, as the page shows it.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct SessionStatus {
-    /// Stage.
-    pub phase: Phase,
-    /// Number of the take, from 1.
-    pub take: usize,
-    /// Simulated time of the take, s.
-    pub time_s: f64,
-    /// Control steps of the take.
-    pub steps: usize,
-    /// Control steps of the take that began late.
-    pub late_steps: usize,
-    /// Reason why the deflected device does not move the arm.
-    pub held: Option<Hold>,
-    /// Limits that slow the tool.
-    pub limits: Vec<genmanip_teleop::target::Limit>,
-    /// Frame in use.
-    pub frame: genmanip_teleop::mapping::OperatorFrame,
-    /// True if the gripper is to be closed.
-    pub closed: bool,
-    /// Force between the robot and anything but the grasped object, N.
-    pub contact_n: f64,
-    /// Name of the object that both fingers press.
-    pub grasped: Option<String>,
-    /// Number of conditions of the goal that hold, and of all, of its best alternative.
-    pub conditions: [usize; 2],
-    /// Next condition that does not hold.
-    pub next: Option<Unmet>,
-    /// Verdict on the settled take; `None` before it.
-    pub success: Option<bool>,
-    /// Sequence number of the last message with events.
-    pub sequence: Option<u64>,
-    /// Time of the page at which it was sent, ms.
-    pub sent_ms: f64,
-    /// Events dropped for their number or size, and messages out of order.
-    pub dropped: u64,
-}
-
-/// Condition of the goal that does not hold.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Unmet {
-    /// Explanation in words and numbers.
-    pub text: String,
-    /// Distance of the deciding quantity from its threshold.
-    pub distance: f64,
-    /// Unit of the distance.
-    pub unit: Option<genmanip_core::Unit>,
-}
 
 /// Scenario of a session and the place of its takes.
 #[derive(Debug)]
@@ -140,6 +54,8 @@ pub struct SessionSetup {
     pub operator: String,
     /// Frame of the device, and its camera.
     pub teleop: TeleopSettings,
+    /// Policy that is in command at first, by its name with arguments; `None` for the person.
+    pub policy: Option<String>,
     /// Folder that the run folders are created in.
     pub runs: PathBuf,
 }
@@ -164,8 +80,12 @@ pub struct Session {
 #[derive(Debug)]
 struct SessionState {
     command: TakeCommand,
+    /// Request that the take in progress has not met yet.
+    request: Option<Request>,
     /// Number of the connection that is attached; `None` without one.
     attached: Option<u64>,
+    /// Number of the connection of a program beside the page that sends the events; `None` without one.
+    joined: Option<u64>,
     /// Time at which the last connection was lost.
     alone_since: Instant,
 }
@@ -201,7 +121,13 @@ impl Session {
             status: watch::Sender::default(),
             about,
             stop,
-            state: Mutex::new(SessionState { command: TakeCommand::Run, attached: None, alone_since: now }),
+            state: Mutex::new(SessionState {
+                command: TakeCommand::Run,
+                request: None,
+                attached: None,
+                joined: None,
+                alone_since: now,
+            }),
             changed: Condvar::new(),
         }
     }
@@ -231,6 +157,26 @@ impl Session {
         self.changed.notify_all();
     }
 
+    /// Lets a program beside the page send the events of its device; false if another one does.
+    pub fn join(&self, connection: u64) -> bool {
+        let mut state = self.lock();
+        if state.joined.is_some() {
+            return false;
+        }
+        state.joined = Some(connection);
+        self.inbox.join(true);
+        true
+    }
+
+    /// Gives the events back to the page: the arm holds until its device is released.
+    pub fn leave(&self, connection: u64) {
+        let mut state = self.lock();
+        if state.joined == Some(connection) {
+            state.joined = None;
+            self.inbox.join(false);
+        }
+    }
+
     /// Sets the command of the person. A take that is to be kept cannot be resumed.
     pub fn set_command(&self, command: TakeCommand) {
         let mut state = self.lock();
@@ -240,6 +186,15 @@ impl Session {
             return;
         }
         state.command = command;
+        self.changed.notify_all();
+    }
+
+    /// Asks for a change of command, or to go back. Without effect once the take has ended.
+    pub fn ask(&self, request: Request) {
+        let mut state = self.lock();
+        if matches!(state.command, TakeCommand::Run | TakeCommand::Pause) {
+            state.request = Some(request);
+        }
         self.changed.notify_all();
     }
 
@@ -261,8 +216,12 @@ impl Session {
                 None => self.decided(),
             };
             match (command, take) {
-                (TakeCommand::Keep, Some(take)) => {
-                    take.store(&store).map_err(unwritable)?;
+                (TakeCommand::Keep | TakeCommand::KeepTrimmed, Some(take)) => {
+                    let trimmed = match command {
+                        TakeCommand::KeepTrimmed => take.trimmed(&setup.stage, &rollout_settings())?,
+                        _ => None,
+                    };
+                    trimmed.unwrap_or(take).store(&store).map_err(unwritable)?;
                     return Ok(Some(Place { store: root, id }));
                 }
                 (TakeCommand::Discard, _) => return Ok(None),
@@ -285,45 +244,138 @@ impl Session {
         number: usize,
         progress: &impl Fn(f64),
     ) -> Result<Option<Take>, WorkspaceError> {
-        let SessionSetup { stage, operator, .. } = setup;
+        let stage = &setup.stage;
+        let broke = |error: RolloutError| WorkspaceError::broken(format!("the take {id} broke"), error);
         let now = Instant::now();
         self.inbox.begin_take(now);
-        let mut teleop = setup.teleop.clone();
-        teleop.input.most_events = MOST_EVENTS;
-        let source = PageSource { name: operator.clone(), inbox: Arc::clone(&self.inbox) };
-        let status: Arc<Mutex<Status>> = Arc::default();
-        let told = Arc::clone(&status);
-        let mut policy = Teleoperation::new(teleop, Box::new(source), &stage.robot, &stage.scenario.world)
-            .map_err(WorkspaceError::input)?
-            .reporting_to(move |now| *told.lock().unwrap_or_else(PoisonError::into_inner) = now.clone());
+        self.lock().request = None;
         let settings = rollout_settings();
         let mut pace = Pace::new(stage.control_rate_hz(), now);
         self.status.send_replace(SessionStatus { phase: Phase::Running, take: number, ..SessionStatus::default() });
-        let mut ends = false;
-        let mut before_turn = |environment: &Environment| {
-            if environment.frames().is_empty() {
-                pace.resume(Instant::now());
-            }
-            let wait = pace.next(Instant::now());
-            let command = self.wait(wait, || pace.resume(Instant::now()));
-            match command {
-                TakeCommand::Retry | TakeCommand::Discard => return Err(dropped()),
-                TakeCommand::Keep if !ends => {
-                    ends = true;
-                    self.inbox.press(Control::Finish);
-                }
-                _ => {}
-            }
+        let status: Arc<Mutex<Status>> = Arc::default();
+        let mut environment = Environment::new(settings.clone());
+        environment.reset(stage, seed);
+        let before_step = |environment: &Environment| {
+            let is_first = environment.frames().is_empty();
+            self.before_step(&mut pace, is_first)?;
             let status = status.lock().unwrap_or_else(PoisonError::into_inner).clone();
             self.show(setup, environment, &settings, status, pace.late())?;
             progress(environment.frames().len() as f64 / stage.control_rate_hz());
             Ok(())
         };
-        match Take::run(stage, &mut policy, id, seed, &settings, &mut before_turn) {
-            Ok(take) => Ok(Some(take)),
-            Err(_) if matches!(self.decided(), TakeCommand::Retry | TakeCommand::Discard) => Ok(None),
-            Err(error) => Err(WorkspaceError::broken(format!("the take {id} broke"), error)),
+        let mut robot = Live::new(environment, Box::new(before_step));
+        let first = self.operator(setup, setup.teleop.mapping.frame, &status)?;
+        let (mut log, mut frame) = (EpisodeLog::new(&first), first.frame());
+        let mut command: Option<String> = setup.policy.clone();
+        let mut oracle = false;
+        let ending = loop {
+            let from = robot.environment.frames().len();
+            self.status.send_modify(|status| status.policy.clone_from(&command));
+            let ended = match &command {
+                None => {
+                    let mut policy = self.operator(setup, frame, &status)?.starting_at(from);
+                    oracle |= policy.spec().privileged;
+                    let ended = run_policy(&mut robot, stage, &mut policy, seed, &settings);
+                    log.add_operator(&policy, frame, from, robot.environment.frames().len());
+                    frame = policy.frame();
+                    ended
+                }
+                Some(name) => {
+                    let seed = seed.fork_index(log.in_command().len() as u64);
+                    let ended = policy(stage, name).map(|mut policy| {
+                        oracle |= policy.spec().privileged;
+                        run_policy(&mut robot, stage, policy.as_mut(), seed, &settings)
+                    });
+                    log.add_policy(name, from, robot.environment.frames().len());
+                    match ended {
+                        Ok(ended) => ended,
+                        Err(error) => {
+                            let reason = error.to_string();
+                            Err(RolloutError::NotRun { policy: name.clone(), reason, mistake: false })
+                        }
+                    }
+                }
+            };
+            let request = self.lock().request.take();
+            match (self.decided(), request, ended) {
+                (TakeCommand::Retry | TakeCommand::Discard, ..) => return Ok(None),
+                // The person keeps while a policy is in command; otherwise the device's last event ends the stretch.
+                (decided, ..) if decided.is_keep() && command.is_some() => break Ending::Finished,
+                (_, Some(Request::Back), Err(_)) => {
+                    let steps = (BACK_S * stage.control_rate_hz()).round() as usize;
+                    log.undo(robot.back(steps).map_err(broke)?);
+                    let undone_s = log.undone_steps() as f64 / stage.control_rate_hz();
+                    self.status.send_modify(|status| status.undone = (log.record().undone.len(), undone_s));
+                    self.pause(None);
+                    let now = status.lock().unwrap_or_else(PoisonError::into_inner).clone();
+                    let late_steps = self.status.borrow().late_steps;
+                    self.show(setup, &robot.environment, &settings, now, late_steps).map_err(broke)?;
+                }
+                (_, Some(Request::HandOver(name)), Err(_)) => command = Some(name),
+                (_, Some(Request::TakeOver), Err(_)) => command = None,
+                (_, _, Ok((Ending::Horizon, _))) => break Ending::Horizon,
+                (_, _, Ok((ending, _))) if command.is_none() => break ending,
+                (_, _, Ok((_, gave_up))) => {
+                    let name = command.take().unwrap_or_default();
+                    self.pause(Some(note(&name, gave_up.as_ref())));
+                }
+                (_, _, Err(error)) if command.is_some() => {
+                    command = None;
+                    self.pause(Some(error.to_string()));
+                }
+                (_, _, Err(error)) => return Err(broke(error)),
+            }
+            self.inbox.restart(Instant::now());
+        };
+        let Live { mut environment, .. } = robot;
+        Take::finish(&mut environment, log, id, ending, oracle).map(Some).map_err(broke)
+    }
+
+    /// The person as a policy, in a frame.
+    fn operator(
+        &self,
+        setup: &SessionSetup,
+        frame: OperatorFrame,
+        status: &Arc<Mutex<Status>>,
+    ) -> Result<Teleoperation, WorkspaceError> {
+        let mut teleop = setup.teleop.clone();
+        teleop.input.most_events = MOST_EVENTS;
+        teleop.mapping.frame = frame;
+        let source = PageSource { name: setup.operator.clone(), inbox: Arc::clone(&self.inbox) };
+        let told = Arc::clone(status);
+        let Stage { robot, scenario, .. } = &setup.stage;
+        let policy = Teleoperation::new(teleop, Box::new(source), robot, &scenario.world);
+        let policy = policy.map_err(WorkspaceError::input)?;
+        Ok(policy.reporting_to(move |now| *told.lock().unwrap_or_else(PoisonError::into_inner) = now.clone()))
+    }
+
+    /// Waits for a control step; an error ends the stretch of whoever is in command.
+    fn before_step(&self, pace: &mut Pace, is_first: bool) -> Result<(), RolloutError> {
+        if is_first {
+            pace.resume(Instant::now());
         }
+        let wait = pace.next(Instant::now());
+        let command = self.wait(wait, || pace.resume(Instant::now()));
+        let is_asked = self.lock().request.is_some();
+        let has_policy = self.status.borrow().policy.is_some();
+        match command {
+            TakeCommand::Retry | TakeCommand::Discard => return Err(interrupted()),
+            TakeCommand::Keep | TakeCommand::KeepTrimmed if has_policy => return Err(interrupted()),
+            TakeCommand::Keep | TakeCommand::KeepTrimmed => self.inbox.press(Control::Finish),
+            _ if is_asked => return Err(interrupted()),
+            TakeCommand::Run | TakeCommand::Pause => {}
+        }
+        Ok(())
+    }
+
+    /// Pauses the take, with a note for the person.
+    fn pause(&self, note: Option<String>) {
+        let mut state = self.lock();
+        if state.command == TakeCommand::Run {
+            state.command = TakeCommand::Pause;
+        }
+        drop(state);
+        self.status.send_modify(|status| status.note = note);
     }
 
     /// Waits until the next control step is due, and through pauses; the command then.
@@ -335,10 +387,12 @@ impl Session {
             return self.decided();
         }
         self.status.send_modify(|status| status.phase = Phase::Paused);
-        let command = self.wait_for(|command| command != TakeCommand::Pause);
+        let command = self.wait_for(|state| state.command != TakeCommand::Pause || state.request.is_some());
         self.inbox.restart(Instant::now());
         resume();
-        self.status.send_modify(|status| status.phase = Phase::Running);
+        if command != TakeCommand::Pause {
+            self.status.send_modify(|status| (status.phase, status.note) = (Phase::Running, None));
+        }
         command
     }
 
@@ -350,7 +404,7 @@ impl Session {
         });
         match known {
             TakeCommand::Run | TakeCommand::Pause => {
-                self.wait_for(|command| !matches!(command, TakeCommand::Run | TakeCommand::Pause))
+                self.wait_for(|state| !matches!(state.command, TakeCommand::Run | TakeCommand::Pause))
             }
             known => known,
         }
@@ -371,12 +425,12 @@ impl Session {
         state.command
     }
 
-    /// Waits for a command.
-    fn wait_for(&self, is_meant: impl Fn(TakeCommand) -> bool) -> TakeCommand {
+    /// Waits for a command or a request.
+    fn wait_for(&self, is_meant: impl Fn(&SessionState) -> bool) -> TakeCommand {
         let mut state = self.lock();
         loop {
             let command = self.look(&mut state);
-            if is_meant(command) {
+            if is_meant(&state) {
                 return command;
             }
             state = self.changed.wait_timeout(state, LOOK).unwrap_or_else(PoisonError::into_inner).0;
@@ -454,7 +508,21 @@ fn goal(
     Ok(([met(best), best.len()], next))
 }
 
-/// Error that ends a take which is not wanted any more.
-fn dropped() -> RolloutError {
-    RolloutError::NotRun { policy: "teleop".into(), reason: "the take was dropped".into(), mistake: false }
+/// A policy to hand over to.
+fn policy(stage: &Stage, name: &str) -> Result<Box<dyn Policy>, WorkspaceError> {
+    let settings = PipelineSettings::in_world(stage.scenario.world.clone());
+    let planner = worlds::planner(&settings.world, &settings.planner)?;
+    let (settings, planner, grasps) = (&settings, &planner, GraspLibrary::builtin());
+    let context = PolicyContext { stage, recorded: None, planner, grasps, settings, cores: None };
+    PolicyFactory::resolve(name)?.make(&context)
+}
+
+/// Note on the end of a policy.
+fn note(name: &str, gave_up: Option<&Failure>) -> String {
+    match gave_up {
+        Some(Failure { cause, evidence }) => {
+            format!("{name} gave up ({}: {evidence}): you are in command", cause.name())
+        }
+        None => format!("{name} has finished: you are in command"),
+    }
 }

@@ -89,11 +89,17 @@ impl Page {
         page
     }
 
+    /// Reads for a simulated time, s, with a sign of life for each state.
+    fn simulate(&mut self, time_s: f64) {
+        let end_s = self.status["time_s"].as_f64().unwrap() + time_s;
+        self.until(true, |status| status["time_s"].as_f64().unwrap() > end_s);
+    }
+
     /// Reads until the status fulfils a condition.
     fn until(&mut self, is_alive: bool, is_meant: impl Fn(&Value) -> bool) {
         let start = Instant::now();
         while !is_meant(&self.status) {
-            assert!(start.elapsed() < Duration::from_secs(30), "{}", self.status);
+            assert!(start.elapsed() < Duration::from_secs(60), "{}", self.status);
             self.read(is_alive);
         }
     }
@@ -216,4 +222,184 @@ fn other_sites_and_large_or_unknown_messages_are_refused() {
     }
     let _ = tab.send_raw(Message::text(" ".repeat(1 << 20)));
     assert!(tab.is_closed());
+}
+
+/// Store and id of the only take of a studio.
+fn stored(studio: &Studio) -> (EpisodeStore, String) {
+    let run = std::fs::read_dir(studio.folder.path().join("out/runs")).unwrap().next().unwrap().unwrap().path();
+    let store = EpisodeStore::open(run.join("evaluation/teleop/episodes")).unwrap();
+    let id = store.ids().unwrap().remove(0);
+    (store, id)
+}
+
+fn json_of(store: &EpisodeStore, id: &str, name: &str) -> Value {
+    serde_json::from_slice(&store.read_attachment(id, name).unwrap()).unwrap()
+}
+
+fn replays(studio: &Studio, store: &EpisodeStore, id: &str) -> bool {
+    let stage = Stage::open(Arc::new(studio.scenario()), Catalogue::all(), &panda()).unwrap();
+    is_replayed(&stage, store, id, &rollout_settings()).unwrap()
+}
+
+#[test]
+fn going_back_restores_the_state_and_what_was_undone_is_cut_and_said() {
+    let studio = Studio::new();
+    let mut page = Page::with_keyboard(&studio);
+    page.send(&json!([key("KeyR", true)]));
+    page.simulate(0.7);
+    page.send(&json!([key("KeyR", false)]));
+    page.simulate(0.5);
+    let (high, rested_s) = (height(&page.state), page.status["time_s"].as_f64().unwrap());
+    page.simulate(4.5);
+    // Down again: that is undone, and the part before it is not.
+    page.send(&json!([key("KeyF", true)]));
+    page.simulate(0.8);
+    page.send(&json!([key("KeyF", false)]));
+    page.simulate(0.3);
+    assert!(height(&page.state) < high - 0.03, "{} {high}", height(&page.state));
+    let before_s = page.status["time_s"].as_f64().unwrap();
+    page.say("back");
+    page.until(true, |status| {
+        status["phase"] == "paused" && status["undone"][0] == 1 && status["time_s"].as_f64().unwrap() < before_s - 4.0
+    });
+    let (cut_s, now_s) = (page.status["undone"][1].as_f64().unwrap(), page.status["time_s"].as_f64().unwrap());
+    assert!((5.0..5.4).contains(&cut_s), "{cut_s}");
+    assert!(now_s > rested_s && now_s + cut_s < before_s + 0.5, "{rested_s} {now_s} {before_s}");
+    page.say("resume");
+    page.until(true, |status| status["phase"] == "running");
+    page.simulate(0.2);
+    assert!((height(&page.state) - high).abs() < 1e-3, "{} {high}", height(&page.state));
+    page.send(&json!([key("KeyR", true)]));
+    page.simulate(0.4);
+    assert!(height(&page.state) > high + 0.01, "{} {high}", height(&page.state));
+    page.say("keep");
+    page.until(true, |status| status["phase"] == "kept");
+    let (store, id) = stored(&studio);
+    let record = json_of(&store, &id, "operator.json");
+    let undone = &record["undone"][0];
+    let (from, to) = (undone["from"].as_u64().unwrap(), undone["to"].as_u64().unwrap());
+    assert!((to - from) as f64 / 60.0 > 5.0 && undone["events"].as_u64().unwrap() > 10, "{undone}");
+    let parts = json!([{ "from": 0, "to": from, "frame": "world" }, { "from": from, "frame": "world" }]);
+    assert_eq!(record["in_command"][0], parts[0]);
+    assert_eq!(record["in_command"][1]["from"], parts[1]["from"]);
+    let text = String::from_utf8(store.read_attachment(&id, "operator_events.jsonl").unwrap()).unwrap();
+    let marked: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let cut: Vec<&Value> = marked.iter().filter(|line| line["undone"] == 1).collect();
+    assert_eq!(cut.len() as u64, undone["events"].as_u64().unwrap());
+    assert!(cut.iter().any(|line| line["event"]["code"] == "KeyF"), "the undone key is still in the file");
+    assert!(marked.iter().all(|line| line["event"]["code"] != "KeyF" || line["undone"] == 1));
+    let episode = store.read(&id).unwrap();
+    assert!(episode.frames.windows(2).all(|pair| pair[1].time_s > pair[0].time_s));
+    assert!(replays(&studio, &store, &id));
+}
+
+#[test]
+fn the_person_takes_over_from_a_policy_hands_back_and_idle_ends_are_cut() {
+    let studio = Studio::new();
+    let mut page = Page::open(&studio);
+    page.until(false, |status| status["phase"] == "running");
+    page.send(&json!([keyboard()]));
+    // Idle at first; then a policy that the studio does not offer, and one that it does.
+    page.simulate(1.5);
+    page.tab.send(&json!({ "type": "hand_over", "policy": "python:os:system" }));
+    let refused = page.tab.find(|message| message["type"] == "refused");
+    assert!(refused["error"]["message"].as_str().unwrap().contains("python"), "{refused}");
+    page.tab.send(&json!({ "type": "hand_over", "policy": "expert" }));
+    page.until(true, |status| status["policy"] == "expert");
+    let handed_s = page.status["time_s"].as_f64().unwrap();
+    page.until(true, |status| status["time_s"].as_f64().unwrap() > handed_s + 1.0);
+    page.say("take_over");
+    page.until(true, |status| status["policy"].is_null());
+    page.simulate(0.2);
+    page.send(&json!([key("KeyR", true)]));
+    let low = height(&page.state);
+    page.simulate(0.5);
+    page.send(&json!([key("KeyR", false)]));
+    assert!(height(&page.state) > low + 0.01, "{low} {}", height(&page.state));
+    // A policy that ends leaves the person in command, and pauses.
+    page.tab.send(&json!({ "type": "hand_over", "policy": "do_nothing:seconds=1" }));
+    page.until(true, |status| status["phase"] == "paused");
+    assert!(page.status["note"].as_str().unwrap().contains("has finished"), "{}", page.status);
+    assert!(page.status["policy"].is_null());
+    page.say("resume");
+    page.until(true, |status| status["phase"] == "running" && status["note"].is_null());
+    page.simulate(1.5);
+    page.tab.send(&json!({ "type": "keep", "trim": true }));
+    page.until(true, |status| status["phase"] == "kept");
+    let (store, id) = stored(&studio);
+    let episode = store.read(&id).unwrap();
+    let result = serde_json::to_value(&episode.result).unwrap();
+    let record = json_of(&store, &id, "operator.json");
+    assert_eq!(result["source"], "correction");
+    assert_eq!(result["correction"]["policy"], "expert");
+    let stretches = record["in_command"].as_array().unwrap();
+    let who: Vec<&Value> = stretches.iter().map(|stretch| &stretch["policy"]).collect();
+    assert_eq!(who, [&Value::Null, &json!("expert"), &Value::Null, &json!("do_nothing:seconds=1"), &Value::Null]);
+    assert_eq!(result["correction"]["from_step"], stretches[2]["from"]);
+    assert!(stretches.windows(2).all(|pair| pair[0]["to"] == pair[1]["from"]), "{stretches:?}");
+    // Six idle control steps stay at each end.
+    let trimmed: Vec<u64> = record["trimmed"].as_array().unwrap().iter().map(|cut| cut.as_u64().unwrap()).collect();
+    assert!(trimmed[0] > 40 && trimmed[1] > 40, "{trimmed:?}");
+    assert_eq!(stretches[0]["to"], 6);
+    let last = &stretches[4];
+    assert!(last["to"].as_u64().unwrap() - last["from"].as_u64().unwrap() <= 7, "{last}");
+    // The expert plans, so the arm has moved before the person took over.
+    let way_m = |stretch: &Value| {
+        let [from, to] = [&stretch["from"], &stretch["to"]].map(|step| step.as_u64().unwrap() as usize);
+        episode.frames[from].tcp.position.distance(episode.frames[to - 1].tcp.position)
+    };
+    assert!(
+        way_m(&stretches[1]) > 0.02 && way_m(&stretches[0]) < 1e-3,
+        "{} {}",
+        way_m(&stretches[1]),
+        way_m(&stretches[0])
+    );
+    assert!(replays(&studio, &store, &id));
+}
+
+#[test]
+fn a_leader_arm_beside_the_page_is_followed_and_holds_when_it_falls_silent() {
+    let studio = Studio::new();
+    let mut program = Tab::connect_to("/api/teleop", studio.server.address(), "arm", None).unwrap();
+    program.send(&json!({ "type": "join", "scenario": studio.key }));
+    assert!(program.next("refused")["error"]["message"].as_str().unwrap().contains("nobody"));
+    let mut page = Page::with_keyboard(&studio);
+    program.send(&json!({ "type": "join", "scenario": studio.key }));
+    assert_eq!(program.next("joined")["scenario"], json!(studio.key));
+    let mut other = Tab::connect_to("/api/teleop", studio.server.address(), "arm", None).unwrap();
+    other.send(&json!({ "type": "join", "scenario": studio.key }));
+    assert!(other.next("refused")["error"]["message"].as_str().unwrap().contains("another program"));
+    // The leader is above the robot.
+    let mut joints = panda().home.clone();
+    joints[3] += 0.3;
+    let wanted = panda().tcp_pose(&joints);
+    let mut sequence = 0;
+    let mut send = |program: &mut Tab, events: Value| {
+        program.send(&json!({ "type": "events", "sequence": sequence, "events": events }));
+        sequence += 1;
+    };
+    send(&mut program, json!([{ "type": "connected", "device": { "kind": "leader_arm", "name": "gello" } }]));
+    let start_s = page.status["time_s"].as_f64().unwrap();
+    let mut ramped = false;
+    while page.status["time_s"].as_f64().unwrap() < start_s + 4.0 {
+        send(&mut program, json!([{ "type": "joints", "position_rad": joints, "gripper": 1.0 }]));
+        page.read(true);
+        ramped |= page.status["limits"].to_string().contains("ramp");
+    }
+    assert!(ramped, "{}", page.status);
+    assert_eq!(page.status["limits"], json!([]), "it has caught up");
+    let silent = Instant::now();
+    page.until(true, |status| status["held"] == "silence");
+    assert!(silent.elapsed() < Duration::from_millis(400), "{:?}", silent.elapsed());
+    drop(program);
+    page.simulate(0.3);
+    page.say("keep");
+    page.until(true, |status| status["phase"] == "kept");
+    let (store, id) = stored(&studio);
+    let record = json_of(&store, &id, "operator.json");
+    assert_eq!(record["devices"][1], json!({ "kind": "leader_arm", "name": "gello" }));
+    let episode = store.read(&id).unwrap();
+    let last = episode.frames.last().unwrap().tcp;
+    assert!(last.position.distance(wanted.position) < 0.01, "{last:?} {wanted:?}");
+    assert!(replays(&studio, &store, &id));
 }

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use genmanip_core::Pose;
+
 use super::{AXES, Control, Device, DeviceError, DeviceEvent, ReportLayout, gamepad, keyboard, space_mouse};
 
 /// State of a device's axes and controls in a control step.
@@ -15,6 +17,21 @@ pub struct Reading {
     pub clutch: bool,
     /// Controls that were pressed since the previous reading, in order.
     pub pressed: Vec<Control>,
+    /// Pose of the tool that a leader arm or tracker asks for; `None` for other devices.
+    pub goal: Option<Goal>,
+    /// True if the gripper of that device is closed; `None` if it has none.
+    pub is_closed: Option<bool>,
+}
+
+/// Pose of the tool that a device asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Goal {
+    /// Tool pose of these joint positions of the robot, rad.
+    Joints(Vec<f64>),
+    /// `world_from_tcp`.
+    Absolute(Pose),
+    /// Pose in the device's frame, whose motion since the device was engaged the tool makes too.
+    Relative(Pose),
 }
 
 /// Decoder of the events of one connected device at a time.
@@ -24,6 +41,8 @@ pub struct Decoder {
     axes: [f64; AXES],
     held: BTreeSet<Control>,
     pressed: Vec<Control>,
+    goal: Option<Goal>,
+    is_closed: Option<bool>,
 }
 
 #[derive(Clone, Debug)]
@@ -32,7 +51,13 @@ enum Connected {
     SpaceMouse(ReportLayout, [f64; AXES], u32),
     Gamepad,
     Keyboard(BTreeSet<String>),
+    LeaderArm,
+    /// True if its poses are those of the tool.
+    PoseTracker(bool),
 }
+
+/// Openings (0 to 1) below which a stream's gripper counts as closed, and above which as open; between them it stays.
+const GRIPPER: [f64; 2] = [0.4, 0.6];
 
 /// Maximum number of presses kept between two readings; further ones are dropped, as no person presses that fast.
 const MAX_PRESSED: usize = 16;
@@ -51,6 +76,8 @@ impl Decoder {
                     }
                     Device::Gamepad { .. } => Connected::Gamepad,
                     Device::Keyboard => Connected::Keyboard(BTreeSet::new()),
+                    Device::LeaderArm { .. } => Connected::LeaderArm,
+                    Device::PoseTracker { is_absolute, .. } => Connected::PoseTracker(*is_absolute),
                 };
                 *self = Self { connected: Some(connected), ..Self::default() };
             }
@@ -70,6 +97,27 @@ impl Decoder {
                 let (axes, buttons) = gamepad::read(axes, buttons)?;
                 self.axes = axes;
                 self.hold(held(buttons, gamepad::BUTTONS));
+            }
+            DeviceEvent::Joints { position_rad, gripper, clutch } => {
+                if !matches!(self.connected, Some(Connected::LeaderArm)) {
+                    return Err(self.other("leader_arm"));
+                }
+                if position_rad.iter().chain(gripper).any(|value| !value.is_finite()) {
+                    return Err(DeviceError::Stream);
+                }
+                self.stream(Goal::Joints(position_rad.clone()), *gripper, *clutch);
+            }
+            DeviceEvent::Pose { position_m, orientation_wxyz, gripper, clutch } => {
+                let Some(Connected::PoseTracker(is_absolute)) = self.connected else {
+                    return Err(self.other("pose_tracker"));
+                };
+                let length = orientation_wxyz.iter().map(|part| part * part).sum::<f64>().sqrt();
+                if position_m.iter().chain(gripper).any(|value| !value.is_finite()) || (length - 1.0).abs() > 1e-3 {
+                    return Err(DeviceError::Stream);
+                }
+                let pose = Pose::from_wxyz_array(*position_m, orientation_wxyz.map(|part| part / length));
+                let goal = if is_absolute { Goal::Absolute(pose) } else { Goal::Relative(pose) };
+                self.stream(goal, *gripper, *clutch);
             }
             DeviceEvent::Key { code, down } => {
                 let Some(Connected::Keyboard(keys)) = &mut self.connected else {
@@ -111,7 +159,22 @@ impl Decoder {
             precision: self.held.contains(&Control::Precision),
             clutch: self.held.contains(&Control::Clutch),
             pressed: std::mem::take(&mut self.pressed),
+            goal: self.goal.clone(),
+            is_closed: self.is_closed,
         }
+    }
+
+    /// Takes the state of a leader arm or tracker.
+    fn stream(&mut self, goal: Goal, gripper: Option<f64>, clutch: bool) {
+        self.goal = Some(goal);
+        let [closed, open] = GRIPPER;
+        self.is_closed = match gripper {
+            Some(opening) if opening < closed => Some(true),
+            Some(opening) if opening > open => Some(false),
+            Some(_) => self.is_closed,
+            None => None,
+        };
+        self.hold(clutch.then_some(Control::Clutch).into_iter().collect());
     }
 
     /// Counts all keys of a keyboard as released; other devices report their whole state with every event.
@@ -146,6 +209,8 @@ impl Decoder {
             Some(Connected::SpaceMouse(..)) => "space_mouse",
             Some(Connected::Gamepad) => "gamepad",
             Some(Connected::Keyboard(_)) => "keyboard",
+            Some(Connected::LeaderArm) => "leader_arm",
+            Some(Connected::PoseTracker(_)) => "pose_tracker",
         };
         DeviceError::OtherDevice { expected, got }
     }

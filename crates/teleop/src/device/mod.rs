@@ -9,7 +9,7 @@ mod gamepad;
 mod keyboard;
 mod space_mouse;
 
-pub use decoder::{Decoder, Reading};
+pub use decoder::{Decoder, Goal, Reading};
 pub use descriptor::ReportLayout;
 pub use space_mouse::{SIX_AXIS_CONTROLLER, SPACE_NAVIGATOR};
 
@@ -40,6 +40,30 @@ pub enum DeviceEvent {
         axes: Vec<f64>,
         /// Value of each button, 0 (released) to 1, in the order of the standard mapping.
         buttons: Vec<f64>,
+    },
+    /// State of a leader arm with the same joints as the robot.
+    Joints {
+        /// Joint positions, base to tip, rad.
+        position_rad: Vec<f64>,
+        /// Opening of its gripper, 0 (closed) to 1; absent without a gripper.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        gripper: Option<f64>,
+        /// True while the leader arm is disengaged.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        clutch: bool,
+    },
+    /// Pose of a tracked thing, such as a phone.
+    Pose {
+        /// Position in the tracker's frame, m: x forward, y left, z up, as the operator sees the robot's world frame.
+        position_m: [f64; 3],
+        /// Unit quaternion, w first.
+        orientation_wxyz: [f64; 4],
+        /// Opening of the gripper, 0 (closed) to 1; absent without a control for it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        gripper: Option<f64>,
+        /// True while the tracked thing is disengaged.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        clutch: bool,
     },
     /// Key that was pressed or released.
     Key {
@@ -82,15 +106,31 @@ pub enum Device {
     },
     /// Keyboard of the computer.
     Keyboard,
+    /// Arm with the same joints as the robot, which it follows.
+    LeaderArm {
+        /// Name of the product.
+        name: String,
+    },
+    /// Tracked thing, such as a phone.
+    PoseTracker {
+        /// Name of the product.
+        name: String,
+        /// True if its poses are those of the tool in the world frame; false if the tool makes the same motion, from
+        /// where both were when the tracked thing was engaged.
+        #[serde(default)]
+        is_absolute: bool,
+    },
 }
 
 impl Device {
-    /// Name of the kind, as in files: `space_mouse`, `gamepad` or `keyboard`.
+    /// Name of the kind, as in files: `space_mouse`, `gamepad`, `keyboard`, `leader_arm` or `pose_tracker`.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::SpaceMouse { .. } => "space_mouse",
             Self::Gamepad { .. } => "gamepad",
             Self::Keyboard => "keyboard",
+            Self::LeaderArm { .. } => "leader_arm",
+            Self::PoseTracker { .. } => "pose_tracker",
         }
     }
 }
@@ -139,6 +179,9 @@ pub enum DeviceError {
         /// Kind of the event.
         got: &'static str,
     },
+    /// A state of a leader arm or tracker with a value that is not finite, or without a unit quaternion.
+    #[error("expected finite numbers, and a unit quaternion in a pose")]
+    Stream,
     /// A gamepad without the standard mapping, or with a value that is not finite.
     #[error(
         "gamepad: expected 4 axes and 16 or 17 buttons of the standard mapping, all finite; got {axes} and {buttons}"

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)] // Clippy's exemption covers test functions only, not their helpers.
 
+mod streams;
+
 use std::collections::BTreeMap;
 
 use genmanip_assets::panda;
@@ -375,7 +377,7 @@ fn recorded_events_give_the_same_commands() {
 #[test]
 fn the_descriptor_that_the_page_writes_has_the_layout_of_the_device() {
     let file: serde_json::Value =
-        serde_json::from_str(include_str!("../testdata/space_navigator_webhid.json")).unwrap();
+        serde_json::from_str(include_str!("../../testdata/space_navigator_webhid.json")).unwrap();
     let connected = serde_json::json!({ "kind": "space_mouse", "name": "", "descriptor": file["descriptor"] });
     let Ok(Device::SpaceMouse { descriptor, .. }) = serde_json::from_value(connected) else { panic!("no SpaceMouse") };
     assert_eq!(ReportLayout::parse(&descriptor).unwrap(), ReportLayout::parse(SPACE_NAVIGATOR).unwrap());
