@@ -16,7 +16,8 @@ use genmanip_pipeline::real::rehearsal::Rehearsal;
 use genmanip_pipeline::real::simulated::{SimulatedArmSettings, bridge_robot};
 use genmanip_real::bridge::client::{ArmClient, BridgeError, ClientSettings, SLOW, Tally, TcpConnection};
 use genmanip_real::bridge::{
-    Bridge, BridgeSettings, Command, JointState, LinkSettings, Motion, Orders, Reading, Reply, Request, StopReason,
+    Bridge, BridgeSettings, Command, JointState, LinkSettings, Motion, Orders, Reading, Reply, Request, State,
+    StopReason,
 };
 use genmanip_relations::judge_goal;
 use genmanip_rollout::collect::Resources;
@@ -317,10 +318,14 @@ const REST_S: f64 = 0.7;
 
 /// Longest time to wait beyond that until the arm is measured at rest, s.
 const LONGEST_REST_S: f64 = 5.0;
-/// Number of commands between two looks at whether the arm rests, and the turn of a joint between them that counts as rest,
-/// rad.
-const STILL_COMMANDS: usize = 6;
-const STILL_RAD: f64 = 2e-4;
+/// Measured velocity of a joint that counts as rest, rad/s.
+const REST_RAD_S: f64 = 2e-3;
+
+/// True if the setpoints have reached an end of a motion and the arm is measured at rest.
+fn is_at_rest(state: &State, end: &[f64]) -> bool {
+    state.setpoints.iter().zip(end).all(|(at, end)| (at - end).abs() < 1e-6)
+        && state.velocities.iter().all(|velocity| velocity.abs() < REST_RAD_S)
+}
 
 /// Streams planned motions between random joint positions to the bridge at an address.
 ///
@@ -357,17 +362,9 @@ pub fn motions(url: &str, count: usize, seed: Seed) -> Result<Motions, Workspace
         }
         // An arm whose clock is slower than ours, as a simulated one's on a busy machine, comes to rest later.
         let until_s = client.now_s() + LONGEST_REST_S;
-        let mut before = client.state().positions.clone();
-        while client.now_s() < until_s {
-            for _ in 0..STILL_COMMANDS {
-                client.command(end, width_m).map_err(failed)?;
-                client.wait(client.now_s() + motion.dt_s).map_err(failed)?;
-            }
-            let moved = before.iter().zip(&client.state().positions).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            if moved < STILL_RAD {
-                break;
-            }
-            before.clone_from(&client.state().positions);
+        while !is_at_rest(client.state(), end) && client.now_s() < until_s {
+            client.command(end, width_m).map_err(failed)?;
+            client.wait(client.now_s() + motion.dt_s).map_err(failed)?;
         }
         let (wanted, got) = (stage.robot.tcp_pose(end), stage.robot.tcp_pose(&client.state().positions));
         ends_mm.push(1e3 * wanted.position.distance(got.position));
