@@ -32,7 +32,6 @@ pub mod studio;
 pub mod suite;
 pub mod task;
 pub mod task_new;
-pub mod teleop;
 pub mod train;
 pub mod world;
 

@@ -31,7 +31,6 @@ mod serving;
 mod sharding;
 mod studio_killed;
 mod suites;
-mod teleoperating;
 mod verified;
 
 use std::collections::BTreeMap;

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // Clippy's exemption covers test functions only, not their helpers.
 
+mod log;
 mod streams;
 
 use std::collections::BTreeMap;
