@@ -21,8 +21,8 @@ const TILE: usize = 16;
 const GROUPS: usize = 16;
 /// Quantile of Student's distribution with 15 degrees of freedom for a two-sided 95 % interval.
 const T: f64 = 2.131;
-/// Share of its depth by which a pixel may change between images; more is an edge.
-const EDGE: f32 = 0.02;
+/// Change of a pixel's disparity between images, in typical standard deviations, above which it lies on an edge.
+const EDGE: f64 = 8.0;
 /// Largest half-width of the interval of an identified figure, as a share of its value or of its typical size.
 const WIDEST: f64 = 0.5;
 
@@ -124,19 +124,29 @@ impl CameraNoise {
     /// Focal length, baseline and disparity step are those of the sensor.
     pub fn add_depth(&mut self, width: usize, images: &[Vec<f32>], sensor: &DepthSensor, step_m: f64) {
         let disparity_m = sensor.focal_length_px * sensor.baseline_m.abs();
-        let mut sums = [[0.0; 2]; GROUPS];
+        // Group, variance, largest change, and variance of the rounding of each pixel.
+        let mut pixels: Vec<(usize, [f64; 3])> = Vec::new();
         for index in 0..images.first().map_or(0, Vec::len) {
-            let depth: Vec<f32> = images.iter().map(|image| image[index]).collect();
-            let (least, most) = depth.iter().fold((f32::INFINITY, 0.0_f32), |(a, b), it| (a.min(*it), b.max(*it)));
-            if least <= 0.0 || most - least > EDGE * least {
+            let depth = images.iter().map(|image| f64::from(image[index]));
+            let nearest = depth.clone().fold(f64::INFINITY, f64::min);
+            if nearest <= 0.0 {
                 continue;
             }
-            let disparity: Vec<f64> = depth.iter().map(|depth| disparity_m / f64::from(*depth)).collect();
-            let rounding = step_m * disparity_m / f64::from(least).powi(2);
+            let disparity: Vec<f64> = depth.map(|depth| disparity_m / depth).collect();
+            let (low, high) = disparity.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), it| (a.min(*it), b.max(*it)));
+            let rounding = step_m * disparity_m / (nearest * nearest);
             let steps = (sensor.disparity_step_px.powi(2) + rounding * rounding) / 12.0;
-            let sum = &mut sums[group(index, width)];
-            sum[0] += successive(&disparity) - steps;
-            sum[1] += 1.0;
+            pixels.push((group(index, width), [successive(&disparity), high - low, steps]));
+        }
+        let mut variances: Vec<f64> = pixels.iter().map(|(_, [variance, ..])| *variance).collect();
+        variances.sort_by(f64::total_cmp);
+        let typical = variances.get(variances.len() / 2).map_or(0.0, |variance| variance.sqrt());
+        let mut sums = [[0.0; 2]; GROUPS];
+        for (group, [variance, change, steps]) in pixels {
+            if change <= EDGE * typical {
+                sums[group][0] += variance - steps;
+                sums[group][1] += 1.0;
+            }
         }
         let all = sums.iter().fold([0.0; 2], |all, it| [all[0] + it[0], all[1] + it[1]]);
         if all[1] < FEWEST_PIXELS as f64 || all[0] <= 0.0 {
