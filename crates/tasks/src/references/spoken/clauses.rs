@@ -54,6 +54,14 @@ impl Listener {
         }
         let start = self.mind.next;
         let end = self.clause_end();
+        let is_condition = |index: &usize| match self.token(*index) {
+            "unless" => true,
+            "otherwise" => begins_at(self, index + 1),
+            _ => false,
+        };
+        if (start..end).any(|index| is_condition(&index)) {
+            return Err("the sentence depends on a condition, which no goal can say".into());
+        }
         let forbids = (start..end).any(|index| match self.token(index) {
             "not" | "never" => !self.is_fact(start, index),
             "without" => self.token(index + 1).ends_with("ing"),
@@ -144,7 +152,12 @@ impl Listener {
         let addresses =
             ["if you", "you to", "you could", "you would", "you should", "you must", "could you", "you can"];
         let asks_robot = words.windows(2).any(|pair| addresses.contains(&format!("{} {}", pair[0], pair[1]).as_str()));
-        if is_command || obliges || asks_robot || self.requests_first(start, end) {
+        let (follows, opens) = (self.token(start + 1), |words: &[&str]| words.contains(&first));
+        // `when the mug is on the tray, …`, `after drying it`
+        let is_at_place = |index: usize| ["is", "are"].contains(&self.token(index)) && begins_at(self, index + 1);
+        let is_condition = opens(&["when", "once", "if", "until", "whenever"]) && (start..end).any(is_at_place)
+            || opens(&["after", "before", "while"]) && follows.ends_with("ing") && !is_verb(follows);
+        if is_command || obliges || asks_robot || is_condition || self.requests_first(start, end) {
             return None;
         }
         if !(is_subordinate || is_statement || is_interjection) {

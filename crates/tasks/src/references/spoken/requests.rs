@@ -68,6 +68,13 @@ impl Listener {
             let is_sequence = said == "have" && says(&["once", "after", "when"]);
             let is_wish =
                 vocabulary().desires.contains(&said) && (says(&vocabulary().wanting) || says(&vocabulary().weak));
+            // `I will put the mug there` says what somebody else does.
+            let others =
+                ["let me", "i will", "we will", "i shall", "should i", "shall i", "will i", "i can", "i might"];
+            if others.iter().any(|phrase| prefix.ends_with(&format!(" {phrase} "))) {
+                continue;
+            }
+            let is_wish = is_wish && !(said == "make" && self.ahead(0) == "a");
             let mut found = None;
             let is_modal = opens(&["could", "can", "would", "may", "might", "shall", "should", "will"]);
             if is_modal || !vocabulary().stative.contains(&said) || is_sequence {
