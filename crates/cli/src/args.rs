@@ -29,6 +29,7 @@ pub use serve::*;
 pub use skills::*;
 pub use studio::*;
 pub use suite::*;
+pub use teleop::*;
 pub use train::*;
 pub use world::*;
 
@@ -53,6 +54,7 @@ mod skills;
 mod split;
 mod studio;
 mod suite;
+mod teleop;
 mod train;
 mod world;
 
@@ -269,6 +271,14 @@ pub enum Command {
     #[command(after_help = "Examples:\n  genmanip studio out/run\n  genmanip studio genmanip-200-rc --no-open\n\n\
                             docs/guides/studio.md has the parts of the page and every operation over HTTP.")]
     Studio(StudioArguments),
+    /// Move the robot of a scenario with a SpaceMouse, without a browser, and keep what you did as an episode
+    #[command(
+        after_help = "Examples:\n  genmanip teleop out/run/scenarios/017_pick_and_place-000.json --device /dev/hidraw0\n  \
+                            genmanip teleop out/run/scenarios/017_pick_and_place-000.json --device /dev/hidraw0 --watch\n\n\
+                            Type a letter and Enter: p pause or go on, b back 5 s, t take over or hand over, n begin anew,\n\
+                            k keep, l keep without idle ends, x discard. docs/guides/teleoperate.md"
+    )]
+    Teleop(TeleopArguments),
     /// Serve masks, grasps, motions or environments to other programs over HTTP; local only by default
     Serve {
         /// Service to run

@@ -72,6 +72,7 @@ fn run(arguments: &Arguments, printer: &Printer) -> Result<ExitStatus, Failed> {
             .hint("cargo run --release -p genmanip-lab -- SUBCOMMAND, or genmanip-lab SUBCOMMAND once installed")),
         Command::Real { command } => commands::real::run(command, printer),
         Command::Studio(arguments) => commands::studio::run(arguments, printer),
+        Command::Teleop(arguments) => commands::teleop::run(arguments, printer),
         Command::Serve { command } => commands::serve::run(command, printer),
         Command::Skills { command } => commands::skills::run(command, printer),
         Command::Doctor => commands::doctor::run(printer),

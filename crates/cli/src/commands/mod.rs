@@ -32,6 +32,7 @@ pub mod studio;
 pub mod suite;
 pub mod task;
 pub mod task_new;
+pub mod teleop;
 pub mod train;
 pub mod world;
 

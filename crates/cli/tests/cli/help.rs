@@ -31,6 +31,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["real", "run"],
         &["agent", "act"],
         &["studio"],
+        &["teleop"],
         &["serve", "segment"],
         &["serve", "agent"],
         &["serve", "policy"],

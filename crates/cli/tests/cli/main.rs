@@ -31,6 +31,7 @@ mod serving;
 mod sharding;
 mod studio_killed;
 mod suites;
+mod teleoperating;
 mod verified;
 
 use std::collections::BTreeMap;

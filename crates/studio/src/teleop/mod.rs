@@ -1,11 +1,13 @@
 //! Teleoperation from the page: device events become takes of the ordinary episode loop, in real time.
 //!
+//! - [`Hidraw`]: native reader of a SpaceMouse, without a browser.
 //! - [`inbox`]: events between the socket and the control loop, bounded, with the hold on silence.
 //! - [`pace`]: control steps by the wall clock; late ones are counted.
 //! - `live`: the environment as a robot in real time, which can be interrupted and go back.
 //! - [`session`]: takes of one scenario: paused, repeated, taken back, handed over, kept or discarded.
 //! - [`take`]: teleoperated episodes with the record of their operator, stored and replayed.
 
+mod hidraw;
 pub mod inbox;
 mod live;
 pub mod pace;
@@ -13,6 +15,7 @@ pub mod session;
 pub mod status;
 pub mod take;
 
+pub use hidraw::Hidraw;
 pub use inbox::Inbox;
 pub use session::{Session, SessionSetup, Sessions};
 pub use status::{Phase, Request, SessionStatus, TakeCommand};

@@ -25,6 +25,8 @@ pub struct ReportLayout {
     /// True if reports start with their id.
     has_ids: bool,
     fields: Vec<Field>,
+    /// Report ids with the lengths of their reports, bytes, the id included.
+    lengths: Vec<(u8, usize)>,
 }
 
 /// Field of an input report.
@@ -76,7 +78,7 @@ impl ReportLayout {
         }
         let (mut globals, mut locals) = (Globals::default(), Locals::default());
         let mut pushed = Vec::new();
-        let mut layout = Self { has_ids: false, fields: Vec::new() };
+        let mut layout = Self { has_ids: false, fields: Vec::new(), lengths: Vec::new() };
         // Bits used so far, by report id.
         let mut used = [0_usize; 256];
         let mut at = 0;
@@ -127,6 +129,8 @@ impl ReportLayout {
                 _ => {}
             }
         }
+        let used = (0_u8..=255).zip(used).filter(|(_, bits)| *bits > 0);
+        layout.lengths = used.map(|(id, bits)| (id, bits.div_ceil(8) + usize::from(layout.has_ids))).collect();
         match layout.fields.iter().any(|field| matches!(field.meaning, Meaning::Axis(_))) {
             true => Ok(layout),
             false => Err(bad(0, "one of the axes X, Y, Z, Rx, Ry, Rz in its input reports")),
@@ -162,6 +166,14 @@ impl ReportLayout {
         }
         *offset += globals.report_size as usize * globals.report_count as usize;
         Ok(())
+    }
+
+    /// First input report in a stream of bytes, and the bytes after it; `None` if it is not complete. Bytes with an
+    /// unknown report id are one report.
+    pub fn first_report<'a>(&self, bytes: &'a [u8]) -> Option<(&'a [u8], &'a [u8])> {
+        let id = if self.has_ids { *bytes.first()? } else { 0 };
+        let length = self.lengths.iter().find(|(known, _)| *known == id).map_or(bytes.len(), |(_, length)| *length);
+        bytes.split_at_checked(length).filter(|(report, _)| !report.is_empty())
     }
 
     /// Applies an input report to the axes (-1 to 1) and to the bit mask of the pressed buttons. Axes and buttons that
