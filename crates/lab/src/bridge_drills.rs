@@ -270,7 +270,7 @@ mod tests {
         let open = GripperDrill { wanted_m: 0.08, word: GripperWord::Arrived, width_m: 0.08, took_s: 1.0 };
         let sound = Drills { starts: 5, start_jump_mm: 0.2, gripper: vec![open.clone()], ..Drills::default() };
         assert!(sound.flaws().is_empty());
-        let late = GripperDrill { took_s: 4.0, ..open };
+        let late = GripperDrill { took_s: 6.0, ..open };
         let mute = Collision { errors: Vec::new(), recovered_s: 0.5, jump_mm: 0.0 };
         let flawed = Drills { start_jump_mm: 1.2, gripper: vec![late], collision: Some(mute), ..sound };
         assert_eq!(flawed.flaws().len(), 3, "{:?}", flawed.flaws());
