@@ -67,7 +67,8 @@ pub fn run(arguments: &TeleopArguments, printer: &Printer) -> Result<ExitStatus,
     Ok(ExitStatus::Done)
 }
 
-/// Obeys the letters that are typed, in a thread that ends with the program. The end of the input discards the take.
+/// Obeys the letters that are typed until the take is kept, in a thread that ends with the program. The end of the input
+/// discards the take.
 fn listen(session: &Arc<Session>, policy: &str) {
     let (session, policy) = (Arc::clone(session), policy.to_owned());
     std::thread::spawn(move || {
@@ -83,8 +84,8 @@ fn listen(session: &Arc<Session>, policy: &str) {
                 "t" if has_policy => session.ask(Request::TakeOver),
                 "t" => session.ask(Request::HandOver(policy.clone())),
                 "n" => session.set_command(TakeCommand::Retry),
-                "k" => session.set_command(TakeCommand::Keep),
-                "l" => session.set_command(TakeCommand::KeepTrimmed),
+                "k" => return session.set_command(TakeCommand::Keep),
+                "l" => return session.set_command(TakeCommand::KeepTrimmed),
                 "x" => session.set_command(TakeCommand::Discard),
                 _ => {}
             }
