@@ -117,7 +117,7 @@ impl Lexicon {
     }
 
     /// Those of some cards that a phrase means first: of the category that is its noun, or of the first sort that the
-    /// noun may mean; and whether the noun is that category.
+    /// noun may mean, and among these the ones with all its words in their names; and whether the noun is that category.
     pub fn plainest<'c>(&self, words: &[&str], cards: &[&'c ObjectCard]) -> (Vec<&'c ObjectCard>, bool) {
         let with = words.iter().position(|word| TRAITS.contains(word) || *word == "of").unwrap_or(words.len());
         let Some((noun, before)) = words[..with].split_last() else { return (Vec::new(), false) };
@@ -127,12 +127,22 @@ impl Lexicon {
             cards.iter().copied().filter(|card| keep(card)).collect()
         };
         let of_kind = among(&|card| card.category == noun || pair.as_ref() == Some(&card.category));
+        // `salt shaker` is a category that holds pepper shakers too, and `tennis ball` means one ball.
+        let called = |cards: Vec<&'c ObjectCard>| {
+            let is_called = |card: &&&'c ObjectCard| {
+                let name = card.name.to_lowercase();
+                let has = |word: &str| name.split(' ').any(|part| part == word);
+                has(&noun) && before.iter().all(|word| has(word))
+            };
+            let named: Vec<&ObjectCard> = cards.iter().filter(is_called).copied().collect();
+            if named.is_empty() { cards } else { named }
+        };
         if !of_kind.is_empty() {
-            return (of_kind, true);
+            return (called(of_kind), true);
         }
         let sorts = self.heads.get(&noun).map_or(&[][..], Vec::as_slice);
         let first = sorts.iter().map(|sort| among(&|card| is_of(sort, card))).find(|found| !found.is_empty());
-        (first.unwrap_or_default(), false)
+        (called(first.unwrap_or_default()), false)
     }
 
     /// True if a noun is known only from the labels of packages: there are tins of pineapple, but no pineapple.
