@@ -56,7 +56,8 @@ pub(super) fn tokens(text: &str) -> Vec<String> {
 /// A word without letters that are repeated for emphasis: `pleeease`.
 fn unstretched(word: &str) -> String {
     let letters: Vec<char> = word.chars().collect();
-    let is_stretched = letters.windows(3).any(|three| three[0].is_alphabetic() && three.iter().all(|one| *one == three[0]));
+    let is_stretched =
+        letters.windows(3).any(|three| three[0].is_alphabetic() && three.iter().all(|one| *one == three[0]));
     if !is_stretched {
         return word.to_owned();
     }

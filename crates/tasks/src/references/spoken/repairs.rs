@@ -27,7 +27,11 @@ fn replaced(listener: &Listener, marker: usize) -> Option<(usize, usize)> {
     let start = clause_start(listener, end);
     if begins_at(listener, next) {
         let [place] = places(listener, start, end)[..] else { return None };
-        return Some((place, next));
+        // `on the white bin, I mean in the bin` means the white one.
+        let stop = (next..listener.tokens.len()).find(|&index| is_mark(listener.token(index)));
+        let is_same = listener.token(end - 1) == listener.token(stop.unwrap_or(listener.tokens.len()) - 1);
+        let is_bare = vocabulary().articles.contains(&listener.token(end - 2));
+        return (!is_same || is_bare).then_some((place, next));
     }
     let is_article = |&index: &usize| vocabulary().articles.contains(&listener.token(index));
     let nouns: Vec<usize> = (start..end).filter(is_article).collect();
@@ -47,9 +51,8 @@ fn replaced(listener: &Listener, marker: usize) -> Option<(usize, usize)> {
 /// Range of the words that say what is not meant, where the rest of the sentence implies it: `on the book, not on the
 /// table`, `not the pepper, the salt`.
 fn contrast(listener: &Listener) -> Option<(usize, usize)> {
-    let not = (0..listener.tokens.len()).find(|&index| {
-        listener.token(index) == "not" && (index == 0 || is_mark(listener.token(index - 1)))
-    })?;
+    let not = (0..listener.tokens.len())
+        .find(|&index| listener.token(index) == "not" && (index == 0 || is_mark(listener.token(index - 1))))?;
     let end = (not..listener.tokens.len()).find(|&index| is_mark(listener.token(index)));
     let end = end.unwrap_or(listener.tokens.len());
     let is_article = |index: usize| vocabulary().articles.contains(&listener.token(index));
@@ -61,7 +64,7 @@ fn contrast(listener: &Listener) -> Option<(usize, usize)> {
     let [place] = places(listener, clause_start(listener, not - 1), not - 1)[..] else { return None };
     let [other] = places(listener, not + 1, end)[..] else { return None };
     let differs = listener.token(not - 2) != listener.token(end - 1);
-    (other == not + 1 && end > not + 2 && holds(place) && holds(other) && differs).then_some((not - 1, end))
+    (other == not + 1 && end > not + 3 && holds(place) && holds(other) && differs).then_some((not - 1, end))
 }
 
 /// Index after the last full stop or semicolon before an index.
@@ -74,4 +77,37 @@ fn places(listener: &Listener, start: usize, end: usize) -> Vec<usize> {
     // `to the left of` begins at `to`, although `left of` is a place too.
     let is_first = |&index: &usize| begins_at(listener, index) && (index == start || !begins_at(listener, index - 1));
     (start..end).filter(is_first).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::normal::tokens;
+    use super::repaired;
+
+    #[test]
+    fn the_later_words_hold() {
+        let cases = [
+            ("put the apple in the bowl, I mean on the plate", "put the apple on the plate"),
+            ("put the apple, no wait, the pear, in the bowl", "put the pear , in the bowl"),
+            ("put it in the toolbox, i.e. the box", "put it in the box"),
+            ("I want it on the book, not on the table", "i want it on the book"),
+            ("Not the pepper, the salt: stand it there", "the salt , stand it there"),
+            ("put it near the bowl, not on the plate", "put it near the bowl , not on the plate"),
+        ];
+        for (said, expected) in cases {
+            assert_eq!(repaired(tokens(said)).unwrap().join(" "), expected, "{said}");
+        }
+    }
+
+    #[test]
+    fn unclear_corrections_are_errors() {
+        for said in [
+            "put the apple in the bowl, I mean the pear",
+            "put it on the plate next to the bowl, I mean behind the bowl",
+            "put it on the white bin, no wait, in the bin",
+            "I mean",
+        ] {
+            assert!(repaired(tokens(said)).is_err(), "{said}");
+        }
+    }
 }

@@ -17,7 +17,7 @@ impl Listener {
         let objects = self.changed_objects()?;
         particle = self.level().or_else(|| self.take_any(&vocabulary().state_particles)).or(particle);
         particle = self.level().or(particle);
-        self.take_any(&["again", "all the way", "fully", "wide"]);
+        self.take_any(&["again", "all the way", "fully", "wide", "over it", "behind it", "after it"]);
         let is_kept = ["get", "have", "keep", "leave", "make"].contains(&verb);
         let told = if is_kept && particle.is_none() { self.attempt(Self::wanted_state) } else { None };
         if let Some(action) = told.or_else(|| self.attempt(Self::resulting_state)) {
