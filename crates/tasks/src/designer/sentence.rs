@@ -162,8 +162,9 @@ impl<'s, 'a> Scene<'s, 'a> {
                         .iter()
                         .filter_map(|now| Some((now, changed_state(card, *part, *action, Some(now))?)))
                         .collect();
-                    // The plainest change of an object with several states: from or to `closed`.
-                    let closed = starts.iter().find(|(now, then)| *now == "closed" || then == "closed");
+                    // The plainest change of an object with several states: from or to `closed`, or from `off`.
+                    let is_plain = |now: &str, then: &str| now == "closed" || then == "closed" || now == "off";
+                    let closed = starts.iter().find(|(now, then)| is_plain(now, then));
                     let (now, state) =
                         closed.or_else(|| starts.choose(&mut composer.rng)).ok_or("it has no such state")?;
                     composer.sketch.states[index] = Some((*now).clone());

@@ -47,6 +47,12 @@ pub(super) fn own_part(words: &mut Vec<String>) -> Option<Part> {
     Some(part)
 }
 
+/// The actions of which each fulfils a request to an object with these states: any heat of a knob is on.
+pub(crate) fn meanings(action: Action, states: &[String]) -> Vec<Action> {
+    let has = |name: &str| states.iter().any(|state| state == name);
+    if action == Action::On && has("low") && !has("on") { vec![Action::Low, Action::High] } else { vec![action] }
+}
+
 /// The action of a verb with its particle; `None` if they do not go together.
 pub(super) fn action(verb: &str, particle: Option<&str>) -> Option<Action> {
     const HINGED: [&str; 17] = [

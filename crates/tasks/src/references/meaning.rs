@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use genmanip_core::{HorizontalAxis, InstanceId, ObjectCard, Relation, SceneGraph};
 
-use super::change::{Action, Part};
+use super::change::{Action, Part, meanings};
 use super::command::{Command, Group, Number, Place};
 use super::lexicon::{SceneObject, lexicon};
 use super::space::{Certainty, Space};
@@ -89,9 +89,12 @@ impl<'c> Interpreter<'c> {
                 let thing = self.any(object)?;
                 let node = self.graph.nodes.iter().find(|node| node.id == *thing.id);
                 let now = node.and_then(|node| node.state.as_deref());
-                let state = changed(thing.card, *part, *action, now)
-                    .ok_or_else(|| Mismatch::Unreadable { phrase: format!("{action:?} {}", text(object)) })?;
-                Ok(vec![vec![ReadAtom::State { object: thing.id.clone(), state }]])
+                let state = |action: Action| {
+                    let state = changed(thing.card, *part, action, now)
+                        .ok_or_else(|| Mismatch::Unreadable { phrase: format!("{action:?} {}", text(object)) })?;
+                    Ok(vec![ReadAtom::State { object: thing.id.clone(), state }])
+                };
+                meanings(*action, &thing.card.states).into_iter().map(state).collect()
             }
         }
     }

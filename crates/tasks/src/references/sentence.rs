@@ -2,6 +2,7 @@
 
 use genmanip_core::{ObjectCard, Relation};
 
+use super::change::meanings;
 pub(crate) use super::change::{Action, Part};
 use super::command::{self, Group, Number, Parsed, Place};
 use super::lexicon::{COMPARATIVES, SceneObject, lexicon};
@@ -129,7 +130,10 @@ impl<'c> Resolver<'c, '_> {
             }
             command::Command::Given(group) => self.nouns(group).map(|_| vec![Vec::new()]),
             command::Command::Change { object, part, action } => {
-                Some(vec![vec![Command::Change { object: self.noun(object)?, part: *part, action: *action }]])
+                let object = self.noun(object)?;
+                let states = self.nouns[object].candidates().first().map_or(&[][..], |card| &card.states);
+                let change = |action| vec![Command::Change { object, part: *part, action }];
+                Some(meanings(*action, states).into_iter().map(change).collect())
             }
         }
     }

@@ -167,7 +167,9 @@ impl Listener {
         let breaks = (start + 2..end).find(|&index| {
             let is_purpose = self.token(index) == "and" && self.tokens[start..index].iter().any(|word| word == "to");
             ["so", "and", "then"].contains(&self.token(index))
-                && (is_verb(self.token(index + 1)) || self.token(index + 1) == "please")
+                && (is_verb(self.token(index + 1))
+                    || self.token(index + 1) == "please"
+                    || ["i would like", "i want", "i need"].iter().any(|wish| self.at_index(index + 1, wish).is_some()))
                 && !is_purpose
         });
         let end = breaks.unwrap_or(end);

@@ -12,6 +12,7 @@ mod listener;
 mod normal;
 mod nouns;
 mod places;
+mod repairs;
 mod requests;
 mod states;
 mod towers;
@@ -24,7 +25,7 @@ use listener::Listener;
 
 /// Reads a sentence; otherwise the reason why it is no request, as a message to its author.
 pub(super) fn hear(text: &str) -> Result<Parsed, String> {
-    let mut listener = Listener::new(normal::tokens(text));
+    let mut listener = Listener::new(repairs::repaired(normal::tokens(text))?);
     let mut parsed = Parsed::default();
     loop {
         listener.skip_courtesies();

@@ -27,7 +27,7 @@ pub(super) fn tokens(text: &str) -> Vec<String> {
             words.extend([noun, "is"].map(String::from));
             continue;
         }
-        let word = word.trim_matches('\'');
+        let word = &unstretched(word.trim_matches('\''));
         let plain = |table: &[(&'static str, &'static str)]| {
             table.iter().find(|(other, _)| *other == word).map(|(_, plain)| *plain)
         };
@@ -51,6 +51,19 @@ pub(super) fn tokens(text: &str) -> Vec<String> {
         next += length;
     }
     plain
+}
+
+/// A word without letters that are repeated for emphasis: `pleeease`.
+fn unstretched(word: &str) -> String {
+    let letters: Vec<char> = word.chars().collect();
+    let is_stretched =
+        letters.windows(3).any(|three| three[0].is_alphabetic() && three.iter().all(|one| *one == three[0]));
+    if !is_stretched {
+        return word.to_owned();
+    }
+    let mut plain = letters;
+    plain.dedup();
+    plain.into_iter().collect()
 }
 
 /// True for an adverb of manner, such as `carefully`.

@@ -101,7 +101,8 @@ impl Listener {
             let acts = acts || vocabulary().mutual.iter().any(is_mutual);
             let acts = acts || postures.contains(&word) && super::places::begins_at(self, index + 1);
             let is_told = is_told || !words.is_empty() && acts;
-            let stops = stops || is_told || is_modal || is_level || !has_trait && (is_top || is_unknown);
+            let is_object = word == "with" && ["it", "them"].contains(&follows);
+            let stops = stops || is_object || is_told || is_modal || is_level || !has_trait && (is_top || is_unknown);
             if !is_part && stops || !words.is_empty() && super::places::begins_at(self, index) {
                 break;
             }

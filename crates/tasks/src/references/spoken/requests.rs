@@ -215,6 +215,9 @@ impl Listener {
         if let Some(commands) = self.attempt(|listener| listener.mutual(&subjects)) {
             return Some(commands);
         }
+        if let Some(commands) = self.attempt(|listener| listener.on_each_other(&subjects)) {
+            return Some(commands);
+        }
         // `put the apple or the pear in the bowl`
         let other = self.attempt(|listener| {
             listener.take("or").then_some(())?;

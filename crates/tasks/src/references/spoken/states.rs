@@ -17,7 +17,7 @@ impl Listener {
         let objects = self.changed_objects()?;
         particle = self.level().or_else(|| self.take_any(&vocabulary().state_particles)).or(particle);
         particle = self.level().or(particle);
-        self.take_any(&["again", "all the way", "fully", "wide"]);
+        self.take_any(&["again", "all the way", "fully", "wide", "over it", "behind it", "after it"]);
         let is_kept = ["get", "have", "keep", "leave", "make"].contains(&verb);
         let told = if is_kept && particle.is_none() { self.attempt(Self::wanted_state) } else { None };
         if let Some(action) = told.or_else(|| self.attempt(Self::resulting_state)) {
@@ -56,11 +56,31 @@ impl Listener {
         {
             return Some(place.objects);
         }
+        if let Some(owners) = self.attempt(Self::part_owners) {
+            return Some(owners);
+        }
         let mut groups = self.noun_phrases()?;
         if part.is_some() {
             groups.iter_mut().for_each(|group| group.part = part);
         }
         Some(groups)
+    }
+
+    /// Parses `the door` or `its lid` alone: the part of what was spoken of last, a container before its content.
+    fn part_owners(&mut self) -> Option<Vec<Group>> {
+        self.take_any(&["the", "its"])?;
+        let is_part = |(_, part): &&(&str, Part)| *part == Part::Other;
+        let part = PARTS.iter().filter(is_part).find_map(|(phrase, part)| self.take(phrase).then_some(*part))?;
+        let particles = &vocabulary().particles;
+        let is_whole = self.at_boundary()
+            || vocabulary().noun_ends.contains(&self.ahead(0))
+            || particles.contains(&self.ahead(0)) && self.is_end(self.mind.next + 1);
+        let holder = self.mind.place.clone().filter(|place| place.relations.contains(&Relation::In));
+        let changed = self.mind.action.map(|_| self.mind.topic.clone());
+        let mut owners = holder.map(|place| place.objects).or(changed).filter(|_| is_whole)?;
+        (owners.len() == 1).then_some(())?;
+        owners.iter_mut().for_each(|owner| owner.part = owner.part.or(Some(part)));
+        Some(owners)
     }
 
     /// A level such as `to high` or `up to the maximum`, in the words of the table of actions.

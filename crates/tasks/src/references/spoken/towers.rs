@@ -1,10 +1,38 @@
 //! Towers: `build a tower with the blue cube at the bottom, …`.
 
 use super::super::command::{Command, Group, Number};
+use super::super::lexicon::is_color;
 use super::listener::Listener;
 use super::verbs::{Class, is_verb};
 
+/// Places of objects that form a tower of any order.
+const ON_EACH_OTHER: [&str; 7] = [
+    "on top of each other",
+    "on top of one another",
+    "one on top of the other",
+    "on each other",
+    "into a tower",
+    "in a tower",
+    "up",
+];
+
 impl Listener {
+    /// Parses `on top of each other` after objects, whose order is free.
+    pub(super) fn on_each_other(&mut self, subjects: &[Group]) -> Option<Vec<Command>> {
+        self.take_any(&ON_EACH_OTHER[..6]).filter(|_| self.at_boundary())?;
+        let towers = match subjects {
+            [several] if several.number != Number::One => vec![Command::Tower(subjects.to_vec())],
+            [one, other] if one.number == Number::One && other.number == Number::One => {
+                let orders = [[one, other], [other, one]];
+                orders.map(|order| Command::Tower(order.map(Clone::clone).to_vec())).to_vec()
+            }
+            _ => return None,
+        };
+        self.mind.place = None;
+        self.remember(subjects.to_vec());
+        Some(if towers.len() == 1 { towers } else { vec![Command::Either(towers)] })
+    }
+
     /// Parses `build a tower with the blue cube at the bottom, …`.
     pub(super) fn tower(&mut self) -> Option<Vec<Command>> {
         self.verb(Class::Build)?;
@@ -29,14 +57,20 @@ impl Listener {
                 "as the foundation",
                 "underneath",
             ],
-            ["in the middle", "in between", "in the centre", "in the center"],
+            ["in the middle", "in between", "in the centre", "on it", "on that", "on top of it", "on top of that"],
             ["on top", "at the top", "on the top", "as the top", "uppermost", "at the very top", "on the very top"],
         );
         let mut items: Vec<(Option<usize>, Group)> = Vec::new();
         loop {
             let before = self.position(&[&lowest, &middle, &highest]);
             self.take_any(&[","]);
-            let group = self.noun_phrase()?;
+            let noun = self.mind.noun.clone();
+            let mut group = self.noun_phrase()?;
+            // `the red cube at the bottom, then green`
+            if let Some(noun) = noun.filter(|_| group.words.iter().all(|word| is_color(word))) {
+                self.mind.noun = Some(noun.clone());
+                group.words.push(noun);
+            }
             while self.take_any(&["goes", "is", "comes", "should be", "go", "should go"]).is_some() {}
             let level = before.or_else(|| self.position(&[&lowest, &middle, &highest]));
             items.push((level, group));
@@ -53,9 +87,8 @@ impl Listener {
             }
         }
         self.attempt(|listener| listener.order(&mut items, &[&lowest, &middle, &highest]));
-        let on_each_other = ["on top of each other", "on top of one another", "on each other", "into a tower", "up"];
         let in_order = ["in this order", "in that order", "from bottom to top", "from the bottom up", "bottom to top"];
-        let is_stack = self.take_any(&on_each_other).is_some() | is_named;
+        let is_stack = self.take_any(&ON_EACH_OTHER).is_some() | is_named;
         if self.take_any(&["from top to bottom", "top to bottom"]).is_some() {
             items.reverse();
             items.iter_mut().for_each(|(level, _)| *level = Some(0));
@@ -100,6 +133,13 @@ impl Listener {
     }
 
     fn position(&mut self, levels: &[&[&str]]) -> Option<usize> {
-        levels.iter().position(|phrases| self.take_any(phrases).is_some())
+        levels.iter().position(|phrases| {
+            // `on top of each other` is no level.
+            let found = self.attempt(|listener| {
+                listener.take_any(phrases)?;
+                (listener.ahead(0) != "of").then_some(())
+            });
+            found.is_some()
+        })
     }
 }

@@ -207,7 +207,8 @@ impl Listener {
             return Some(vec![Command::Given(group)]);
         }
         let before = self.mind.next;
-        let is_told = self.verb(Class::Carry).is_some() || self.take_any(&vocabulary().wishes).is_some();
+        let is_told =
+            self.take("with") || self.verb(Class::Carry).is_some() || self.take_any(&vocabulary().wishes).is_some();
         if !is_told {
             self.copula();
         }
@@ -275,6 +276,8 @@ impl Listener {
             super::places::begins(listener).then_some(())
         });
         let places = self.attempt(Self::places)?;
+        // `the doughnut! Onto the plate with it!`
+        self.take_any(&["with it", "with them"]);
         self.put(subjects, places)
     }
 }

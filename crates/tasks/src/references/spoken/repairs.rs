@@ -1,0 +1,113 @@
+//! Corrections, appositions and contrasts within a sentence: the later words hold.
+
+use super::listener::Listener;
+use super::places::begins_at;
+use super::words::{is_mark, vocabulary};
+
+/// Prepositions of places that hold an object, of which it can have only one.
+const HOLDING: [&str; 6] = ["in", "into", "inside", "on", "onto", "on top of"];
+
+/// The tokens of a sentence without what its author took back; an error if it is unclear what that is.
+pub(super) fn repaired(tokens: Vec<String>) -> Result<Vec<String>, String> {
+    let mut listener = Listener::new(tokens);
+    while let Some(marker) = listener.tokens.iter().position(|word| word == "correction" || word == "namely") {
+        let (from, to) = replaced(&listener, marker).ok_or("it is unclear what the correction replaces")?;
+        listener.tokens.drain(from..to);
+    }
+    while let Some((from, to)) = contrast(&listener) {
+        listener.tokens.drain(from..to);
+    }
+    Ok(listener.tokens)
+}
+
+/// Range of the words up to a marker that the words after it replace: `behind the mug, I mean` before `behind the jug`.
+fn replaced(listener: &Listener, marker: usize) -> Option<(usize, usize)> {
+    let end = (0..marker).rev().find(|&index| !is_mark(listener.token(index)))? + 1;
+    let next = (marker + 1..listener.tokens.len()).find(|&index| !is_mark(listener.token(index)))?;
+    let start = clause_start(listener, end);
+    if begins_at(listener, next) {
+        let [place] = places(listener, start, end)[..] else { return None };
+        // `on the white bin, I mean in the bin` means the white one.
+        let stop = (next..listener.tokens.len()).find(|&index| is_mark(listener.token(index)));
+        let is_same = listener.token(end - 1) == listener.token(stop.unwrap_or(listener.tokens.len()) - 1);
+        let is_bare = vocabulary().articles.contains(&listener.token(end - 2));
+        return (!is_same || is_bare).then_some((place, next));
+    }
+    let is_article = |&index: &usize| vocabulary().articles.contains(&listener.token(index));
+    let nouns: Vec<usize> = (start..end).filter(is_article).collect();
+    let stop = (next..listener.tokens.len()).find(|&index| is_mark(listener.token(index)));
+    let names = &listener.tokens[next..stop.unwrap_or(listener.tokens.len())];
+    if !is_article(&next) || names.iter().any(|word| word == "one" || word == "ones") {
+        return None;
+    }
+    match (listener.token(marker), nouns.as_slice()) {
+        // An apposition belongs to the noun before it.
+        ("namely", [.., last]) => Some((*last, next)),
+        ("correction", [only]) if places(listener, *only, end).is_empty() => Some((*only, next)),
+        _ => None,
+    }
+}
+
+/// Range of the words that say what is not meant, where the rest of the sentence implies it: `on the book, not on the
+/// table`, `not the pepper, the salt`.
+fn contrast(listener: &Listener) -> Option<(usize, usize)> {
+    let not = (0..listener.tokens.len())
+        .find(|&index| listener.token(index) == "not" && (index == 0 || is_mark(listener.token(index - 1))))?;
+    let end = (not..listener.tokens.len()).find(|&index| is_mark(listener.token(index)));
+    let end = end.unwrap_or(listener.tokens.len());
+    let is_article = |index: usize| vocabulary().articles.contains(&listener.token(index));
+    if not == 0 && is_article(1) && is_article(end + 1) && places(listener, 0, end).is_empty() {
+        return Some((0, end + 1));
+    }
+    (not > 0 && listener.token(not - 1) == ",").then_some(())?;
+    let holds = |index: usize| HOLDING.iter().any(|word| listener.at_index(index, word).is_some());
+    let [place] = places(listener, clause_start(listener, not - 1), not - 1)[..] else { return None };
+    let [other] = places(listener, not + 1, end)[..] else { return None };
+    let differs = listener.token(not - 2) != listener.token(end - 1);
+    (other == not + 1 && end > not + 3 && holds(place) && holds(other) && differs).then_some((not - 1, end))
+}
+
+/// Index after the last full stop or semicolon before an index.
+fn clause_start(listener: &Listener, end: usize) -> usize {
+    (0..end).rev().find(|&index| matches!(listener.token(index), "." | ";")).map_or(0, |index| index + 1)
+}
+
+/// Indices from one to another at which places begin.
+fn places(listener: &Listener, start: usize, end: usize) -> Vec<usize> {
+    // `to the left of` begins at `to`, although `left of` is a place too.
+    let is_first = |&index: &usize| begins_at(listener, index) && (index == start || !begins_at(listener, index - 1));
+    (start..end).filter(is_first).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::normal::tokens;
+    use super::repaired;
+
+    #[test]
+    fn the_later_words_hold() {
+        let cases = [
+            ("put the apple in the bowl, I mean on the plate", "put the apple on the plate"),
+            ("put the apple, no wait, the pear, in the bowl", "put the pear , in the bowl"),
+            ("put it in the toolbox, i.e. the box", "put it in the box"),
+            ("I want it on the book, not on the table", "i want it on the book"),
+            ("Not the pepper, the salt: stand it there", "the salt , stand it there"),
+            ("put it near the bowl, not on the plate", "put it near the bowl , not on the plate"),
+        ];
+        for (said, expected) in cases {
+            assert_eq!(repaired(tokens(said)).unwrap().join(" "), expected, "{said}");
+        }
+    }
+
+    #[test]
+    fn unclear_corrections_are_errors() {
+        for said in [
+            "put the apple in the bowl, I mean the pear",
+            "put it on the plate next to the bowl, I mean behind the bowl",
+            "put it on the white bin, no wait, in the bin",
+            "I mean",
+        ] {
+            assert!(repaired(tokens(said)).is_err(), "{said}");
+        }
+    }
+}
