@@ -109,6 +109,22 @@ fn unclear_sentences_are_questions() {
     }
 }
 
+/// A category may hold more than its name says: salt shakers are listed with pepper shakers.
+#[test]
+fn objects_called_as_in_the_sentence_come_first() {
+    for (sentence, word) in [
+        ("Bring the salt shaker close to the pepper mill.", "salt"),
+        ("put the tennis ball behind the cereal box", "tennis"),
+    ] {
+        for seed in 0..4 {
+            let task = compose(sentence, seed).unwrap();
+            let Atom::Relation { subject, .. } = &task.goal.alternatives[0][0] else { panic!("{sentence}") };
+            let name = &task.card(&subject.clone().into()).unwrap().name;
+            assert!(name.to_lowercase().contains(word), "{sentence}: {name}");
+        }
+    }
+}
+
 /// A seed decides the scene; the sentence stays.
 #[test]
 fn seeds_make_different_scenes() {
