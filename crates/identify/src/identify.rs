@@ -229,13 +229,25 @@ fn arm(
         noise: vec![1e-3; robot.arm_dof()],
         derivatives: RefCell::default(),
     };
-    let (start, starts_rms) = coarse(&problem, nominal, robot, settings).ok_or(IdentifyError::Start)?;
-    let parameters = parameters_of(recordings, robot);
+    // A joint that stands still is held by friction of any amount: the model holds it, too.
+    let still: Vec<usize> = (0..robot.arm_dof()).filter(|&joint| problem.stands_still(joint)).collect();
+    let is_held = |it: &Parameter| it.joint().is_some_and(|joint| still.contains(&joint));
+    let (held, parameters): (Vec<_>, Vec<_>) = parameters_of(recordings, robot).into_iter().partition(is_held);
+    for parameter in held {
+        found.unidentified.push(unidentified(parameter, robot, "the joint stands still in these recordings".into()));
+    }
+    for &joint in &still {
+        let friction = Parameter::FrictionLoss(joint);
+        problem.base.set(friction, friction.bounds()[1] * friction.scale(nominal, robot));
+    }
+    let (start, starts_rms) = coarse(&problem, &parameters, nominal, robot, settings).ok_or(IdentifyError::Start)?;
     problem.unknowns = parameters.iter().map(|&parameter| unknown(parameter, nominal, robot, &start)).collect();
     let solution = fine(&mut problem, settings, starts_rms).ok_or(IdentifyError::Start)?;
     let best = problem.values(&solution.point);
     report(&problem, &solution, robot, nominal, found);
-    found.is_structure_wrong = found.fits.iter().flat_map(|fit| &fit.channels).any(|channel| channel.is_structured);
+    let channels = found.fits.iter().flat_map(|fit| fit.channels.iter().enumerate());
+    // How a held joint yields within its friction is no structure of the others.
+    found.is_structure_wrong = channels.filter(|(joint, _)| !still.contains(joint)).any(|(_, it)| it.is_structured);
     let error = |values: &Values| {
         let pairs = |recording: &Recording, skipped: usize| -> Result<Vec<f64>, IdentifyError> {
             let track = replay(recording, world, &bare, values)?;

@@ -16,6 +16,9 @@ use crate::structure::resolution;
 /// Step of the finite differences, in multiples of a parameter's typical size: far above the solver's tolerance, far
 /// below any curvature.
 const STEP: f64 = 1e-3;
+/// Range of the measured positions within which a joint stands still, rad: its friction yields a little under load, and
+/// sensors are noisy.
+const STILL_RAD: f64 = 3e-3;
 /// Distance, as a share of the value or of the typical size, within which derivatives are reused (chord method): steps
 /// then converge linearly, but cost one simulation instead of one per unknown.
 const NEARBY: f64 = 1.5;
@@ -248,6 +251,16 @@ impl Problem<'_> {
             }
         }
         Ok(column)
+    }
+
+    /// True if no recording commands a joint to move, and it was measured to stay where it is.
+    pub fn stands_still(&self, joint: usize) -> bool {
+        let stays = |(recording, rows): &(&Recording, Range<usize>)| {
+            let measured = recording.joint_rad[rows.clone()].iter().map(|row| row[joint]);
+            let (low, high) = measured.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), it| (a.min(it), b.max(it)));
+            high - low < STILL_RAD
+        };
+        self.is_still(joint) && self.recordings.iter().all(stays)
     }
 
     /// True if no recording commands a joint to move.

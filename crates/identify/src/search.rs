@@ -63,10 +63,11 @@ pub struct Solution {
     pub starts_rms: Vec<f64>,
 }
 
-/// Coarse values of the arm's parameters: one factor per kind of parameter for all joints, on the beginning of the
+/// Coarse values of the arm's parameters: one factor per kind of parameter for all joints that have it among them, on the beginning of the
 /// recordings, from several starts. Best first.
 pub fn coarse(
     problem: &Problem,
+    parameters: &[Parameter],
     nominal: &Values,
     robot: &RobotModel,
     settings: &SearchSettings,
@@ -75,7 +76,8 @@ pub fn coarse(
         problem.recordings.iter().map(|(recording, _)| beginning(recording, settings.coarse_s)).collect();
     let joints = robot.arm_dof();
     let group = |kind: fn(usize) -> Parameter, start: f64| {
-        let members: Vec<_> = (0..joints).map(|joint| (kind(joint), kind(joint).scale(nominal, robot))).collect();
+        let is_of_kind = |it: &&Parameter| it.joint().is_some_and(|joint| **it == kind(joint));
+        let members = parameters.iter().filter(is_of_kind).map(|it| (*it, it.scale(nominal, robot))).collect();
         Unknown { bounds: kind(0).bounds(), members, start }
     };
     let single = |parameter: Parameter, start: f64| Unknown {
