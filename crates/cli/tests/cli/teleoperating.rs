@@ -117,7 +117,7 @@ fn a_space_mouse_behind_a_hidraw_file_drives_a_take_that_is_kept() {
     let output = driven.child.wait_with_output().unwrap();
     assert!(output.status.success(), "{output:?}");
     let told: Value = serde_json::from_slice(&output.stdout).unwrap();
-    let store = EpisodeStore::open(&folder.path().join(told["store"].as_str().unwrap())).unwrap();
+    let store = EpisodeStore::open(folder.path().join(told["store"].as_str().unwrap())).unwrap();
     let id = told["id"].as_str().unwrap();
     let episode = store.read(id).unwrap();
     let height = |index: usize| episode.frames[index].tcp.position.z;

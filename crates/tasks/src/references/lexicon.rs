@@ -135,7 +135,9 @@ impl Lexicon {
                 has(&noun) && before.iter().all(|word| has(word))
             };
             let named: Vec<&ObjectCard> = cards.iter().filter(is_called).copied().collect();
-            if named.is_empty() { cards } else { named }
+            // One object whose name happens to repeat its category, such as the only `soda can`, is not the only one meant.
+            let is_category = cards.iter().any(|card| pair.as_ref() == Some(&card.category));
+            if named.len() > usize::from(is_category) { named } else { cards }
         };
         if !of_kind.is_empty() {
             return (called(of_kind), true);
