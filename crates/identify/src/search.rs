@@ -63,8 +63,8 @@ pub struct Solution {
     pub starts_rms: Vec<f64>,
 }
 
-/// Coarse values of the arm's parameters: one factor per kind of parameter for all joints that have it among them, on the beginning of the
-/// recordings, from several starts. Best first.
+/// Coarse values of the arm's parameters: one factor per kind of parameter for all joints that have it among them, on
+/// the beginning of the recordings, from several starts. Best first.
 pub fn coarse(
     problem: &Problem,
     parameters: &[Parameter],

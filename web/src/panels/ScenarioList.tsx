@@ -78,7 +78,7 @@ export function ScenarioList() {
           <button type="button" class="quiet" title={withKeys("New scenario from one sentence", "new")} onClick={() => (dialog.value = "new")}>
             <Icon name="plus" /> New
           </button>
-          {scenarios.value === null ? "Loading" : rows.length === scenarios.value.length ? `${rows.length} scenarios` : `${rows.length} of ${scenarios.value.length}`}
+          {scenarios.value === null ? "Loading" : rows.length === scenarios.value.length ? `${rows.length} scenario${rows.length === 1 ? "" : "s"}` : `${rows.length} of ${scenarios.value.length}`}
         </p>
         <p class="count checks">
           <button type="button" title="Judge every listed scenario, and mark those with problems" disabled={rows.length === 0} onClick={() => void checkAll(rows.map((row) => row.key))}>
