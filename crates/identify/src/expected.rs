@@ -77,6 +77,7 @@ pub fn expected(
         unknowns: parameters.iter().map(|&parameter| unknown(parameter, &nominal, robot, &values)).collect(),
         base: values.clone(),
         noise: vec![noise_rad; robot.arm_dof()],
+        held: Vec::new(),
         derivatives: RefCell::default(),
     };
     let point = problem.start();

@@ -5,8 +5,8 @@
 //! uncertainty.
 
 use crate::problem::Problem;
-use crate::search::{SearchSettings, noise_of};
-use crate::structure::{Whiteness, whiteness};
+use crate::search::SearchSettings;
+use crate::structure::{Whiteness, channel_of, noise_of, whiteness};
 
 /// Half-widths of the windows about the best value so far, as shares of it.
 const WINDOWS: [f64; 2] = [0.2, 0.06];
@@ -46,7 +46,7 @@ pub fn fit(problem: &Problem, settings: &SearchSettings) -> Option<FrictionFit> 
     let whiteness = (0..channels).map(|axis| {
         // Scatter of the simulation widens what counts as noise, as a coarse resolution does.
         let coarse = problem.resolution(axis).hypot(12.0_f64.sqrt() * scatter);
-        whiteness(&crate::search::channel_of(&residuals, channels, axis), coarse)
+        whiteness(&channel_of(&residuals, channels, axis), coarse)
     });
     let whiteness: Vec<Whiteness> = whiteness.collect();
     // A track that no coefficient explains to the noise says less than its scatter promises (Birge, 1932).

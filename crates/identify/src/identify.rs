@@ -14,9 +14,9 @@ use crate::problem::{Measured, Problem, Unknown};
 use crate::recording::{Motion, Recording};
 use crate::replay::{bare, replay};
 use crate::restitution;
-use crate::search::{SearchSettings, Solution, channel_of, coarse, fine};
+use crate::search::{SearchSettings, Solution, coarse, fine};
 use crate::slide;
-use crate::structure::{Whiteness, whiteness};
+use crate::structure::{Whiteness, channel_of, whiteness};
 use crate::uncertainty::{Uncertainty, WIDEST, Z};
 
 /// Share of every free motion that is used when no recording is held out; the rest is.
@@ -227,10 +227,12 @@ fn arm(
         unknowns: Vec::new(),
         base: nominal.clone(),
         noise: vec![1e-3; robot.arm_dof()],
+        held: Vec::new(),
         derivatives: RefCell::default(),
     };
     // A joint that stands still is held by friction of any amount: the model holds it, too.
     let still: Vec<usize> = (0..robot.arm_dof()).filter(|&joint| problem.stands_still(joint)).collect();
+    problem.held = still.clone();
     let is_held = |it: &Parameter| it.joint().is_some_and(|joint| still.contains(&joint));
     let (held, parameters): (Vec<_>, Vec<_>) = parameters_of(recordings, robot).into_iter().partition(is_held);
     for parameter in held {
@@ -284,6 +286,7 @@ fn contact(
         unknowns: vec![unknown(parameter, &found.values, robot, &found.values)],
         base: found.values.clone(),
         noise: Vec::new(),
+        held: Vec::new(),
         derivatives: RefCell::default(),
     };
     problem.noise = vec![1e-3; problem.channels()];

@@ -11,7 +11,7 @@ use genmanip_sim::SimError;
 use crate::parameters::{Parameter, Values};
 use crate::recording::Recording;
 use crate::replay::replay;
-use crate::structure::resolution;
+use crate::structure::{noise_of, resolution};
 
 /// Step of the finite differences, in multiples of a parameter's typical size: far above the solver's tolerance, far
 /// below any curvature.
@@ -19,6 +19,8 @@ const STEP: f64 = 1e-3;
 /// Range of the measured positions within which a joint stands still, rad: its friction yields a little under load, and
 /// sensors are noisy.
 const STILL_RAD: f64 = 3e-3;
+/// Noise of a channel that is not compared, rad: ten thousand times that of a sensor.
+const UNCOMPARED_RAD: f64 = 1.0;
 /// Distance, as a share of the value or of the typical size, within which derivatives are reused (chord method): steps
 /// then converge linearly, but cost one simulation instead of one per unknown.
 const NEARBY: f64 = 1.5;
@@ -63,6 +65,8 @@ pub struct Problem<'a> {
     pub base: Values,
     /// Standard deviation of the noise of each channel: joint, or axis of the block's position.
     pub noise: Vec<f64>,
+    /// Channels that are not compared: joints that stand still.
+    pub held: Vec<usize>,
     /// Latest derivatives, with their point.
     pub derivatives: RefCell<Option<(Vec<f64>, Rc<Columns>)>>,
 }
@@ -191,6 +195,12 @@ impl Problem<'_> {
             }
         };
         Some(self.assemble(point, residuals, columns))
+    }
+
+    /// Estimates the noise of the channels from residuals; those that are not compared get no weight.
+    pub fn estimate_noise(&mut self, residuals: &[f64], least_noise: f64) {
+        self.noise = noise_of(residuals, self.channels(), least_noise);
+        self.held.iter().for_each(|&channel| self.noise[channel] = UNCOMPARED_RAD);
     }
 
     /// The same residuals and derivatives with the present noise.

@@ -8,7 +8,6 @@ use genmanip_real::least_squares::{Effort, minimise_within};
 use crate::parameters::{Parameter, Values};
 use crate::problem::{Evaluation, Problem, Unknown};
 use crate::recording::Recording;
-use crate::structure;
 use crate::uncertainty::{WIDEST, Z};
 
 /// Distance, as a share of the value or of the typical size, beyond which a pass with fresh derivatives follows.
@@ -103,6 +102,7 @@ pub fn coarse(
         unknowns,
         noise: vec![1e-3; joints],
         base: problem.base.clone(),
+        held: problem.held.clone(),
         derivatives: RefCell::default(),
         ..*problem
     };
@@ -141,7 +141,8 @@ pub fn coarse(
 pub fn fine(problem: &mut Problem, settings: &SearchSettings, starts_rms: Vec<f64>) -> Option<Solution> {
     let start = problem.start();
     // The first residuals weigh the channels; the second, near the minimum, are noise alone if the model is right.
-    problem.noise = noise_of(&problem.residuals(&start)?, problem.channels(), settings.least_noise);
+    let residuals = problem.residuals(&start)?;
+    problem.estimate_noise(&residuals, settings.least_noise);
     let mut point = start;
     for pass in 1.. {
         // Every pass starts with derivatives of its own.
@@ -152,7 +153,7 @@ pub fn fine(problem: &mut Problem, settings: &SearchSettings, starts_rms: Vec<f6
             |point, highest| problem.evaluate(point, highest),
             |point, change| problem.moved(point, change),
         )?;
-        problem.noise = noise_of(&found.residuals, problem.channels(), settings.least_noise);
+        problem.estimate_noise(&found.residuals, settings.least_noise);
         let evaluation = problem.weighed(&next, found);
         let is_settled = pass > 1 && !has_moved(&evaluation, &point, &next);
         point = next;
@@ -173,16 +174,6 @@ fn has_moved(evaluation: &Evaluation, from: &[f64], to: &[f64]) -> bool {
         is_known && (to[index] - from[index]).abs() > MOVED * size
     };
     (0..to.len()).any(is_far)
-}
-
-/// Noise of each channel from the differences of its successive residuals.
-pub fn noise_of(residuals: &[f64], channels: usize, least: f64) -> Vec<f64> {
-    (0..channels).map(|channel| structure::noise(&channel_of(residuals, channels, channel)).max(least)).collect()
-}
-
-/// Residuals of one channel.
-pub fn channel_of(residuals: &[f64], channels: usize, channel: usize) -> Vec<f64> {
-    residuals.iter().skip(channel).step_by(channels).copied().collect()
 }
 
 /// First seconds of a recording, counted from the first moment that is compared.

@@ -54,3 +54,13 @@ pub fn resolution(values: impl Iterator<Item = f64>) -> f64 {
     let smallest = steps.fold(f64::INFINITY, f64::min);
     if smallest.is_finite() { smallest } else { 0.0 }
 }
+
+/// Noise of each channel from the differences of its successive residuals.
+pub fn noise_of(residuals: &[f64], channels: usize, least: f64) -> Vec<f64> {
+    (0..channels).map(|channel| noise(&channel_of(residuals, channels, channel)).max(least)).collect()
+}
+
+/// Residuals of one channel.
+pub fn channel_of(residuals: &[f64], channels: usize, channel: usize) -> Vec<f64> {
+    residuals.iter().skip(channel).step_by(channels).copied().collect()
+}
