@@ -152,10 +152,12 @@ pub fn identify(
     if !free.is_empty() {
         arm(world, robot, &free, held_out, &nominal, settings, &mut found)?;
     }
-    let slips: Vec<_> = of(&[Motion::Slip]).into_iter().map(|slip| (slip, 0..slip.landed())).collect();
+    let slips = of(&[Motion::Slip]);
     if !slips.is_empty() {
-        let fit = contact(world, robot, slips, (Parameter::PadFriction, Measured::Block), settings, &mut found)?;
-        found.coefficient(Parameter::PadFriction, &[fit], &nominal, robot);
+        let slipped = slips.into_iter().filter(|slip| slip.is_block_moved()).map(|slip| (slip, 0..slip.landed()));
+        let shown = (Parameter::PadFriction, Measured::Block);
+        let fit = contact(world, robot, slipped.collect(), shown, settings, &mut found)?;
+        found.coefficient(Parameter::PadFriction, fit.as_slice(), &nominal, robot);
     }
     let (gravity, least_noise) = (world.physics.gravity_m_s2, settings.least_noise);
     let pushes = of(&[Motion::Push]);
@@ -163,16 +165,12 @@ pub fn identify(
         // The arm as a scale of the force of friction, then the slide.
         let latency_s = found.values.arm.latency_s;
         let end = |push: &Recording| slide::released(push, robot, latency_s).unwrap_or(push.len());
-        let felt: Vec<_> = pushes
+        let felt = pushes
             .iter()
-            .filter(|push| !push.joint_rad.is_empty())
-            .map(|&push| (push, push.settled()..end(push).max(push.settled())))
-            .collect();
-        let mut each = Vec::new();
-        if !felt.is_empty() {
-            let shown = (Parameter::TableFriction, Measured::Joints);
-            each.push(contact(world, robot, felt, shown, settings, &mut found)?);
-        }
+            .filter(|push| push.is_block_moved() && !push.joint_rad.is_empty())
+            .map(|&push| (push, push.settled()..end(push).max(push.settled())));
+        let shown = (Parameter::TableFriction, Measured::Joints);
+        let mut each = Vec::from_iter(contact(world, robot, felt.collect(), shown, settings, &mut found)?);
         each.extend(pushes.iter().filter_map(|push| slide::measured(push, robot, latency_s, gravity, least_noise)));
         found.coefficient(Parameter::TableFriction, &each, &nominal, robot);
     }
@@ -268,7 +266,7 @@ fn arm(
     Ok(())
 }
 
-/// One coefficient of friction from simulated contacts, with the arm as identified so far.
+/// One coefficient of friction from simulated contacts, with the arm as identified so far; `None` without recordings.
 fn contact(
     world: &World,
     robot: &RobotModel,
@@ -276,7 +274,10 @@ fn contact(
     (parameter, measured): (Parameter, Measured),
     settings: &SearchSettings,
     found: &mut Identification,
-) -> Result<Coefficient, IdentifyError> {
+) -> Result<Option<Coefficient>, IdentifyError> {
+    if recordings.is_empty() {
+        return Ok(None);
+    }
     let bare = bare(robot, true);
     let mut problem = Problem {
         recordings,
@@ -299,7 +300,7 @@ fn contact(
         channels: fit.channels,
         starts_rms: fit.starts_rms,
     });
-    Ok(Coefficient { value: fit.value * scale, sd: fit.sd * scale })
+    Ok(Some(Coefficient { value: fit.value * scale, sd: fit.sd * scale }))
 }
 
 /// Kinds of the recordings of a problem.

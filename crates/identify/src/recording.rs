@@ -14,6 +14,8 @@ pub const RECORDING: Limit = Limit { what: "a recording of an arm", bytes: 64 <<
 const LONGEST_S: f64 = 120.0;
 /// Minimum number of measured moments.
 const FEWEST: usize = 30;
+/// Distance by which a block must move, m.
+const MOVED_M: f64 = 5e-3;
 /// Minimum time at rest before the first motion, s, from which the start position is averaged.
 pub const REST_S: f64 = 0.3;
 
@@ -153,6 +155,24 @@ impl Recording {
         let lifted = block.track_m.iter().position(|row| height(row) > 0.9 * top).unwrap_or(0);
         let fallen = block.track_m[lifted..].iter().position(|row| height(row) < 0.4 * top);
         fallen.map_or(self.len(), |after| lifted + after)
+    }
+
+    /// True if the block of a push was moved, or that of a slip fell from the grip; without that, contacts show no
+    /// friction.
+    pub fn is_block_moved(&self) -> bool {
+        let Some(block) = self.block.as_ref().filter(|block| !block.track_m.is_empty()) else { return false };
+        let track = &block.track_m;
+        let height = |row: &[f64; 3]| row[2] - block.base_m[2];
+        if self.motion == Motion::Slip {
+            let top = track.iter().map(height).fold(0.0, f64::max);
+            let lifted = track.iter().position(|row| height(row) > 0.9 * top).unwrap_or(0);
+            return top > MOVED_M && track[lifted..].iter().any(|row| height(row) < 0.7 * top);
+        }
+        // Means over a tenth of the recording: the block is at rest before and after.
+        let count = track.len().div_ceil(10);
+        let mean = |rows: &[[f64; 3]], axis: usize| rows.iter().map(|row| row[axis]).sum::<f64>() / rows.len() as f64;
+        let moved = |axis: usize| mean(&track[track.len() - count..], axis) - mean(&track[..count], axis);
+        moved(0).hypot(moved(1)) > MOVED_M
     }
 
     /// Checks the recording against the robot that it names.

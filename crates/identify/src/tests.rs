@@ -116,6 +116,16 @@ fn frictions_are_identified_from_a_push_and_a_slip() {
         let it = found.parameters.iter().find(|it| it.parameter == parameter).unwrap();
         assert!((it.value - truth).abs() < 0.03, "{it:?}");
     }
+    // Blocks that nothing moves show nothing.
+    let unmoved = recordings.iter().map(|recording| {
+        let mut unmoved = recording.clone();
+        unmoved.block.iter_mut().for_each(|block| block.track_m.fill(block.base_m));
+        unmoved
+    });
+    let found = identify(&known, &robot, &unmoved.collect::<Vec<_>>(), &[], &settings).unwrap();
+    for parameter in [Parameter::TableFriction, Parameter::PadFriction] {
+        assert!(found.unidentified.iter().any(|it| it.parameter == parameter), "{:?}", found.parameters);
+    }
 }
 
 /// The stated centre of the payload is a guess; the true one is 2 cm away.
