@@ -11,7 +11,7 @@ use genmanip_real::bridge::{Driver, DriverError, Orders, Reading};
 use crate::hand::Hand;
 
 /// Number of joints of a Franka arm.
-const JOINTS: usize = 7;
+pub const JOINTS: usize = 7;
 /// Control periods at rest after which the motion ends and the arm holds its position by itself.
 const LINGER_TICKS: usize = 200;
 /// Error word while the connection to the gripper is lost.

@@ -15,6 +15,6 @@ mod hand;
 #[cfg(test)]
 mod tests;
 
-pub use arm::{ArmReport, FrankaArm};
+pub use arm::{ArmReport, FrankaArm, JOINTS};
 pub use franka::{FrankaError, RealtimeConfig, Robot};
 pub use hand::{Hand, HandSettings};

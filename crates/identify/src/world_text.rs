@@ -5,8 +5,9 @@ use genmanip_core::{ArmPhysics, World};
 
 use crate::parameters::CONTACT;
 
-/// TOML text of a world whose robot, arm dynamics, frictions, damping of contacts or sensors differ from those of `before`, which
-/// was read from `text`; comments are kept. `None` if the text sets these values in an unusual form of TOML.
+/// TOML text of a world whose robot, arm dynamics, frictions, damping of contacts or sensors differ from those of
+/// `before`, which was read from `text`; comments are kept. `None` if the text sets these values in an unusual form of
+/// TOML.
 pub fn edited(text: &str, before: &World, world: &World) -> Option<String> {
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
     if !has_robot(&lines, &world.robot.name) {

@@ -99,17 +99,7 @@ impl Environment {
             initial_state: sim.state(),
             frames: Vec::new(),
             events: Vec::new(),
-            memory: Memory {
-                success_once: false,
-                held_since: None,
-                worst_stray_n: 0.0,
-                stray_contact: None,
-                stray_bodies: None,
-                last_gripped: None,
-                joint_states: joint_states(stage.start(), &stage.relations),
-                unreachable: None,
-                settled: None,
-            },
+            memory: Memory { joint_states: joint_states(stage.start(), &stage.relations), ..Memory::default() },
         };
         let scene = stage.start().clone();
         self.session.insert(Session { stage: stage.clone(), seed, sim, record, scene }).observation()

@@ -74,7 +74,7 @@ pub(crate) struct Record {
 }
 
 /// Memory of judging and explaining, beside the frames and events of an episode.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Memory {
     pub(crate) success_once: bool,
     /// Number of control steps when the goal was first seen to hold, if it has held since; `None` otherwise.

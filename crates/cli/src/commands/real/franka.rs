@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::Seed;
-use genmanip_franka::{FrankaArm, FrankaError, Hand, HandSettings, RealtimeConfig, Robot};
+use genmanip_franka::{FrankaArm, FrankaError, Hand, HandSettings, JOINTS, RealtimeConfig, Robot};
 use genmanip_pipeline::real::simulated::bridge_robot;
 use genmanip_real::bridge::server::{Clock, NoImages, serve};
 use genmanip_real::bridge::{Bridge, BridgeSettings, Driver, GripperSettings, beyond_m};
@@ -89,9 +89,6 @@ fn hand_limits(max_width_m: f64, speed_m_s: f64) -> GripperSettings {
     let longest_s = usual.longest_s.max(1.0 + 2.0 * max_width_m / speed_m_s);
     GripperSettings { stall_s: HAND_STALL_S, longest_s, ..usual }
 }
-
-/// Number of joints of a Franka arm.
-const JOINTS: usize = 7;
 
 fn unusable(what: &str, host: &str, error: &FrankaError) -> Failed {
     let failed = Failed::because(format!("the {what} at {host} cannot be used"), error);
