@@ -44,6 +44,7 @@ mod source;
 pub mod stable_poses;
 pub mod surface;
 mod variant;
+pub mod world_text;
 pub mod worlds;
 
 #[cfg(test)]

@@ -4,13 +4,14 @@ use crate::documents;
 use std::path::Path;
 use std::sync::Arc;
 
+use genmanip_assets::world_text::WorldText;
 use genmanip_assets::{robots, worlds};
 use genmanip_core::camera::CameraPreset;
 use genmanip_core::glam::DVec3;
 use genmanip_core::sensor::SensorPreset;
 use genmanip_core::{
-    Camera, CameraMount, CameraSensor, Distortion, Document, Intrinsics, Pose, RobotModel, Scenario, World, WorldFault,
-    json, limits,
+    Camera, CameraMount, CameraSensor, Distortion, Document, Intrinsics, RobotModel, Scenario, World, WorldFault, json,
+    limits,
 };
 use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_sim::EngineSettings;
@@ -292,32 +293,38 @@ pub fn edit(path: &Path, edit: &CameraEdit) -> Result<CameraFile, WorkspaceError
             setting.world().cameras.iter().position(|camera| camera.name == name).unwrap_or_default(),
         )
     };
-    match edit {
+    let index = match edit {
         CameraEdit::Add(name, change) => {
             if setting.world().camera(name).is_some() {
                 return Err(WorkspaceError::input(format!("{} has a camera `{name}` already", path.display()))
                     .with_hint("change it with `genmanip camera set`"));
             }
             let camera = change.applied(name, None, &robot)?;
-            setting.world_mut().cameras.push(camera);
+            let cameras = &mut setting.world_mut().cameras;
+            cameras.push(camera);
+            cameras.len() - 1
         }
         CameraEdit::Set(name, change) => {
             let index = at(&setting, name)?;
             let before = setting.camera(name)?.clone();
             setting.world_mut().cameras[index] = change.applied(name, Some(&before), &robot)?;
+            index
         }
         CameraEdit::Put(camera) => {
             let cameras = &mut setting.world_mut().cameras;
-            match cameras.iter_mut().find(|old| old.name == camera.name) {
+            let index = cameras.iter().position(|old| old.name == camera.name).unwrap_or(cameras.len());
+            match cameras.get_mut(index) {
                 Some(old) => *old = Camera { sensor: old.sensor, ..(**camera).clone() },
                 None => cameras.push((**camera).clone()),
             }
+            index
         }
         CameraEdit::Remove(name) => {
             let index = at(&setting, name)?;
             setting.world_mut().cameras.remove(index);
+            index
         }
-    }
+    };
     let faults: Vec<String> = setting.world().faults(&robot).iter().map(ToString::to_string).collect();
     if !faults.is_empty() {
         return Err(WorkspaceError::input(format!("{} would be faulty: {}", path.display(), faults.join("; "))));
@@ -326,97 +333,18 @@ pub fn edit(path: &Path, edit: &CameraEdit) -> Result<CameraFile, WorkspaceError
         CameraFile::Scenario(scenario) => scenario.to_json(),
         CameraFile::World(world) if text.trim_start().starts_with('{') => world.to_json(),
         CameraFile::World(world) => {
-            let name = match edit {
-                CameraEdit::Add(name, _) | CameraEdit::Set(name, _) | CameraEdit::Remove(name) => name,
-                CameraEdit::Put(camera) => &camera.name,
-            };
-            let edited = edited_toml(&text, name, world.camera(name));
-            // Accepted only if the edited text parses to the intended world.
-            if worlds::read(&edited).ok().map(|(read, _)| read) != Some((**world).clone()) {
-                return Err(WorkspaceError::input(format!(
-                    "the cameras of {} stand in no form of their own",
-                    path.display()
-                ))
-                .with_hint("write each camera as a [[cameras]] table, or keep the world as JSON"));
-            }
-            edited
+            let edited = WorldText::read(&text).and_then(|mut text| {
+                match edit {
+                    CameraEdit::Remove(_) => text.remove_camera(index)?,
+                    _ => text.put_camera(index, &world.cameras[index])?,
+                }
+                Ok(text.to_string())
+            });
+            edited.map_err(|error| {
+                WorkspaceError::input(format!("the cameras of {} cannot be edited", path.display())).because(error)
+            })?
         }
     };
     documents::write_file(path, written.as_bytes())?;
     Ok(setting)
-}
-
-/// TOML text with the `[[cameras]]` table of that name replaced, removed or, if it is new, appended.
-fn edited_toml(text: &str, name: &str, camera: Option<&Camera>) -> String {
-    let lines: Vec<&str> = text.lines().collect();
-    let is_header = |line: &str| line.trim_start().starts_with('[');
-    let begins = (0..lines.len()).filter(|&index| lines[index].trim().starts_with("[[cameras]]"));
-    let table = begins
-        .map(|begin| {
-            let rest = lines[begin + 1..].iter().position(|line| {
-                is_header(line) && !line.trim_start().starts_with("[cameras.") || line.trim_start().starts_with('#')
-            });
-            (begin, rest.map_or(lines.len(), |rest| begin + 1 + rest))
-        })
-        .find(|&(begin, end)| {
-            lines[begin..end].iter().any(|line| {
-                let value = line.split_once('=').filter(|(key, _)| key.trim() == "name").map(|(_, value)| value.trim());
-                value.is_some_and(|value| value.trim_matches(['"', '\'']).split('"').next() == Some(name))
-            })
-        });
-    let entry = camera.map(table_of).unwrap_or_default();
-    let (before, after) = match table {
-        Some((begin, end)) => (&lines[..begin], &lines[end..]),
-        None => (&lines[..], &[][..]),
-    };
-    let mut edited = before.join("\n").trim_end().to_owned() + "\n";
-    if !entry.is_empty() {
-        edited += &format!("\n{entry}");
-    }
-    if !after.is_empty() {
-        edited += &format!("\n{}\n", after.join("\n").trim());
-    }
-    edited
-}
-
-/// Camera as a TOML table of a world file.
-fn table_of(camera: &Camera) -> String {
-    let Pose { position, .. } = camera.mount_from_camera;
-    let k = &camera.intrinsics;
-    let mount = match camera.mount {
-        genmanip_core::CameraMount::World => "world",
-        genmanip_core::CameraMount::Hand => "hand",
-    };
-    let inline = |key: &str, value: Option<serde_json::Value>| {
-        value.map_or_else(String::new, |value| format!("{key} = {}\n", inline_table(&value)))
-    };
-    let distortion = inline("distortion", camera.distortion.map(|lens| serde_json::json!(lens)));
-    let sensor = inline("sensor", camera.sensor.map(|sensor| serde_json::json!(sensor)));
-    format!(
-        "[[cameras]]\nname = \"{}\"\nmount = \"{mount}\"\nmount_from_camera = {{ position_m = {:?}, orientation_wxyz = \
-         {:?} }}\nintrinsics = {{ width = {}, height = {}, fx = {:?}, fy = {:?}, cx = {:?}, cy = {:?} }}\n{distortion}{sensor}",
-        camera.name,
-        position.to_array(),
-        camera.mount_from_camera.to_wxyz_array(),
-        k.width,
-        k.height,
-        k.fx,
-        k.fy,
-        k.cx,
-        k.cy
-    )
-}
-
-/// JSON value as inline TOML.
-fn inline_table(value: &serde_json::Value) -> String {
-    use serde_json::Value;
-    match value {
-        Value::Object(map) => {
-            let fields: Vec<String> =
-                map.iter().map(|(key, value)| format!("{key} = {}", inline_table(value))).collect();
-            format!("{{ {} }}", fields.join(", "))
-        }
-        Value::Array(list) => format!("[{}]", list.iter().map(inline_table).collect::<Vec<_>>().join(", ")),
-        other => other.to_string(),
-    }
 }

@@ -10,6 +10,7 @@ mod robot;
 mod robot_files;
 mod surfaces;
 mod variants;
+mod world_text;
 mod worlds;
 
 use genmanip_core::{Piece, Pose, VisualPart};

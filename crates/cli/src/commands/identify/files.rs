@@ -34,10 +34,8 @@ pub fn write_world(source: Option<&Path>, before: &World, world: &World, out: &P
     let is_json = out.extension().is_some_and(|extension| extension == "json") || text.trim_start().starts_with('{');
     let written = match is_json {
         true => world.to_json(),
-        false => world_text::edited(&text, before, world).ok_or_else(|| {
-            WorkspaceError::input("the world's file sets its physics in a form that cannot be edited")
-                .with_hint("write the result as JSON: --out world.json")
-        })?,
+        false => world_text::edited(&text, before, world)
+            .map_err(|error| WorkspaceError::input("the world's file cannot be edited").because(error))?,
     };
     documents::write_file(out, written.as_bytes())
 }
