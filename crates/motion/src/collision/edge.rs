@@ -8,6 +8,10 @@ use super::lanes::{LANES, Lanes, lanes_of};
 use crate::path::lerp;
 use crate::rigid::Rigid;
 
+/// Maximum penetration of two bodies of the robot between checked states, m, where start or goal has relaxed their
+/// clearance to nothing.
+const GRAZE_M: f64 = 0.000_25;
+
 impl Checker<'_> {
     /// True if every state of a straight joint-space edge keeps its clearances.
     ///
@@ -52,6 +56,8 @@ impl Checker<'_> {
         let table = pair.table.and_then(|index| self.robot.tables[index].as_ref());
         let speed: f64 = pair.movers.iter().map(|&(joint, bound)| (to[joint] - from[joint]).abs() * bound).sum();
         let (a, b) = (&self.bodies[pair.first], &self.bodies[pair.second]);
+        // Halfway between two states that keep the margin, bodies can be closer by half of what they moved.
+        let least_step = spacing.min(2.0 * (pair.margin.max(0.0) + GRAZE_M));
         let mut frames = Vec::new();
         let mut time = 0.0;
         loop {
@@ -78,7 +84,7 @@ impl Checker<'_> {
             if time >= 1.0 || speed <= 0.0 {
                 return true;
             }
-            time = (time + clear.max(spacing) / speed).min(1.0);
+            time = (time + clear.max(least_step) / speed).min(1.0);
         }
     }
 
