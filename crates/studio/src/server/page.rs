@@ -1,9 +1,9 @@
 //! Files of the page (`web/dist`), embedded in the program.
 
 use axum::body::Body;
-use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, ETAG, HOST, IF_NONE_MATCH};
+use axum::http::header::{ACCEPT, CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, ETAG, HOST, IF_NONE_MATCH};
 use axum::http::{HeaderMap, StatusCode, Uri};
-use axum::response::{IntoResponse, Response};
+use axum::response::{IntoResponse, Redirect, Response};
 use genmanip_core::hexadecimal;
 use rust_embed::{EmbeddedFile, RustEmbed};
 
@@ -26,7 +26,7 @@ fn policy(headers: &HeaderMap) -> String {
     )
 }
 
-/// A file of the page; `index.html` for `/`.
+/// A file of the page; `index.html` for `/`, to which a browser is sent from addresses where nothing is.
 pub async fn file(headers: HeaderMap, uri: Uri) -> Response {
     let path = match uri.path().trim_start_matches('/') {
         "" => "index.html",
@@ -37,8 +37,14 @@ pub async fn file(headers: HeaderMap, uri: Uri) -> Response {
         None if path == "index.html" => {
             not_found("this program was built without its page; build it again in a whole checkout")
         }
+        // Somebody with a browser and a mistyped address.
+        None if wants_page(&headers) && !path.starts_with("api/") => Redirect::to("/").into_response(),
         None => not_found("nothing is here; the page is at /"),
     }
+}
+
+fn wants_page(headers: &HeaderMap) -> bool {
+    headers.get(ACCEPT).and_then(|accept| accept.to_str().ok()).is_some_and(|accept| accept.contains("text/html"))
 }
 
 fn answer(path: &str, file: EmbeddedFile, headers: &HeaderMap) -> Response {

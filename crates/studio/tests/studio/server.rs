@@ -36,6 +36,11 @@ fn scenes_name_meshes_that_are_there() {
     ] {
         assert_eq!(studio.get(path).status, status, "{path}");
     }
+    // A browser with a mistyped address is sent to the page.
+    let browser = [("accept", "text/html,application/xhtml+xml")];
+    for (path, status) in [("/;", 303), ("/scenarios/none", 303), ("/api/none", 404)] {
+        assert_eq!(request(studio.server.address(), "GET", path, &browser, &[]).status, status, "{path}");
+    }
 }
 
 #[test]
