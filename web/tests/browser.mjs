@@ -719,7 +719,7 @@ test("two people review by keyboard alone, and see each other's answer only afte
   };
   const standing = (words) => page.waitForSelector(`.review .chip:has-text("${words}")`);
   await page.click("#tab-review");
-  await standing("two reviews are needed");
+  await standing("0 of 2 reviews");
   await page.keyboard.press("1");
   await page.keyboard.press("Shift+Y");
   await page.waitForSelector(".notice:has-text('marked as wrong')");
@@ -728,7 +728,7 @@ test("two people review by keyboard alone, and see each other's answer only afte
   await page.waitForSelector(".said:has-text('approved')");
   await page.waitForSelector(".review:has-text('solved it 5 of 5')");
   await as("bo");
-  await standing("one more review is needed");
+  await standing("1 of 2 reviews; somebody else gives the second");
   assert.equal(await page.locator(".said").count(), 0, "the other's answer shows before the own one");
   await page.keyboard.press("3");
   await page.keyboard.press("Shift+R");
@@ -747,7 +747,7 @@ test("two people review by keyboard alone, and see each other's answer only afte
   const key = page.url();
   await page.keyboard.press("q");
   await page.waitForFunction((before) => location.href !== before, key);
-  await standing("two reviews are needed");
+  await standing("0 of 2 reviews");
   // An edit voids: the first scenario is open again.
   await page.goto(key);
   await page.reload();
@@ -757,7 +757,7 @@ test("two people review by keyboard alone, and see each other's answer only afte
   await page.keyboard.press("PageUp");
   await until("the edit is stored", async () => (await revision(page)) > 0);
   await page.click("#tab-review");
-  await standing("two reviews are needed");
+  await standing("0 of 2 reviews");
   assert.deepEqual(page.failures, []);
   await page.context().close();
 });
@@ -781,6 +781,7 @@ test("the contact sheet rejects several at once, and the balance names who helps
   await page.waitForSelector(".balance tbody tr");
   await page.waitForSelector("dialog li:has-text('ada found 3 of 4 (75 %) planted faults, refused 1 of 10 (10 %) sound scenarios')");
   await page.waitForSelector("dialog li:has-text('weak: 20 % of 5 episodes')");
+  await page.waitForSelector("dialog li:has-text('Suite earlier: one, two')");
   const target = page.locator(".share input").first();
   await target.fill("90");
   await page.keyboard.press("Tab");

@@ -12,6 +12,7 @@ export class MockReviews {
   answer(what, rest, method, query, body) {
     if (what === "agreement") return [200, { decision: { items: 1, raw: 1, kappa: null, ac1: 1 }, criteria: {}, planted: { ada: { planted: 4, detected: 3, sound: 10, false_alarms: 1 } } }];
     if (what === "balance") return [200, this.balance(body?.targets)];
+    if (what === "suites" && method === "GET") return [200, { suites: [{ name: "earlier", scenarios: ["one", "two"] }] }];
     if (what === "suites") return [200, { folder: `studio/${body.name}`, scenarios: this.approved().length, choice: {} }];
     if (what !== "reviews") return null;
     const reviewer = query.get("reviewer") ?? body.reviewer?.name ?? "";

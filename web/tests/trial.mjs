@@ -61,6 +61,7 @@ async function write(page, name, approved) {
   await button(page, "Write the suite").click();
   const items = page.getByRole("list", { name: "Scenarios of the suite" }).getByRole("listitem");
   await items.first().waitFor();
+  await page.getByRole("list", { name: "Suites" }).getByText(`Suite ${name}:`).waitFor();
   return (await items.allInnerTexts()).map((text) => text.split(" ")[0]);
 }
 
@@ -85,7 +86,7 @@ export async function trial(browser, program, folder, suites, size, shot) {
     const repairs = await repair(page);
     await shot(page, "trial-repaired");
     await approve(page);
-    await page.getByText("one more review is needed").waitFor();
+    await page.getByText("1 of 2 reviews; somebody else gives the second").waitFor();
     await shot(page, "trial-approved");
     // A colleague gives the second review: the queue begins with what completes a pair.
     const colleague = await person(browser, studio.url, "bo");

@@ -198,6 +198,8 @@ function edgeOf(arrow: Arrow, from: PlacedNode, to: PlacedNode, nth: number, of:
   // Beside a level edge, which its label would hide.
   const lift = isFlat && Math.abs(bend) < 20 ? -8 : 0;
   const places = [0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74].map((t) => ({ x: at(t).x, y: at(t).y + lift }));
+  // A long word over a short level edge stands above the nodes.
+  if (isFlat) places.push({ x: at(0.5).x, y: from.y - NODE.height / 2 - LABEL.height / 2 - 2 });
   const boxOf = (place: { x: number; y: number }) => box(place.x, place.y, arrow.label.length * 5.4 + 4, LABEL.height);
   const labelAt = places.find((place) => !taken.some((other) => overlap(other, boxOf(place)))) ?? places[0]!;
   taken.push(boxOf(labelAt));

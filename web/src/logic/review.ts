@@ -102,6 +102,6 @@ export function filtered(rows: ReviewRow[], kind: string, missing: string): Revi
 }
 
 export function standingWords(row: { standing: string; missing?: number }): string {
-  if (row.standing === "open") return row.missing === 1 ? "one more review is needed" : "two reviews are needed";
+  if (row.standing === "open") return row.missing === 1 ? "1 of 2 reviews; somebody else gives the second" : "0 of 2 reviews";
   return { sent_back: "sent back", adjudication: "the reviewers differ", uncertified: "approved, but the expert has not solved it" }[row.standing] ?? row.standing;
 }

@@ -108,11 +108,13 @@ export function BalanceDialog({ onClose }: { onClose: () => void }) {
   const targets = useSignal<Targets>({});
   const name = useSignal("reviewed");
   const written = useSignal<Written | string | null>(null);
+  const suites = useSignal<{ name: string; scenarios: string[] }[]>([]);
   const told = (error: Error) => store.notify(error.message, { isError: true });
   useEffect(() => {
     void json<Dashboard>("/api/balance").then((now) => (found.value = now), told);
     void json<Agreement>("/api/agreement").then((now) => (agreement.value = now), told);
   }, []);
+  useEffect(() => void json<{ suites: typeof suites.value }>("/api/suites").then((now) => (suites.value = now.suites), told), [written.value]);
   const retarget = (axis: Dashboard["balance"]["axes"][number], value: string, percent: number) => {
     const wanted = (targets.value = retargeted(targets.peek(), axis.axis, axis.values, value, percent));
     // An answer to earlier targets may arrive last.
@@ -206,6 +208,16 @@ export function BalanceDialog({ onClose }: { onClose: () => void }) {
       </div>
       {now.balance.scenarios === 0 && <p class="muted end">A suite needs approved scenarios: two reviewers approve, and the expert solves it.</p>}
       <Suite written={written.value} />
+      {suites.value.length > 0 && (
+        <ul class="said" aria-label="Suites">
+          {suites.value.map((one) => (
+            <li key={one.name}>
+              Suite <strong>{one.name}</strong>: {one.scenarios.slice(0, 30).join(", ")}
+              {one.scenarios.length > 30 && ` and ${one.scenarios.length - 30} more`}
+            </li>
+          ))}
+        </ul>
+      )}
     </Dialog>
   );
 }

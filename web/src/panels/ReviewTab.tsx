@@ -139,7 +139,12 @@ function Marking() {
       </label>
       {blocking > 0 && <p class="caution">The verdict names {blocking === 1 ? "a problem" : `${blocking} problems`}: repair first, or mark what is wrong.</p>}
       <div class="actions">
-        {now.work === "adjudicate" && <span class="muted">You decide between the two:</span>}
+        <span class="muted">{now.work === "adjudicate" ? "You decide between the two, as" : "You review as"}</span>
+        <button type="button" class="quiet" title="Change your name" onClick={() => (store.dialog.value = "author")}>
+          {store.author.value}
+        </button>
+      </div>
+      <div class="actions">
         <button type="button" class={isOwn || blocking > 0 ? "" : "primary"} title={withKeys("Approve", "review.approve")} onClick={() => reviews.decide("approve")}>
           Approve
         </button>

@@ -102,7 +102,7 @@ async function say(now: ReviewState, decision: Review["decision"], with_: Marks,
     state.value = said;
     marks.value = UNMARKED;
   }
-  store.status.value = `${now.id}: ${SAID[decision.verdict]}.`;
+  store.status.value = `${now.id}: your review is stored (${SAID[decision.verdict]}).`;
   await loadQueue();
   if (decision.verdict === "approve" && !said.trials && !trying.peek().includes(now.key)) void certify(now.key);
   return true;

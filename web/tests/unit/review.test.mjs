@@ -43,8 +43,8 @@ test("the queue completes pairs first, and shows one kind or what is missing", (
 });
 
 test("standings in words", () => {
-  assert.equal(standingWords({ standing: "open", missing: 1 }), "one more review is needed");
-  assert.equal(standingWords({ standing: "open", missing: 2 }), "two reviews are needed");
+  assert.equal(standingWords({ standing: "open", missing: 1 }), "1 of 2 reviews; somebody else gives the second");
+  assert.equal(standingWords({ standing: "open", missing: 2 }), "0 of 2 reviews");
   assert.equal(standingWords({ standing: "approved" }), "approved");
 });
 

@@ -69,7 +69,8 @@ pub fn choice(offered: &[Offered], per_kind: usize, targets: &Targets) -> Choice
             Some(refused) => (&mut made.rejected, refused.clone()),
             None if chosen.contains(&index) => {
                 let rarest = extreme(&one.candidate.traits, &reached, |share, wanted| wanted - share);
-                let why = rarest.map_or_else(|| "it is wanted".into(), |(words, _)| format!("for {words}"));
+                let why =
+                    rarest.map_or_else(|| "no target is missed without it".into(), |(words, _)| format!("for {words}"));
                 (&mut made.chosen, if one.candidate.is_preferred { format!("preferred; {why}") } else { why })
             }
             None => {

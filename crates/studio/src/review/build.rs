@@ -1,14 +1,15 @@
 //! Building of a balanced suite from approved scenarios.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 use genmanip_assets::Catalogue;
 use genmanip_benchmark::balance::{Choice, Offered, choice};
 use genmanip_benchmark::suite_format::{BuildStep, SuiteEntry, SuiteFile, Targets, sha256};
 use genmanip_benchmark::suites::candidates::traits;
 use genmanip_benchmark::suites::frozen::{self, SuiteHeader};
-use genmanip_core::{Document, Scenario, Seed};
+use genmanip_core::{Document, Scenario, Seed, limits};
 use genmanip_workspace::{WorkspaceError, documents, scenarios};
 use serde::Serialize;
 
@@ -23,6 +24,28 @@ pub struct Built {
     pub suite: SuiteFile,
     /// Reason why each scenario was chosen or not, as in its `choice.json`.
     pub choice: Choice,
+}
+
+/// A suite in the studio's folder.
+#[derive(Clone, Debug, Serialize)]
+pub struct WrittenSuite {
+    /// Name.
+    pub name: String,
+    /// Ids of its scenarios.
+    pub scenarios: Vec<String>,
+}
+
+/// Suites in the folders directly below `folder`, by name of the folder. Folders without a readable suite are left out.
+pub fn written_suites(folder: &Path) -> Vec<WrittenSuite> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.path().join("suite.json")).collect();
+    files.sort();
+    let read = |file: &PathBuf| documents::read_document::<SuiteFile>(file, limits::SUITE).ok();
+    let written = |suite: SuiteFile| WrittenSuite {
+        name: suite.name,
+        scenarios: suite.scenarios.into_iter().map(|entry| entry.id).collect(),
+    };
+    files.iter().filter_map(read).map(written).collect()
 }
 
 /// Writes a suite of approved scenarios with `per_kind` scenarios of each kind; if `None`, as many as the rarest kind

@@ -20,7 +20,7 @@ mod reviewed;
 mod standing;
 
 pub use agreement::{Agreement, agreement};
-pub use build::{Built, build_suite};
+pub use build::{Built, WrittenSuite, build_suite, written_suites};
 pub use content::content_sha256;
 pub use desk::{
     Dashboard, Helpful, LeftOutEpisodes, MeasuredScenario, QueueRow, ReferencePolicy, ReviewDesk, ReviewQueue,

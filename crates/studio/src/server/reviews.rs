@@ -28,7 +28,7 @@ pub fn routes() -> Router<Arc<Studio>> {
         .route("/api/reviews/{key}/certificate", post(certify))
         .route("/api/agreement", get(agreement))
         .route("/api/balance", get(balance).post(balance_against))
-        .route("/api/suites", post(build))
+        .route("/api/suites", get(suites).post(build))
 }
 
 type Shared = State<Arc<Studio>>;
@@ -159,6 +159,10 @@ struct Wanted {
     per_kind: Option<usize>,
     /// Target shares; absent for those that the studio was started with.
     targets: Option<Targets>,
+}
+
+async fn suites(State(studio): Shared) -> Response {
+    work(&studio, |studio| Ok(Json(json!({ "suites": review::written_suites(studio.out()) })).into_response())).await
 }
 
 async fn build(State(studio): Shared, request: HttpRequest) -> Response {

@@ -13,7 +13,7 @@ use genmanip_sim::SimError;
 use super::equipment::{Equipment, VerdictError};
 use super::problem::{Problem, ProblemCode, Stage, Verdict};
 use super::support::{Below, support};
-use super::wording;
+use super::wording::{self, in_sentence};
 
 /// Maximum number of reachable grasps that are tested for collisions with neighbours.
 const MAX_BLOCKED: usize = 24;
@@ -87,7 +87,7 @@ impl<'a> Inspection<'a> {
         };
         let of_surface = || self.scenario.world.surface(id).map(|surface| surface.name.clone());
         let name = if in_graph { None } else { of_model().or_else(of_surface) };
-        format!("the {}", name.unwrap_or_else(|| self.scenario.task.name_of(id)).to_lowercase())
+        format!("the {}", in_sentence(&name.unwrap_or_else(|| self.scenario.task.name_of(id))))
     }
 
     fn id(&self, index: usize) -> ReferenceId {

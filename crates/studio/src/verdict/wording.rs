@@ -28,7 +28,7 @@ pub(super) fn problems(scenario: &Scenario) -> Vec<Problem> {
         if let Some(card) = card.filter(|card| !is_harmless(card, task)) {
             let message = format!(
                 "the instruction may also mean the {}, which the scene graph does not know",
-                card.name.to_lowercase()
+                in_sentence(&card.name)
             );
             let problem =
                 Problem::new(Stage::Wording, ProblemCode::AmbiguousSentence, Some(object.id.clone().into()), message);
@@ -36,6 +36,15 @@ pub(super) fn problems(scenario: &Scenario) -> Vec<Problem> {
         }
     }
     found
+}
+
+/// Name within a sentence: in lower case but for brands and units, `the turquoise KIMO battery 3V`.
+pub(super) fn in_sentence(name: &str) -> String {
+    let word = |word: &str| match word.chars().skip(1).any(char::is_uppercase) {
+        true => word.to_owned(),
+        false => word.to_lowercase(),
+    };
+    name.split(' ').map(word).collect::<Vec<_>>().join(" ")
 }
 
 /// Name in the report of `task check` of a sentence that states another goal.
@@ -47,7 +56,7 @@ fn of_sentence(task: &Task, mismatch: &Mismatch) -> Problem {
         Mismatch::Ambiguous { phrase, ids } => {
             let meant = ids.iter().find(|id| intended.iter().any(|other| other == *id)).or(ids.first());
             let other = ids.iter().find(|id| Some(*id) != meant);
-            let names: Vec<String> = ids.iter().map(|id| format!("the {}", task.name_of(id).to_lowercase())).collect();
+            let names: Vec<String> = ids.iter().map(|id| format!("the {}", in_sentence(&task.name_of(id)))).collect();
             let message = format!("`{phrase}` may mean {}", names.join(" or "));
             let meant = meant.cloned().map(Into::into);
             let problem = Problem::new(Stage::Wording, ProblemCode::AmbiguousSentence, meant, message);

@@ -132,6 +132,8 @@ fn what_is_approved_and_certified_becomes_a_suite() {
     let choice: Value = serde_json::from_slice(&fs::read(folder.join("choice.json")).unwrap()).unwrap();
     assert_eq!(choice["chosen"][0]["scenario"], json!(studio.scenario().id));
     assert_eq!(studio.post("/api/suites", &json!({ "name": "reviewed" })).status, 422, "a suite is never replaced");
+    let listed = json!({ "suites": [{ "name": "reviewed", "scenarios": [studio.scenario().id] }] });
+    assert_eq!(studio.get("/api/suites").json(), listed);
 }
 
 /// Difficulty comes from the results that the user names, distances from the user's targets; a planted scenario measures
