@@ -100,3 +100,16 @@ fn object_at(task: &Task, path: &str) -> Option<InstanceId> {
     };
     node.or_else(edge).or_else(goal)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::in_sentence;
+
+    #[test]
+    fn brands_and_units_keep_their_capitals() {
+        let cases = [("Turquoise KIMO Battery 3V", "turquoise KIMO battery 3V"), ("Red Mug", "red mug"), ("", "")];
+        for (name, expected) in cases {
+            assert_eq!(in_sentence(name), expected);
+        }
+    }
+}
