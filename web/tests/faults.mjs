@@ -67,9 +67,9 @@ class Editor {
     this.#done.push(by_m);
   }
 
-  /** The server has everything that this page did. */
+  /** The server has everything that this page did, and the page can be edited. */
   settled() {
-    return this.page.waitForFunction(() => window.studio?.waiting() === 0 && /connected/.test(document.querySelector(".bottom .dot.on + span")?.textContent ?? ""), null, { timeout: PATIENCE_MS });
+    return this.page.waitForFunction(() => window.studio?.waiting() === 0 && /connected/.test(document.querySelector(".bottom .dot.on + span")?.textContent ?? "") && !document.querySelector(".banner"), null, { timeout: PATIENCE_MS });
   }
 
   height_m() {
@@ -96,8 +96,9 @@ export async function withstand(browser, server, key, { count, seed, kinds = CON
   };
   const editors = [];
   for (const [index, name] of ["ada", "bo"].entries()) {
+    // Few pixels: nobody looks.
     const script = [(author) => localStorage.setItem("genmanip.studio.author", author), name];
-    editors.push(new Editor(await openPage(browser, address(server.token), { script, patience_s: 120 }), index));
+    editors.push(new Editor(await openPage(browser, address(server.token), { script, patience_s: 120, deviceScaleFactor: 0.5 }), index));
     await editors[index].take();
   }
   const start = await Promise.all(editors.map((editor) => editor.height_m()));
@@ -163,7 +164,7 @@ export async function withstand(browser, server, key, { count, seed, kinds = CON
         proxy.spoil(kind);
         await editors[random(2)].move(random(2) === 0);
         await edits(2);
-        await until("the fault happens", () => proxy.struck > struck);
+        await until("the fault happens", () => proxy.struck > struck, PATIENCE_MS);
       }
       await everybody((editor) => editor.settled());
       // What is undone was acknowledged: an edit that still waits would be withdrawn instead.
