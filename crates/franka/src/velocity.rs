@@ -76,8 +76,8 @@ mod tests {
             for tick in 0..40_000 {
                 // The ends in turn, later any target, often changed at speed.
                 match tick {
-                    0..10_000 if tick % 2500 == 0 => target = if tick % 5000 == 0 { it.upper } else { it.lower },
-                    10_000.. if tick % 150 == 0 => {
+                    0..16_000 if tick % 4000 == 0 => target = if tick % 8000 == 0 { it.upper } else { it.lower },
+                    16_000.. if tick % 150 == 0 => {
                         // Multiples of the golden ratio are spread evenly.
                         let share = (f64::from(tick) * 0.618_034).fract();
                         target = it.lower - 0.5 + share * (it.upper - it.lower + 1.0);
@@ -93,8 +93,8 @@ mod tests {
                 );
                 fastest[joint] = fastest[joint].max(now.velocity.abs() / it.velocity);
                 closest = closest.min((up - now.velocity).min(down + now.velocity));
-                if tick == 2499 || tick == 4999 {
-                    let end = if tick == 2499 { it.upper } else { it.lower };
+                if tick == 3999 || tick == 7999 {
+                    let end = if tick == 3999 { it.upper } else { it.lower };
                     assert!((now.position - end).abs() < 0.01, "joint {joint} ends at {now:?}, not {end}");
                 }
             }

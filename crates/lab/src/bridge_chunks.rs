@@ -58,15 +58,18 @@ pub struct SpaceChunks {
     pub space: String,
     /// Number of episodes.
     pub episodes: usize,
-    /// Number of chunks, and of those joined to one under way.
+    /// Number of chunks.
     pub chunks: usize,
+    /// Number of those that were joined to one under way.
     pub joined: usize,
-    /// Times that the arm waited for a chunk, and their duration, ms.
+    /// Number of times that the arm waited for a chunk.
     pub holds: usize,
+    /// Duration of these, ms.
     pub held_ms: f64,
-    /// Largest jump of the commanded tool where chunks join, and elsewhere, mm: distance of a command from the straight
-    /// continuation of the two before.
+    /// Largest jump of the commanded tool where chunks join, mm: distance of a command from the straight continuation of
+    /// the two before.
     pub jump_mm: f64,
+    /// Largest such distance elsewhere, mm.
     pub elsewhere_mm: f64,
     /// Largest distance of the tool between two chunks for the same time, mm: the jump without smoothing.
     pub disagreement_mm: f64,
