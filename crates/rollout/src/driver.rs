@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{DeltaFrom, GoalVerdict, Observation, PolicySpec, RobotModel};
+use genmanip_core::{ActionSpace, DeltaFrom, GoalVerdict, Interpolation, Observation, PolicySpec, RobotModel};
 
 use crate::adapter::{Adapter, AdapterError, ArmReference, NativeAction, Pending};
 use crate::environment::Event;
@@ -18,6 +18,8 @@ pub struct Driver {
     control_period_s: f64,
     /// True if every action begins at the command in force, so that no chunk begins with a jump.
     is_continuous: bool,
+    /// True if commands are interpolated from the command in force.
+    is_interpolated: bool,
     /// Arm joint positions when the chunk was requested, rad.
     chunk_start: Vec<f64>,
     /// Rest of the path that earlier actions have not executed.
@@ -87,6 +89,8 @@ impl Driver {
             robot: Arc::clone(&stage.robot),
             control_period_s: 1.0 / stage.control_rate_hz(),
             is_continuous: !is_absolute && spec.action.delta_from == DeltaFrom::Command,
+            is_interpolated: spec.action.between == Interpolation::Linear
+                && spec.action.space != ActionSpace::JointVelocity,
             chunk_start,
             pending: Pending::default(),
             seam: None,
@@ -166,12 +170,15 @@ impl Driver {
         Ok(self.adapter.to_native(action, from)?)
     }
 
-    /// Adds the rest of a transition to commands.
+    /// Adds the rest of a transition to the commands of an action. Interpolated commands begin at the command in force,
+    /// which already holds that rest, and lose it until the end of the action.
     fn blend(&mut self, commands: &mut [Vec<f32>]) {
         let Some(seam) = &mut self.seam else { return };
-        for command in commands {
+        let held = if self.is_interpolated { seam.share(seam.steps[0]) } else { 0.0 };
+        let count = commands.len() as f64;
+        for (index, command) in commands.iter_mut().enumerate() {
             seam.steps[0] += 1;
-            let share = seam.share(seam.steps[0]);
+            let share = seam.share(seam.steps[0]) - held * (1.0 - (index + 1) as f64 / count);
             command
                 .iter_mut()
                 .zip(&seam.offset)

@@ -36,11 +36,11 @@ impl Alongside {
         Self { clock: Clock::new(), asked_s: 0.0, state: State::Ready(policy, eyes) }
     }
 
-    /// Answer from what came; `since_s` is the time at which the arm began to wait.
-    fn answered(&self, made: Option<Made>, since_s: f64) -> Answer {
+    /// Answer from what came, after the arm waited for it.
+    fn answered(&self, made: Option<Made>, waited_s: f64) -> Answer {
         let panicked = || (Err(PolicyError::Unreachable("its thread has ended".into())), self.clock.now_s());
         let (chunk, ready_s) = made.unwrap_or_else(panicked);
-        Answer { chunk, took_s: ready_s - self.asked_s, waited_s: (self.clock.now_s() - since_s).max(0.0) }
+        Answer { chunk, took_s: ready_s - self.asked_s, waited_s }
     }
 }
 
@@ -84,11 +84,11 @@ impl Asking for Alongside {
     }
 
     fn answer(&mut self, _now_s: f64) -> Option<Answer> {
-        let State::Running(_, made) = &self.state else { return Some(self.answered(None, self.clock.now_s())) };
+        let State::Running(_, made) = &self.state else { return Some(self.answered(None, 0.0)) };
         match made.try_recv() {
-            Ok(made) => Some(self.answered(Some(made), self.clock.now_s())),
+            Ok(made) => Some(self.answered(Some(made), 0.0)),
             Err(std::sync::mpsc::TryRecvError::Empty) => None,
-            Err(std::sync::mpsc::TryRecvError::Disconnected) => Some(self.answered(None, self.clock.now_s())),
+            Err(std::sync::mpsc::TryRecvError::Disconnected) => Some(self.answered(None, 0.0)),
         }
     }
 
@@ -98,7 +98,7 @@ impl Asking for Alongside {
             State::Running(_, made) => made.recv().ok(),
             State::Ready(..) | State::Ended => None,
         };
-        self.answered(made, since_s)
+        self.answered(made, self.clock.now_s() - since_s)
     }
 }
 
