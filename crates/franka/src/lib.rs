@@ -11,6 +11,7 @@
 
 mod arm;
 mod hand;
+mod velocity;
 
 #[cfg(test)]
 mod tests;
@@ -18,3 +19,4 @@ mod tests;
 pub use arm::{ArmReport, FrankaArm, JOINTS};
 pub use franka::{FrankaError, RealtimeConfig, Robot};
 pub use hand::{Hand, HandSettings};
+pub use velocity::{FR3, limit_velocity};

@@ -12,6 +12,7 @@ use genmanip_pipeline::plan::{MotionRequest, Target, plan};
 use genmanip_pipeline::policies::PolicyContext;
 use genmanip_pipeline::real::arm::{ArmSettings, RealArm, SideChannel};
 use genmanip_pipeline::real::cameras::Rig;
+use genmanip_pipeline::real::points::{PointJudge, PointVerdict, is_shown, moment};
 use genmanip_pipeline::real::rehearsal::Rehearsal;
 use genmanip_pipeline::real::simulated::{SimulatedArmSettings, bridge_robot};
 use genmanip_real::bridge::client::{ArmClient, BridgeError, ClientSettings, SLOW, Tally, TcpConnection};
@@ -33,7 +34,7 @@ use crate::clock::cpu_clock;
 /// Control periods of a stream.
 const TICKS: usize = 400;
 /// Connection between policy and bridge: 20 ± 10 ms, 1 % of the streamed messages lost.
-const LINK: LinkSettings = LinkSettings { latency_s: 0.02, jitter_s: 0.01, loss: 0.01 };
+pub(crate) const LINK: LinkSettings = LinkSettings { latency_s: 0.02, jitter_s: 0.01, loss: 0.01 };
 
 /// Violations of limits, and times to stop, over random streams of commands.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -71,8 +72,26 @@ pub struct Paired {
     pub tally: Tally,
     /// Ids of scenes that one of the two solved.
     pub different: Vec<String>,
+    /// Verdicts on the images behind the bridge against simulator truth; `None` if they were not asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub points: Option<PointsAgainstTruth>,
     /// CPU time, s.
     pub cpu_s: f64,
+}
+
+/// Verdicts of `real run --judge points` on the ends of episodes, against simulator truth.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct PointsAgainstTruth {
+    /// Number of episodes judged; goals about joint states are not.
+    pub judged: usize,
+    /// Number of episodes for which images and truth agree.
+    pub agree: usize,
+    /// Number of episodes with objects of the goal that the images did not show at the end.
+    pub with_unseen: usize,
+    /// Ids of scenes that only the images call done.
+    pub only_images: Vec<String>,
+    /// Ids of scenes that only the truth calls done, with what the images showed.
+    pub only_truth: Vec<String>,
 }
 
 /// Random streams of commands to the default robot's bridge: bursts, gaps, late and repeated numbers, jumps, NaN.
@@ -189,13 +208,15 @@ pub fn paired(
     suite: &Suite,
     policy: &PolicyFactory,
     scenes: usize,
+    points: bool,
     progress: &dyn Progress,
 ) -> Result<Paired, WorkspaceError> {
     let mut clock = cpu_clock();
     let settings = &suite.settings;
     let planner = worlds::planner(&settings.world, &settings.planner)?;
     let resources = Resources { catalogue: suite.source(), ..Resources::builtin(&planner) };
-    let mut found = Paired { policy: policy.label().into(), ..Paired::default() };
+    let points = points.then(PointsAgainstTruth::default);
+    let mut found = Paired { policy: policy.label().into(), points, ..Paired::default() };
     let mut differences = Vec::new();
     let cases = &suite.cases[..scenes.min(suite.cases.len())];
     progress.begin("scenes", cases.len());
@@ -216,7 +237,9 @@ pub fn paired(
             })
         };
         let direct = run_episode(&stage, make()?.as_mut(), &case.id, case.seed, &rollout).map_err(broken)?;
-        let (behind, tally) = behind_bridge(&stage, make()?.as_mut(), case, &rollout)?;
+        let judged = found.points.as_mut().filter(|_| is_shown(&stage.goal));
+        let (behind, tally, seen) = behind_bridge(&stage, make()?.as_mut(), case, &rollout, judged.is_some())?;
+        judged.zip(seen).into_iter().for_each(|(points, seen)| points.add(&case.id, behind, &seen));
         found.scenes += 1;
         let solved = [direct.result.success, behind, direct.result.success && behind];
         found.solved.iter_mut().zip(solved).for_each(|(count, is_solved)| *count += usize::from(is_solved));
@@ -234,13 +257,15 @@ pub fn paired(
     Ok(found)
 }
 
-/// Success of an episode behind the bridge, judged by simulator truth after settling, and its counts.
+/// Success of an episode behind the bridge, judged by simulator truth after settling, its counts, and the verdict on its
+/// images if asked for.
 fn behind_bridge(
     stage: &Stage,
     policy: &mut dyn Policy,
     case: &Case,
     rollout: &RolloutSettings,
-) -> Result<(bool, Tally), WorkspaceError> {
+    points: bool,
+) -> Result<(bool, Tally, Option<PointVerdict>), WorkspaceError> {
     let arm = SimulatedArmSettings::default();
     let rehearsal = Rehearsal::new(stage, BridgeSettings::default(), arm, LINK, case.seed)?;
     let held = Arc::new(AtomicBool::new(true));
@@ -248,6 +273,8 @@ fn behind_bridge(
         .map_err(|error| WorkspaceError::broken("the rehearsal", error))?;
     let settings = ArmSettings { horizon_s: rollout.horizon_s, dry_run: false };
     let mut robot = RealArm::new(client, stage, settings, Rig::default()).map_err(broken)?.with_truth();
+    let begin = |robot: &mut RealArm<Rehearsal>| PointJudge::begin(stage, moment(robot, stage)?);
+    let judge = points.then(|| begin(&mut robot).map_err(broken)).transpose()?;
     match run_policy(&mut robot, stage, policy, case.seed, rollout) {
         // The policy could not even begin, such as one that asks for more than a real camera shows.
         Err(error @ RolloutError::Robot(_)) if robot.client().tally().commands == 0 => return Err(broken(error)),
@@ -260,7 +287,22 @@ fn behind_bridge(
     let truth = robot.client().connection().truth();
     let rest = Stage::rest(&truth.objects, truth.grasped, rollout);
     let verdict = judge_goal(&stage.posed(&truth.objects), &stage.goal, &rest, &stage.relations);
-    Ok((verdict.success, robot.client().tally().clone()))
+    let seen =
+        judge.map(|judge| moment(&mut robot, stage).map(|last| judge.judge(last)).map_err(broken)).transpose()?;
+    Ok((verdict.success, robot.client().tally().clone(), seen))
+}
+
+impl PointsAgainstTruth {
+    fn add(&mut self, id: &str, truth: bool, seen: &PointVerdict) {
+        self.judged += 1;
+        self.agree += usize::from(seen.verdict.success == truth);
+        self.with_unseen += usize::from(!seen.verdict.unseen.is_empty());
+        match (seen.verdict.success, truth) {
+            (true, false) => self.only_images.push(id.into()),
+            (false, true) => self.only_truth.push(format!("{id}: {}", seen.text())),
+            _ => {}
+        }
+    }
 }
 
 fn add(sum: &mut Tally, tally: &Tally) {
@@ -418,6 +460,16 @@ pub fn describe(streams: Option<&Streams>, paired: &[Paired], motions: Option<&M
              ({low:.1} to {high:.1}), {} stops of the arm\n",
             found.policy, found.scenes, found.tally.arm_stops
         );
+        if let Some(points) = &found.points {
+            text += &format!(
+                "  verdicts on images: {} of {} as the truth; {} with objects not seen, {} only by images, {} only by truth\n",
+                points.agree,
+                points.judged,
+                points.with_unseen,
+                points.only_images.len(),
+                points.only_truth.len()
+            );
+        }
     }
     text
 }

@@ -17,6 +17,7 @@ use genmanip_lab::answers::Amount;
 use genmanip_lab::batch::BatchArguments;
 use genmanip_lab::blame::BlameArguments;
 use genmanip_lab::bridge::Motions;
+use genmanip_lab::bridge_chunks::Chunks;
 use genmanip_lab::bridge_drills::Drills;
 use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::hostile::HostileArguments;
@@ -28,9 +29,9 @@ use genmanip_lab::studio::StudioArguments;
 use genmanip_lab::teleop::TeleopArguments;
 use genmanip_lab::transfer::TransferArguments;
 use genmanip_lab::{
-    agent, answers, assets, batch, blame, bridge, bridge_drills, data, design, environment, expert, fit, grasp,
-    hand_eye, hostile, identification, layout, learn, learned_controls, matching, motion, readers, relations, render,
-    rendered, scale, segment, statistics, strangers, studio, suite, teleop, transfer, wording,
+    agent, answers, assets, batch, blame, bridge, bridge_chunks, bridge_drills, data, design, environment, expert, fit,
+    grasp, hand_eye, hostile, identification, layout, learn, learned_controls, matching, motion, readers, relations,
+    render, rendered, scale, segment, statistics, strangers, studio, suite, teleop, transfer, wording,
 };
 use genmanip_workspace::WorkspaceError;
 
@@ -106,7 +107,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let policies = policies.collect::<Result<Vec<_>, _>>()?;
             let suite = arguments.suite.as_deref().map(Suite::at).transpose()?;
             let paired = suite.iter().flat_map(|suite| {
-                policies.iter().map(|policy| bridge::paired(suite, policy, arguments.scenes, printer))
+                policies.iter().map(|policy| bridge::paired(suite, policy, arguments.scenes, arguments.points, printer))
             });
             let paired = paired.collect::<Result<Vec<_>, _>>()?;
             let url = arguments.robot.as_deref();
@@ -114,10 +115,15 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let motions = moved.map(|url| bridge::motions(url, arguments.motions, seed)).transpose()?;
             let drills = url.zip(arguments.drills.as_deref());
             let drills = drills.map(|(url, place)| bridge_drills::drill(url, place == "post")).transpose()?;
+            let chunks =
+                (arguments.chunks > 0 && url.is_none()).then(|| bridge_chunks::measure(arguments.chunks, seed));
+            let chunks = chunks.transpose()?;
             let mut text = bridge::describe(streams.as_ref(), &paired, motions.as_ref());
+            text += &chunks.as_ref().map(Chunks::text).unwrap_or_default();
             text += &drills.as_ref().map(Drills::text).unwrap_or_default();
-            printer.data(&(&streams, &paired, &motions, &drills), &text);
+            printer.data(&(&streams, &paired, &motions, &drills, &chunks), &text);
             let flaws = drills.iter().flat_map(Drills::flaws).chain(motions.iter().flat_map(Motions::flaws));
+            let flaws = flaws.chain(chunks.iter().flat_map(Chunks::flaws));
             let flaws: Vec<String> = flaws.inspect(|flaw| printer.say(flaw)).collect();
             if !flaws.is_empty() {
                 return Ok(ExitStatus::NotMet);

@@ -12,6 +12,7 @@ pub mod blame;
 mod board_images;
 mod board_sets;
 pub mod bridge;
+pub mod bridge_chunks;
 pub mod bridge_drills;
 pub mod calibration;
 mod clock;

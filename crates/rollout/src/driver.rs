@@ -1,7 +1,9 @@
 //! Execution of actions in the environment, shared by the episode loop and by programs that step the environment
 //! themselves.
 
-use genmanip_core::{GoalVerdict, Observation, PolicySpec};
+use std::sync::Arc;
+
+use genmanip_core::{ActionSpace, DeltaFrom, GoalVerdict, Interpolation, Observation, PolicySpec, RobotModel};
 
 use crate::adapter::{Adapter, AdapterError, ArmReference, NativeAction, Pending};
 use crate::environment::Event;
@@ -12,12 +14,42 @@ use crate::{RolloutError, RolloutSettings, Stage};
 #[derive(Clone, Debug)]
 pub struct Driver {
     adapter: Adapter,
+    robot: Arc<RobotModel>,
+    control_period_s: f64,
+    /// True if every action begins at the command in force, so that no chunk begins with a jump.
+    is_continuous: bool,
+    /// True if commands are interpolated from the command in force.
+    is_interpolated: bool,
     /// Arm joint positions when the chunk was requested, rad.
     chunk_start: Vec<f64>,
     /// Rest of the path that earlier actions have not executed.
     pending: Pending,
+    /// Transition from an earlier chunk that is still under way.
+    seam: Option<Seam>,
     /// True if an unreachable pose is an error; false if the command in force is held instead.
     stop_on_unreachable: bool,
+}
+
+/// Smooth transition between the commands of two chunks that disagree.
+#[derive(Clone, Debug)]
+struct Seam {
+    /// Commanded joint positions of the earlier chunk minus those of the later one where they join, rad.
+    offset: Vec<f64>,
+    /// Control steps executed, and control steps in total.
+    steps: [usize; 2],
+}
+
+/// Shortest duration of a transition, s. Chosen by hand: longer than an action of most policies.
+const SEAM_S: f64 = 0.2;
+/// Largest acceleration of the tool that a transition adds, m/s²: at 60 Hz, half a millimetre per control step squared.
+const SEAM_M_S2: f64 = 1.5;
+
+impl Seam {
+    /// Share of the offset after a number of control steps: 1 at the start, 0 at the end, at rest at both.
+    fn share(&self, step: usize) -> f64 {
+        let part = (step as f64 / self.steps[1].max(1) as f64).min(1.0);
+        1.0 - part * part * (3.0 - 2.0 * part)
+    }
 }
 
 /// Outcome of executing one action.
@@ -51,7 +83,24 @@ impl Driver {
             .map_err(|error| RolloutError::Spec { policy: spec.name.clone(), source: error.into() })?;
         let chunk_start = stage.scenario.world.robot.home.clone();
         let stop_on_unreachable = settings.stop_on_unreachable;
-        Ok(Self { adapter, chunk_start, pending: Pending::default(), stop_on_unreachable })
+        let is_absolute = spec.action.space.is_absolute();
+        Ok(Self {
+            adapter,
+            robot: Arc::clone(&stage.robot),
+            control_period_s: 1.0 / stage.control_rate_hz(),
+            is_continuous: !is_absolute && spec.action.delta_from == DeltaFrom::Command,
+            is_interpolated: spec.action.between == Interpolation::Linear
+                && spec.action.space != ActionSpace::JointVelocity,
+            chunk_start,
+            pending: Pending::default(),
+            seam: None,
+            stop_on_unreachable,
+        })
+    }
+
+    /// Duration of an action, s.
+    pub fn action_s(&self) -> f64 {
+        self.control_period_s * self.adapter.repeat() as f64
     }
 
     /// Stores the current joint positions as reference of a new chunk of actions.
@@ -61,6 +110,83 @@ impl Driver {
     pub fn begin_chunk(&mut self, robot: &impl RobotInterface) -> Result<(), RolloutError> {
         self.chunk_start = robot.joint_positions()?;
         Ok(())
+    }
+
+    /// Goes over to a chunk that was requested while an earlier one was executed: `chunk_start` are the arm joint
+    /// positions measured then (rad), `new` is the action of the chunk to execute next, and `old` the one of the earlier
+    /// chunk in its place, if it has one. The commands of the two are joined without a jump; returns the distance of the
+    /// tool between them, m.
+    ///
+    /// # Errors
+    /// As [`Driver::act`].
+    pub fn join_chunk(
+        &mut self,
+        robot: &impl RobotInterface,
+        chunk_start: Vec<f64>,
+        old: Option<&[f32]>,
+        new: &[f32],
+    ) -> Result<f64, RolloutError> {
+        let in_force: Vec<f64> = robot.command()?[..chunk_start.len()].iter().copied().map(f64::from).collect();
+        let (mut from, mut rest) = (in_force.clone(), None);
+        if let Some(old) = old.filter(|_| !self.is_continuous) {
+            from = self.requested(robot, old)?.unwrap_or(in_force);
+            rest = self.seam.take();
+        }
+        self.chunk_start = chunk_start;
+        let to = self.requested(robot, new)?.filter(|_| !self.is_continuous);
+        self.seam = None;
+        let Some(to) = to else { return Ok(0.0) };
+        let left = rest.map_or(vec![0.0; from.len()], |seam| {
+            let share = seam.share(seam.steps[0] + self.adapter.repeat());
+            seam.offset.iter().map(|offset| share * offset).collect()
+        });
+        let from: Vec<f64> = from.iter().zip(left).map(|(at, left)| at + left).collect();
+        let apart_m = self.robot.tcp_pose(&from).position.distance(self.robot.tcp_pose(&to).position);
+        // The second derivative of the smooth step is 6 offset / duration² at its ends.
+        let duration_s = SEAM_S.max((6.0 * apart_m / SEAM_M_S2).sqrt());
+        let steps = [0, (duration_s / self.control_period_s).ceil() as usize];
+        self.seam = Some(Seam { offset: from.iter().zip(&to).map(|(from, to)| from - to).collect(), steps });
+        Ok(apart_m)
+    }
+
+    /// Arm joint positions that an action requests at its end, rad; `None` if its pose is unreachable.
+    fn requested(&self, robot: &impl RobotInterface, action: &[f32]) -> Result<Option<Vec<f64>>, RolloutError> {
+        match self.converted(robot, action) {
+            Ok(NativeAction { commands, .. }) => Ok(commands
+                .last()
+                .map(|command| command[..self.chunk_start.len()].iter().copied().map(f64::from).collect())),
+            Err(RolloutError::Action(AdapterError::OutOfReach { .. })) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Native commands of an action.
+    fn converted(&self, robot: &impl RobotInterface, action: &[f32]) -> Result<NativeAction, RolloutError> {
+        let (command, measured) = (robot.command()?, robot.joint_positions()?);
+        let width_m = command.last().copied().unwrap_or_default();
+        let arm: Vec<f64> = command[..measured.len()].iter().copied().map(f64::from).collect();
+        let (chunk_start, pending) = (&self.chunk_start, &self.pending);
+        let from = ArmReference { command: &arm, width_m, measured: &measured, chunk_start, pending };
+        Ok(self.adapter.to_native(action, from)?)
+    }
+
+    /// Adds the rest of a transition to the commands of an action. Interpolated commands begin at the command in force,
+    /// which already holds that rest, and lose it until the end of the action.
+    fn blend(&mut self, commands: &mut [Vec<f32>]) {
+        let Some(seam) = &mut self.seam else { return };
+        let held = if self.is_interpolated { seam.share(seam.steps[0]) } else { 0.0 };
+        let count = commands.len() as f64;
+        for (index, command) in commands.iter_mut().enumerate() {
+            seam.steps[0] += 1;
+            let share = seam.share(seam.steps[0]) - held * (1.0 - (index + 1) as f64 / count);
+            command
+                .iter_mut()
+                .zip(&seam.offset)
+                .for_each(|(at, offset)| *at = (f64::from(*at) + share * offset) as f32);
+        }
+        if seam.steps[0] >= seam.steps[1] {
+            self.seam = None;
+        }
     }
 
     /// Executes an action, within the time limit. An action whose pose is unreachable is counted, and the command in
@@ -73,23 +199,19 @@ impl Driver {
         if robot.steps_left() == 0 {
             return Ok(ActionOutcome { truncated: true, cut_off: true, ..ActionOutcome::default() });
         }
-        let (command, measured) = (robot.command()?, robot.joint_positions()?);
-        let width_m = command.last().copied().unwrap_or_default();
-        let arm: Vec<f64> = command[..measured.len()].iter().copied().map(f64::from).collect();
-        let (chunk_start, pending) = (&self.chunk_start, &self.pending);
-        let from = ArmReference { command: &arm, width_m, measured: &measured, chunk_start, pending };
-        match self.adapter.to_native(action, from) {
-            Ok(NativeAction { commands, pending }) => {
+        match self.converted(robot, action) {
+            Ok(NativeAction { mut commands, pending }) => {
                 self.pending = pending;
+                self.blend(&mut commands);
                 execute(robot, &commands)
             }
-            Err(error @ AdapterError::OutOfReach { .. }) if !self.stop_on_unreachable => {
+            Err(RolloutError::Action(error @ AdapterError::OutOfReach { .. })) if !self.stop_on_unreachable => {
                 let reason = error.to_string();
                 robot.count_unreachable(&reason)?;
-                let held = execute(robot, &vec![command; self.adapter.repeat()])?;
+                let held = execute(robot, &vec![robot.command()?; self.adapter.repeat()])?;
                 Ok(ActionOutcome { refused: Some(reason), ..held })
             }
-            Err(error) => Err(error.into()),
+            Err(error) => Err(error),
         }
     }
 

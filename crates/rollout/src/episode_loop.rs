@@ -145,16 +145,20 @@ fn act<R: RobotInterface>(
     before_turn: &mut dyn FnMut(&R) -> Result<(), RolloutError>,
 ) -> Result<(Ending, Option<Failure>), RolloutError> {
     let mut driver = Driver::new(spec, stage, settings)?;
-    let start = EpisodeStart {
+    match policy.reset(&episode_start(stage, spec, seed)?) {
+        Ok(()) => drive(robot, policy, spec, &mut driver, until, before_turn),
+        Err(error) => gave_up(error, spec),
+    }
+}
+
+/// Information for a policy before an episode.
+pub(crate) fn episode_start(stage: &Stage, spec: &PolicySpec, seed: Seed) -> Result<EpisodeStart, RolloutError> {
+    Ok(EpisodeStart {
         instruction: stage.scenario.task.instruction.clone(),
         seed,
         cameras: spec.cameras.iter().map(|request| stage.camera(request)).collect::<Result<_, _>>()?,
         scenario: spec.privileged.then(|| Arc::clone(&stage.scenario)),
-    };
-    match policy.reset(&start) {
-        Ok(()) => drive(robot, policy, spec, &mut driver, until, before_turn),
-        Err(error) => gave_up(error, spec),
-    }
+    })
 }
 
 /// Runs the rest of an episode that was restored to the moment before a turn of its policy, and judges it.
@@ -217,17 +221,9 @@ fn drive<R: RobotInterface>(
             if robot.frames().len() >= until {
                 return Ok((Ending::Horizon, None));
             }
-            match driver.act(robot, action) {
-                Ok(turn) if turn.terminated => return Ok((Ending::Success, None)),
-                Ok(turn) => cut_off |= turn.cut_off,
-                Err(RolloutError::Action(error @ AdapterError::OutOfReach { .. })) => {
-                    return Ok(unreachable_action(&error, robot));
-                }
-                Err(RolloutError::Action(error)) => {
-                    let reason = format!("action for control step {}: {error}", robot.frames().len());
-                    return Err(mistake(spec, reason));
-                }
-                Err(error) => return Err(error),
+            match act_once(robot, spec, driver, action)? {
+                Acted::On { is_cut_off } => cut_off |= is_cut_off,
+                Acted::Over(ending, failure) => return Ok((ending, failure)),
             }
         }
         // A chunk cut off by the time limit or by `execute_steps` is not finished.
@@ -237,7 +233,39 @@ fn drive<R: RobotInterface>(
     }
 }
 
-fn gave_up(error: PolicyError, spec: &PolicySpec) -> Result<(Ending, Option<Failure>), RolloutError> {
+/// Outcome of an action of a policy.
+pub(crate) enum Acted {
+    /// The episode goes on.
+    On {
+        /// True if the action was not completed.
+        is_cut_off: bool,
+    },
+    /// The episode is over, for this reason.
+    Over(Ending, Option<Failure>),
+}
+
+/// Executes an action of a policy.
+pub(crate) fn act_once<R: RobotInterface>(
+    robot: &mut R,
+    spec: &PolicySpec,
+    driver: &mut Driver,
+    action: &[f32],
+) -> Result<Acted, RolloutError> {
+    match driver.act(robot, action) {
+        Ok(turn) if turn.terminated => Ok(Acted::Over(Ending::Success, None)),
+        Ok(turn) => Ok(Acted::On { is_cut_off: turn.cut_off }),
+        Err(RolloutError::Action(error @ AdapterError::OutOfReach { .. })) => {
+            let (ending, failure) = unreachable_action(&error, robot);
+            Ok(Acted::Over(ending, failure))
+        }
+        Err(RolloutError::Action(error)) => {
+            Err(mistake(spec, format!("action for control step {}: {error}", robot.frames().len())))
+        }
+        Err(error) => Err(error),
+    }
+}
+
+pub(crate) fn gave_up(error: PolicyError, spec: &PolicySpec) -> Result<(Ending, Option<Failure>), RolloutError> {
     match error {
         PolicyError::GaveUp(failure) => Ok((Ending::GaveUp, Some(failure))),
         PolicyError::Unsuited(reason) => Ok(failed_policy(reason)),
@@ -250,9 +278,9 @@ fn gave_up(error: PolicyError, spec: &PolicySpec) -> Result<(Ending, Option<Fail
 }
 
 /// Remedy of an empty action chunk.
-const NO_ACTION: &str = "hint: a chunk has at least one action, or says that the task is finished";
+pub(crate) const NO_ACTION: &str = "hint: a chunk has at least one action, or says that the task is finished";
 
-fn mistake(spec: &PolicySpec, reason: String) -> RolloutError {
+pub(crate) fn mistake(spec: &PolicySpec, reason: String) -> RolloutError {
     RolloutError::NotRun { policy: spec.name.clone(), reason, mistake: true }
 }
 

@@ -4,6 +4,7 @@
 //! runs once; images are rendered afterwards from the recorded states.
 
 pub mod adapter;
+pub mod ahead;
 pub mod baselines;
 pub mod cloud_verdict;
 pub mod collect;

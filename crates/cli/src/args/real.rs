@@ -182,7 +182,7 @@ pub struct RealRunArguments {
     /// World with the robot and its calibrated cameras: TOML or JSON [default: the built-in one]
     #[arg(long, value_name = "FILE", conflicts_with = "scenario")]
     pub world: Option<PathBuf>,
-    /// Scenario whose instruction, robot and cameras are used; its objects are not
+    /// Scenario whose instruction, robot and cameras are used; its objects only with --judge
     #[arg(long, value_name = "FILE")]
     pub scenario: Option<PathBuf>,
     /// Instruction for the policy [default: that of the scenario]
@@ -203,6 +203,14 @@ pub struct RealRunArguments {
     /// Box that the tool must not leave, metres, in the frame of the robot's base
     #[arg(long, value_name = "X1,Y1,Z1,X2,Y2,Z2", allow_hyphen_values = true, value_parser = corners)]
     pub workspace: Option<[[f64; 3]; 2]>,
+    /// Ask for the next actions only when the present ones are executed, while the arm waits [default: ask ahead, if the
+    /// policy says how many actions of a chunk are executed]
+    #[arg(long)]
+    pub no_ahead: bool,
+    /// Judge the goal by the depth images of the fixed cameras before and after; needs the scenario whose objects lie in
+    /// front of the arm. --success stands above it
+    #[arg(long, value_name = "HOW", value_parser = ["points"], requires = "scenario")]
+    pub judge: Option<String>,
     /// Run folder to add the episode to, one per task and world [default: nothing is recorded]
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,

@@ -92,6 +92,8 @@ fn run_policy(arguments: &RealRunArguments, printer: &Printer) -> Result<ExitSta
         arm: ArmSettings { horizon_s: arguments.horizon, dry_run: arguments.dry_run },
         seed: Seed::new(arguments.seed),
         fps: if arguments.out.is_some() { arguments.fps } else { 0 },
+        ahead: !arguments.no_ahead,
+        judged: arguments.judge.as_ref().and(arguments.scenario.as_deref()).map(scenarios::read_stage).transpose()?,
     };
     // A folder of another run is refused before the arm moves.
     let store = match &arguments.out {
@@ -120,10 +122,11 @@ fn run_policy(arguments: &RealRunArguments, printer: &Printer) -> Result<ExitSta
         printer.say(&failure.evidence);
     }
     let judgement = judgement(arguments, &keys, printer);
-    let said = match &judgement {
-        Some(judgement) if judgement.success => "judged as done",
-        Some(_) => "judged as not done",
-        None => "not judged",
+    let said = match (&judgement, &facts.points) {
+        (Some(judgement), _) if judgement.success => "judged as done".into(),
+        (Some(_), _) => "judged as not done".into(),
+        (None, Some(points)) => points.text(),
+        (None, None) => "not judged".into(),
     };
     let text = format!(
         "{frames} control steps, {} commands, {} refused, {} starts, {} stops of the arm by itself; {said}\n",
@@ -132,6 +135,17 @@ fn run_policy(arguments: &RealRunArguments, printer: &Printer) -> Result<ExitSta
         facts.tally.starts,
         facts.tally.arm_stops
     );
+    if let Some(chunks) = &facts.chunks {
+        printer.say(format!(
+            "{} chunks of actions, {} joined on the way, {} times the arm waited for one, {:.2} s in total; answers took {:.0} ms \
+             at most",
+            chunks.chunks,
+            chunks.joined,
+            chunks.holds,
+            chunks.held_s,
+            1e3 * chunks.longest_answer_s
+        ));
+    }
     match store {
         Some((out, store)) => {
             let result = run.store(&store, judgement)?;
@@ -204,7 +218,7 @@ fn judgement(arguments: &RealRunArguments, keys: &Keys, printer: &Printer) -> Op
     if let Some(success) = &arguments.success {
         return Some(Judgement { success: success == "yes", notes: arguments.notes.clone().unwrap_or_default() });
     }
-    let lines = keys.lines.as_ref().filter(|_| arguments.out.is_some())?;
+    let lines = keys.lines.as_ref().filter(|_| arguments.out.is_some() && arguments.judge.is_none())?;
     // Keys that stopped the arm are no answer.
     while lines.try_recv().is_ok() {}
     loop {

@@ -83,6 +83,12 @@ pub struct BridgeArguments {
     /// A policy for them; may be given several times
     #[arg(long = "policy", value_name = "NAME[:KEY=VALUE,…]", requires = "suite")]
     pub policies: Vec<String>,
+    /// Judge the ends of these episodes by depth images, too, as `real run --judge points`
+    #[arg(long, requires = "suite")]
+    pub points: bool,
+    /// Number of episodes per action space of a policy whose chunks of actions come after 80 ms
+    #[arg(long, default_value_t = 3)]
+    pub chunks: usize,
     /// Address of a running bridge, to which planned motions are streamed
     #[arg(long, value_name = "URL")]
     pub robot: Option<String>,

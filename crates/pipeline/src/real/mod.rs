@@ -6,8 +6,10 @@
 //!                           └─▶ record: episode store with camera tracks
 //! ```
 
+pub mod alongside;
 pub mod arm;
 pub mod cameras;
+pub mod points;
 pub mod rehearsal;
 pub mod run;
 pub mod simulated;

@@ -13,14 +13,17 @@ use genmanip_data::store::{Attachment, EpisodeStore};
 use genmanip_data::video::VideoSettings;
 use genmanip_motion::Planner;
 use genmanip_real::bridge::client::{ArmClient, ClientSettings, Tally, TcpConnection};
+use genmanip_rollout::ahead::{ChunkReport, can_ask_ahead, run_ahead};
 use genmanip_rollout::collect::{PipelineSettings, Resources};
 use genmanip_rollout::images::ImageSettings;
 use genmanip_rollout::{RolloutError, RolloutSettings, Stage, run_policy};
 use genmanip_workspace::{Tasks, WorkspaceError, worlds};
 use serde::{Deserialize, Serialize};
 
+use super::alongside::{Alongside, Eyes, Images};
 use super::arm::{ArmSettings, DryReport, RealArm};
 use super::cameras::Rig;
+use super::points::{PointJudge, PointVerdict, is_shown, moment};
 use crate::folder::{Run, RunFolder};
 use crate::policies::{PolicyContext, PolicyFactory};
 
@@ -42,6 +45,10 @@ pub struct RealRequest {
     pub seed: Seed,
     /// Recorded images per second; 0 for none.
     pub fps: u32,
+    /// True to request the next chunk of actions while the present one is executed, of policies that allow it.
+    pub ahead: bool,
+    /// Scenario with the objects that lie in front of the arm, to judge the goal by images; `None` to leave it to a person.
+    pub judged: Option<Stage>,
 }
 
 /// Episode on an arm, before a person judged it.
@@ -64,6 +71,12 @@ pub struct RealFacts {
     pub tally: Tally,
     /// Time of each frame's measurement on the bridge's clock, s.
     pub measured_s: Vec<f64>,
+    /// Counts of chunks of actions that were requested ahead; absent if none were.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chunks: Option<ChunkReport>,
+    /// Verdict on the images of the cameras; absent if it was not asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub points: Option<PointVerdict>,
     /// Judgement of a person; absent if nobody judged the episode.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub judgement: Option<Judgement>,
@@ -88,7 +101,8 @@ pub enum Outcome {
     Dry(DryReport),
 }
 
-/// Runs one episode of a policy on the arm behind a bridge; the stage gives robot, cameras and instruction.
+/// Runs one episode of a policy on the arm behind a bridge; the stage gives robot, cameras and instruction, and has no
+/// objects.
 ///
 /// The arm stops when `dead_man` becomes false. Whatever ends the episode, what was recorded is returned.
 ///
@@ -116,6 +130,10 @@ pub fn run(
             "choose a policy that acts on observations, such as a learned or remote one, or the agent with a model",
         ));
     }
+    if request.judged.as_ref().is_some_and(|judged| !is_shown(&judged.goal)) {
+        return Err(WorkspaceError::input("the goal asks for the state of a joint, which point clouds do not show")
+            .with_hint("judge the episode yourself, with --success and --notes or when you are asked"));
+    }
     let client = connect(request, dead_man)?;
     let robot = client.welcome().robot.clone();
     let arm = RealArm::new(client, stage, request.arm.clone(), request.rig.clone()).map_err(stopped)?;
@@ -134,7 +152,21 @@ pub fn run(
         }
         None => (arm, None),
     };
-    let acted = run_policy(&mut arm, stage, actor.as_mut(), request.seed, &settings.rollout);
+    let judge = match &request.judged {
+        Some(judged) if !request.arm.dry_run => {
+            let first = moment(&mut arm, judged).map_err(stopped)?;
+            Some(PointJudge::begin(judged, first).map_err(stopped)?)
+        }
+        _ => None,
+    };
+    let mut chunks = None;
+    let acted = if request.ahead && can_ask_ahead(&spec) && !request.arm.dry_run {
+        let report = chunks.insert(ChunkReport::default());
+        let mut alongside = Alongside::new(actor, eyes(request, stage, &spec.cameras)?);
+        run_ahead(&mut arm, stage, &spec, &mut alongside, request.seed, &settings.rollout, report)
+    } else {
+        run_policy(&mut arm, stage, actor.as_mut(), request.seed, &settings.rollout)
+    };
     let (ending, mut gave_up) = match acted {
         Ok(acted) => acted,
         Err(error @ RolloutError::Robot(_)) => {
@@ -153,6 +185,16 @@ pub fn run(
     if request.arm.dry_run {
         return Ok(Outcome::Dry(arm.dry_report().clone()));
     }
+    let points = match judge {
+        Some(judge) => match moment(&mut arm, judge.stage()) {
+            Ok(last) => Some(judge.judge(last)),
+            Err(error) => {
+                gave_up.get_or_insert(Failure { cause: FailureCause::Policy, evidence: error.to_string() });
+                None
+            }
+        },
+        None => None,
+    };
     if let Err(error) = released {
         gave_up.get_or_insert(Failure { cause: FailureCause::Policy, evidence: error.to_string() });
     }
@@ -161,6 +203,8 @@ pub fn run(
         client: request.client.clone(),
         tally: arm.client().tally().clone(),
         measured_s: arm.stamps_s().to_vec(),
+        chunks,
+        points,
         judgement: None,
     };
     let unreachable = arm.unreachable();
@@ -190,7 +234,7 @@ pub fn run(
         max_stray_contact_n: 0.0,
         stray_contact: None,
         world_hashes: Some(stage.scenario.world.hashes()),
-        cloud: None,
+        cloud: facts.points.as_ref().map(|points| points.verdict.clone()),
         other_request_success: None,
         correction: None,
         expert: ExpertStyle::Default,
@@ -244,7 +288,12 @@ impl RealRun {
         let free = (0..).map(|number| format!("real-{number:04}")).find(|id| !store.has_folder(id));
         let result = &mut self.episode.result;
         result.id = free.unwrap_or_default();
-        let is_done = judgement.as_ref().is_some_and(|judgement| judgement.success);
+        // A person's judgement stands above that of the images.
+        let by_images = self.facts.points.as_ref();
+        let is_done = match &judgement {
+            Some(judgement) => judgement.success,
+            None => by_images.is_some_and(|points| points.verdict.success),
+        };
         (result.success, result.success_once) = (is_done, is_done);
         result.verdict.success = is_done;
         result.verdict.score = f64::from(u8::from(is_done));
@@ -258,7 +307,7 @@ impl RealRun {
                 result.failures.push(Failure { cause: FailureCause::GoalMissed, evidence });
             }
             None => {
-                let evidence = "nobody judged the episode".into();
+                let evidence = by_images.map_or_else(|| "nobody judged the episode".into(), PointVerdict::text);
                 result.failures.push(Failure { cause: FailureCause::GoalMissed, evidence });
             }
         }
@@ -293,6 +342,26 @@ fn actor(
     }
     let grasps = Resources::builtin(planner).grasps;
     policy.make(&PolicyContext { stage, recorded: None, planner, grasps, settings, cores: None })
+}
+
+/// Images of a policy over a connection of its own: a slow camera does not delay the arm.
+fn eyes(request: &RealRequest, stage: &Stage, cameras: &[CameraRequest]) -> Result<Eyes, WorkspaceError> {
+    if cameras.is_empty() {
+        return Ok(Box::new(|| Ok(Images::new())));
+    }
+    let mut client = connect(request, &Arc::default())?;
+    let views = cameras.iter().map(|request| Ok((request.clone(), stage.camera(request)?)));
+    let views = views.collect::<Result<Vec<_>, RolloutError>>().map_err(stopped)?;
+    let (rig, robot) = (request.rig.clone(), Arc::clone(&stage.robot));
+    Ok(Box::new(move || {
+        client.wait(client.now_s()).map_err(|error| error.to_string())?;
+        let mut images = Images::new();
+        for (request, camera) in &views {
+            let image = rig.image(&mut client, &robot, camera, request).map_err(|error| error.to_string())?;
+            images.insert(request.name.clone(), Arc::new(image));
+        }
+        Ok(images)
+    }))
 }
 
 fn stopped(error: RolloutError) -> WorkspaceError {

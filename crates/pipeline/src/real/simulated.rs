@@ -49,6 +49,7 @@ pub fn bridge_robot(robot: &Arc<RobotModel>) -> BridgeRobot {
         velocity: joint.max_velocity,
         acceleration: joint.max_acceleration,
         jerk: joint.max_jerk,
+        end_deceleration: None,
     });
     let model = Arc::clone(robot);
     BridgeRobot {

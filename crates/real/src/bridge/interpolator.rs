@@ -19,6 +19,10 @@ pub struct JointLimits {
     pub acceleration: f64,
     /// Maximum jerk, rad/s³ or m/s³.
     pub jerk: f64,
+    /// Deceleration with which the joint can always still stop before an end of its range, rad/s² or m/s²: the velocity
+    /// falls towards the ends. Absent for `acceleration`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub end_deceleration: Option<f64>,
 }
 
 impl JointLimits {
@@ -34,7 +38,7 @@ impl JointLimits {
     ];
 
     const fn new(lower: f64, upper: f64, velocity: f64, acceleration: f64, jerk: f64) -> Self {
-        Self { lower, upper, velocity, acceleration, jerk }
+        Self { lower, upper, velocity, acceleration, jerk, end_deceleration: None }
     }
 
     /// Limits of the same joint with the velocity scaled by `share`, for a slow mode.
@@ -44,7 +48,7 @@ impl JointLimits {
     }
 
     fn is_sound(&self) -> bool {
-        let rates = [self.velocity, self.acceleration, self.jerk];
+        let rates = [self.velocity, self.acceleration, self.jerk, self.end_deceleration.unwrap_or(self.acceleration)];
         rates.iter().all(|rate| rate.is_finite() && *rate > 0.0) && self.lower < self.upper
     }
 }
@@ -72,7 +76,8 @@ impl JointState {
         // Velocity when the acceleration has been ramped to 0; the joint has to brake against its sign.
         let coasting = self.velocity + self.acceleration * self.acceleration.abs() / (2.0 * jerk);
         let side = if coasting < 0.0 { -1.0 } else { 1.0 };
-        let (v, a) = (side * self.velocity, side * self.acceleration);
+        // A joint that already brakes harder than the limit brakes no later than one at the limit.
+        let (v, a) = (side * self.velocity, (side * self.acceleration).max(-most));
         // Jerk until the acceleration is -peak, a phase of constant acceleration if -peak is the limit, then jerk back
         // to 0.
         let peak = (jerk * v + a * a / 2.0).max(0.0).sqrt().min(most);
@@ -156,12 +161,23 @@ impl JointState {
         low
     }
 
+    /// Bounds of the acceleration from which the joint can still stop before the ends of its range with the deceleration
+    /// that holds there. A joint beyond an end is not driven back.
+    fn before_ends(&self, bounds: [f64; 2], limits: &JointLimits, tick_s: f64) -> [f64; 2] {
+        let Some(acceleration) = limits.end_deceleration else { return bounds };
+        let softer = JointLimits { acceleration: acceleration.min(limits.acceleration), ..*limits };
+        let towards = |end: f64| self.acceleration_towards(end, bounds, &softer, tick_s);
+        let most = if self.position <= limits.upper { towards(limits.upper) } else { bounds[1] };
+        let least = if self.position >= limits.lower { towards(limits.lower) } else { bounds[0] };
+        [least.min(most), most]
+    }
+
     /// State after one tick towards a target.
     ///
     /// The joint follows the moving reference as fast as it can, as seen from the reference, but never so fast that it
     /// could not come to rest at the target: a stream that ends makes no overshoot.
     fn towards(&self, target: &Target, limits: &JointLimits, tick_s: f64) -> Self {
-        let bounds = self.viable(limits, tick_s);
+        let bounds = self.before_ends(self.viable(limits, tick_s), limits, tick_s);
         let resting = self.acceleration_towards(target.position, bounds, limits, tick_s);
         let acceleration = match target.velocity {
             0.0 => resting,

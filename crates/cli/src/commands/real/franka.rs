@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::Seed;
-use genmanip_franka::{FrankaArm, FrankaError, Hand, HandSettings, JOINTS, RealtimeConfig, Robot};
+use genmanip_franka::{FR3, FrankaArm, FrankaError, Hand, HandSettings, JOINTS, RealtimeConfig, Robot, limit_velocity};
 use genmanip_pipeline::real::simulated::bridge_robot;
 use genmanip_real::bridge::server::{Clock, NoImages, serve};
 use genmanip_real::bridge::{Bridge, BridgeSettings, Driver, GripperSettings, beyond_m};
@@ -30,6 +30,9 @@ pub fn run(arguments: &RealFrankaArguments, printer: &Printer) -> Result<ExitSta
             facts.joints.len()
         ))
         .hint("choose --robot fr3 or --robot panda"));
+    }
+    if model.name == FR3 {
+        limit_velocity(&mut facts.joints);
     }
     let (listener, address) = listening::open(&arguments.bridge)?;
     let host = arguments.host.as_str();
