@@ -146,14 +146,17 @@ impl<'s, 'a> Scene<'s, 'a> {
         let commands = || sentence.alternatives.iter().flatten();
         // Objects of the goal are placed first, with free room for the goal, before anything else takes it.
         let mut conditions: Vec<(&Command, Condition)> = Vec::new();
-        let mut moves = Vec::new();
+        let mut moves: Vec<(&Command, usize, Place)> = Vec::new();
+        let mut cleared = Vec::new();
         for command in commands() {
             if conditions.iter().any(|(known, _)| *known == command) {
                 continue;
             }
             match command {
+                Command::Put { subject, place } if place.references.is_empty() => cleared.push((command, *subject)),
                 Command::Put { subject, place } => {
-                    moves.push((command, *subject, scene.destination(*subject, place, composer)?))
+                    let is_kept_free = moves.iter().any(|(known, ..)| sentence.shares_room(command, known));
+                    moves.push((command, *subject, scene.destination(*subject, place, is_kept_free, composer)?))
                 }
                 Command::Change { object, part, action } => {
                     let (index, card) = (scene.place(*object, composer)?, scene.cards[*object]);
@@ -186,6 +189,11 @@ impl<'s, 'a> Scene<'s, 'a> {
                 composer.sketch.closed.push(index);
             }
             conditions.push((command, place.of(index)));
+        }
+        for (command, subject) in cleared {
+            let index = scene.place_off_table(subject, composer)?;
+            composer.sketch.closed.push(index);
+            conditions.push((command, Condition::OnTable(index)));
         }
         for noun in 0..sentence.nouns.len() {
             scene.place(noun, composer)?;
@@ -249,8 +257,24 @@ impl<'s, 'a> Scene<'s, 'a> {
         Ok(index)
     }
 
-    /// Goal position of a noun's object, with free room.
-    fn destination(&mut self, subject: usize, place: &Where, composer: &mut Composer<'a>) -> Made<Place> {
+    /// Index of the object of a noun that stands on or in another one, from which it is brought to the table.
+    fn place_off_table(&mut self, noun: usize, composer: &mut Composer<'a>) -> Made<usize> {
+        if self.objects[noun].is_none() && self.sentence.nouns[noun].at.is_none() {
+            let card = self.cards[noun];
+            self.objects[noun] = Some(composer.add_on_something(card).ok_or("nothing suits that it could stand on")?);
+        }
+        let index = self.place(noun, composer)?;
+        composer.sketch.carrier(index).map(|_| index).ok_or("it is on the table already")
+    }
+
+    /// Goal position of a noun's object; its free room is reserved unless `is_kept_free`.
+    fn destination(
+        &mut self,
+        subject: usize,
+        place: &Where,
+        is_kept_free: bool,
+        composer: &mut Composer<'a>,
+    ) -> Made<Place> {
         let item = self.cards[subject];
         let [first, ..] = place.references[..] else { return Err("the place has no object") };
         if let Some(relation) = support(place, self.cards[first], item) {
@@ -268,7 +292,9 @@ impl<'s, 'a> Scene<'s, 'a> {
                 // An object beside another one is also near it.
                 let beside = Relation::SIDES.into_iter().filter(|side| side.implies(relation));
                 let mut ways = std::iter::once(relation).chain(beside);
-                ways.find_map(|way| composer.keep_free(item, way, reference)).ok_or(NO_ROOM)?;
+                if !is_kept_free {
+                    ways.find_map(|way| composer.keep_free(item, way, reference)).ok_or(NO_ROOM)?;
+                }
                 Ok(Place { relation, reference, second: None })
             }
             Some(&second) if self.objects[second].is_none() && self.sentence.nouns[second].at.is_none() => {
@@ -284,7 +310,7 @@ impl<'s, 'a> Scene<'s, 'a> {
     fn open_hosts(&self, composer: &mut Composer<'a>) -> Made<()> {
         for command in self.sentence.alternatives.iter().flatten() {
             let Command::Put { subject, place } = command else { continue };
-            let host = place.references[0];
+            let Some(&host) = place.references.first() else { continue };
             let (card, noun) = (self.cards[host], &self.sentence.nouns[host]);
             let is_inside = support(place, card, self.cards[*subject]) == Some(Relation::In);
             if let Some(index) = self.objects[host].filter(|_| is_inside && card.is_articulated)
@@ -298,12 +324,18 @@ impl<'s, 'a> Scene<'s, 'a> {
 
     /// Adds the objects with which a comparison such as `the larger bowl` compares.
     fn add_rivals(&self, composer: &mut Composer<'a>) -> Made<()> {
-        for noun in &self.sentence.nouns {
+        for (index, noun) in self.sentence.nouns.iter().enumerate() {
             for _ in 0..noun.rivals {
                 let rivals: Vec<&&ObjectCard> =
                     noun.meant.iter().filter(|card| !composer.sketch.contains(card)).collect();
                 let rival = rivals.choose(&mut composer.rng).ok_or("there is nothing to compare it with")?;
-                composer.add(rival).ok_or(NO_ROOM)?;
+                match noun.beyond {
+                    None => composer.add(rival).ok_or(NO_ROOM)?,
+                    Some(relation) => {
+                        let object = self.objects[index].ok_or("it is not in the scene")?;
+                        composer.add_beside(rival, relation, object).ok_or(NO_ROOM)?
+                    }
+                };
             }
         }
         Ok(())
@@ -313,7 +345,8 @@ impl<'s, 'a> Scene<'s, 'a> {
 /// False if the subject of a command cannot be brought to its place; true while one of them is not chosen yet.
 fn may_end_there<'a>(command: &Command, card_of: impl Fn(usize) -> Option<&'a ObjectCard>) -> bool {
     let Command::Put { subject, place } = command else { return true };
-    let (Some(item), Some(host)) = (card_of(*subject), card_of(place.references[0])) else { return true };
+    let Some(&host) = place.references.first() else { return true };
+    let (Some(item), Some(host)) = (card_of(*subject), card_of(host)) else { return true };
     !is_support(place) || support(place, host, item).is_some()
 }
 
