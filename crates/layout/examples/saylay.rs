@@ -1,9 +1,9 @@
 //! Scratch: reads sentences from a file, prints goals.
 use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, GraspLibrary, panda};
+use genmanip_core::{Atom, ReferenceId, Seed, Task};
 use genmanip_layout::{LayoutSettings, lay_out};
 use genmanip_motion::{Planner, PlannerSettings};
-use genmanip_core::{Atom, ReferenceId, Seed, Task};
 use genmanip_tasks::designer::{DesignSettings, task_from_sentence};
 
 fn goal_of(task: &Task, names: bool) -> String {
@@ -88,7 +88,15 @@ fn main() {
                         .filter_map(|n| n.state.as_ref().map(|s| format!("{}={s}", task.name_of(&n.id))))
                         .collect();
                     if lay {
-                        let out = lay_out(&task, Catalogue::full(), &default_world(), &planner, GraspLibrary::builtin(), Seed::new(1), &LayoutSettings::default());
+                        let out = lay_out(
+                            &task,
+                            Catalogue::full(),
+                            &default_world(),
+                            &planner,
+                            GraspLibrary::builtin(),
+                            Seed::new(1),
+                            &LayoutSettings::default(),
+                        );
                         match out {
                             Ok(_) => laid += 1,
                             Err(error) => println!("      NO LAYOUT {error}"),

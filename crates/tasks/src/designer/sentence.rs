@@ -17,7 +17,7 @@ use super::room::{open_state, support};
 use super::sentence_error::SentenceError;
 use super::settings::DesignSettings;
 use super::sketch::{Condition, Sketch};
-use super::things::is_movable;
+use super::things::{is_movable, things};
 use crate::references::sentence::{Command, Noun, Sentence, Where, changed_state, read_sentence};
 
 /// Source of tasks that were composed from a sentence.
@@ -72,7 +72,8 @@ pub fn task_from_sentence(
             sketch: Sketch::new(),
             theme: &[],
         };
-        let made = Scene::compose(&parsed, &mut composer)
+        let is_strict = 2 * draw < settings.max_draws;
+        let made = Scene::compose(&parsed, &mut composer, is_strict)
             .and_then(|goal| draft(&mut composer, sentence.to_owned(), goal).ok_or("the table has no room"))
             .map_err(String::from)
             .and_then(|draft| gate::pass(&composer.sketch, &draft, kind, id, SENTENCE));
@@ -132,6 +133,8 @@ struct Scene<'s, 'a> {
     sentence: &'s Sentence<'a>,
     cards: Vec<&'a ObjectCard>,
     objects: Vec<Option<usize>>,
+    /// True if objects that are to be moved must stand where they are easy to grasp.
+    is_strict: bool,
 }
 
 /// Result of one design; the error is the reason for rejecting it.
@@ -141,8 +144,8 @@ const NO_ROOM: &str = "the table has no room";
 
 impl<'s, 'a> Scene<'s, 'a> {
     /// Adds the objects of the sentence and fillers; returns the goal.
-    fn compose(sentence: &'s Sentence<'a>, composer: &mut Composer<'a>) -> Made<Vec<Vec<Condition>>> {
-        let mut scene = Self::choose(sentence, composer)?;
+    fn compose(sentence: &'s Sentence<'a>, composer: &mut Composer<'a>, is_strict: bool) -> Made<Vec<Vec<Condition>>> {
+        let mut scene = Self { is_strict, ..Self::choose(sentence, composer)? };
         let commands = || sentence.alternatives.iter().flatten();
         // Objects of the goal are placed first, with free room for the goal, before anything else takes it.
         let mut conditions: Vec<(&Command, Condition)> = Vec::new();
@@ -226,7 +229,7 @@ impl<'s, 'a> Scene<'s, 'a> {
             let among = if best.is_empty() { &meant } else { &best };
             cards.push(among.choose(&mut composer.rng).ok_or("no object suits its part in the sentence")?);
         }
-        Ok(Self { sentence, objects: vec![None; cards.len()], cards })
+        Ok(Self { sentence, objects: vec![None; cards.len()], cards, is_strict: true })
     }
 
     /// Index of a noun's object in the sketch; the object is added to the table unless it is there already.
@@ -240,6 +243,13 @@ impl<'s, 'a> Scene<'s, 'a> {
             Some(at) => {
                 let references: Vec<usize> =
                     at.references.iter().map(|reference| self.place(*reference, composer)).collect::<Made<_>>()?;
+                let moves = |command: &Command| matches!(command, Command::Put { subject, .. } if *subject == noun);
+                if at.relations.iter().all(|relation| relation.is_support())
+                    && self.sentence.commands_of(noun).any(moves)
+                    && !things().lets_go(self.cards[at.references[0]], card, self.is_strict)
+                {
+                    return Err("the gripper does not reach it where it is");
+                }
                 match (support(at, self.cards[at.references[0]], card), references.as_slice(), at.relations) {
                     (Some(relation), [host], _) => Some(
                         composer

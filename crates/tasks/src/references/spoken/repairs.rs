@@ -7,6 +7,9 @@ use super::words::{is_mark, vocabulary};
 /// Prepositions of places that hold an object, of which it can have only one.
 const HOLDING: [&str; 6] = ["in", "into", "inside", "on", "onto", "on top of"];
 
+/// Prepositions of which one excludes the others.
+const SIDES: [&str; 6] = ["in front of", "behind", "to the left of", "to the right of", "left of", "right of"];
+
 /// The tokens of a sentence without what its author took back; an error if it is unclear what that is.
 pub(super) fn repaired(tokens: Vec<String>) -> Result<Vec<String>, String> {
     let mut listener = Listener::new(tokens);
@@ -70,6 +73,11 @@ fn contrast(listener: &Listener) -> Option<(usize, usize)> {
     let holds = |index: usize| HOLDING.iter().any(|word| listener.at_index(index, word).is_some());
     let [place] = places(listener, clause_start(listener, not - 1), not - 1)[..] else { return None };
     let [other] = places(listener, not + 1, end)[..] else { return None };
+    // `in front of the box, not behind it`
+    let is_side = |index: usize| SIDES.iter().any(|word| listener.at_index(index, word).is_some());
+    if is_side(place) && is_side(other) && ["it", "them"].contains(&listener.token(end - 1)) {
+        return Some((not - 1, end));
+    }
     let differs = listener.token(not - 2) != listener.token(end - 1);
     (other == not + 1 && end > not + 3 && holds(place) && holds(other) && differs).then_some((not - 1, end))
 }

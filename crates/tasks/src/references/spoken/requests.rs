@@ -199,7 +199,11 @@ impl Listener {
     fn swap(&mut self) -> Option<Vec<Command>> {
         let start = self.mind.next;
         self.take_any(&vocabulary().swap)?;
+        let joins =
+            |&index: &usize| ["and", "with", "for"].contains(&self.token(index)) && self.is_determined(index + 1);
+        self.mind.stop = (self.mind.next..self.clause_end()).find(joins);
         let one = self.placed()?;
+        self.mind.stop = None;
         self.take_any(&["and", "with", "for"])?;
         let other = self.placed()?;
         self.take_any(&["around", "round", "over"]);
