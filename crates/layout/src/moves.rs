@@ -41,13 +41,14 @@ fn moves_of(atoms: &[Atom], scene: &PosedScene) -> Option<Vec<Move>> {
             None => pending.push(Move { object, atoms: vec![atom.clone()] }),
         }
     }
-    // A goal with an object inside a closed container implies opening the container.
+    // A goal with an object inside a closed container implies opening the container, also if it is closed in the end.
     let is_inside = |atom: &Atom, object: usize| match atom {
         Atom::Relation { relation, reference, .. } => relation.is_inside() && scene.index_of(reference) == Some(object),
         Atom::State { .. } => false,
     };
     let filled = |object: usize| atoms.iter().any(|atom| is_inside(atom, object)) && is_hollow(object, scene);
-    let is_implicit = |object: &usize| !pending.iter().any(|step| step.object == *object && step.state().is_some());
+    let opens = |step: &Move| step.state().is_some_and(|state| !closes(state));
+    let is_implicit = |object: &usize| !pending.iter().any(|step| step.object == *object && opens(step));
     let implicit: Vec<Move> = (0..scene.objects().len())
         .filter(|&object| filled(object))
         .filter(is_implicit)

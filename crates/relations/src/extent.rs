@@ -36,6 +36,10 @@ pub(super) trait Extents {
     fn find(&self, id: &ReferenceId) -> Option<usize>;
     /// The object with an index; `None` if the index is out of range.
     fn extent(&self, index: usize) -> Option<&Self::Extent>;
+    /// True if the index is that of the table, on which every other support stands.
+    fn is_table(&self, _index: usize) -> bool {
+        false
+    }
 }
 
 /// True if most of the upper footprint is over the lower one and is not much larger than it.

@@ -66,6 +66,10 @@ pub fn judge_states(scene: &PosedScene, graph: &SceneGraph, settings: &RelationS
     atoms.map(|atom| judge_atom(scene, &atom, settings)).collect()
 }
 
+/// Largest gap below an object that stands on the table itself, not on a plate or in a bowl there, metres. Chosen: half
+/// of a thin coaster.
+const RESTING_M: f64 = 0.002;
+
 /// Judges one condition, for any representation of the objects.
 pub(super) fn judge(scene: &impl Extents, atom: &Atom, rest: &Rest, settings: &RelationSettings) -> AtomVerdict {
     let word = match atom {
@@ -87,7 +91,12 @@ pub(super) fn judge(scene: &impl Extents, atom: &Atom, rest: &Rest, settings: &R
         }
         (Atom::Relation { relation: Relation::Between, .. }, _) => vec![Requirement::fact("two references", false)],
         (Atom::Relation { relation, .. }, [subject, reference, ..]) if indices[0] != indices[1] => {
-            relation_requirements(*relation, &measure(*subject, *reference, settings), settings)
+            let pair = measure(*subject, *reference, settings);
+            let mut requirements = relation_requirements(*relation, &pair, settings);
+            if let Some(contact) = pair.a_over_b.filter(|_| scene.is_table(indices[1]) && relation.is_support()) {
+                requirements.push(Requirement::at_most("height over the table", contact.gap_m, RESTING_M));
+            }
+            requirements
         }
         _ => vec![Requirement::fact("two different objects", false)],
     };

@@ -21,6 +21,10 @@ impl Extents for PosedScene {
     fn extent(&self, index: usize) -> Option<&Body> {
         self.bodies.get(index)
     }
+
+    fn is_table(&self, index: usize) -> bool {
+        self.surface_at(index) == Some(0)
+    }
 }
 
 impl Extent for Body {

@@ -248,11 +248,7 @@ impl<'a> Composer<'a> {
         match self.rng.random_range(0..10) {
             0..3 => self.add_between(card),
             3..5 if is_movable(card) => {
-                let host = self.pick(|host| things().may_be_taken_from(host, card))?;
-                let host = self.add(host)?;
-                self.sketch.closed.push(host);
-                let relation = self.support_relation(host)?;
-                let object = self.put(card, relation, host)?;
+                let object = self.add_on_something(card)?;
                 let twin = self.pick(|other| shares_noun(other, card))?;
                 self.add(twin)?;
                 Some(object)
@@ -260,6 +256,15 @@ impl<'a> Composer<'a> {
             5..7 => self.add_to_row(card),
             _ => self.add_opposite(card),
         }
+    }
+
+    /// Adds an object that stands on or in another one, from which it is easy to take.
+    pub fn add_on_something(&mut self, card: &'a ObjectCard) -> Option<usize> {
+        let host = self.pick(|host| things().may_be_taken_from(host, card))?;
+        let host = self.add(host)?;
+        self.sketch.closed.push(host);
+        let relation = self.support_relation(host)?;
+        self.put(card, relation, host)
     }
 
     fn support_relation(&mut self, host: usize) -> Option<Relation> {

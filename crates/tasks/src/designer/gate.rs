@@ -3,38 +3,36 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use genmanip_core::{Atom, InstanceId, ObjectCard, ReferenceId, Task, TaskKind};
+use genmanip_core::{Atom, InstanceId, NamedSurface, ObjectCard, ReferenceId, Task, TaskKind};
 use serde_json::{Value, json};
 
 use super::kinds::Draft;
-use super::sketch::Sketch;
+use super::sketch::{Condition, Sketch};
 use crate::answer::{TaskRequest, Verdict, check_answer};
+use crate::references::sentence::TABLE;
 use crate::references::{self, Mismatch};
 
 /// The finished task from `source`, or the reason why the design was rejected.
 pub(super) fn pass(scene: &Sketch, draft: &Draft, kind: TaskKind, id: &str, source: &str) -> Result<Task, String> {
     let offered: Vec<ObjectCard> = scene.cards.iter().map(|card| (*card).clone()).collect();
+    let atoms = |conjunction: &Vec<Condition>| conjunction.iter().map(|condition| scene.atom(condition)).collect();
+    let is_on_table = |condition: &Condition| matches!(condition, Condition::OnTable(_));
+    let surfaces: Vec<NamedSurface> = draft.goal.iter().flatten().any(is_on_table).then(table).into_iter().collect();
     let task = Task {
         id: id.to_owned(),
         kind,
         instruction: draft.instruction.clone(),
-        goal: genmanip_core::Goal {
-            alternatives: draft
-                .goal
-                .iter()
-                .map(|conjunction| conjunction.iter().map(|condition| scene.atom(condition)).collect())
-                .collect(),
-        },
+        goal: genmanip_core::Goal { alternatives: draft.goal.iter().map(atoms).collect() },
         scene_graph: scene.graph(draft.description.clone()),
         objects: offered.iter().cloned().map(Arc::new).collect(),
-        surfaces: Vec::new(),
+        surfaces: surfaces.clone(),
         interchangeable: Vec::new(),
         source: source.into(),
     };
     let request = TaskRequest {
         id: task.id.clone(),
         kind,
-        surfaces: Vec::new(),
+        surfaces,
         min_objects: scene.len().min(3),
         offered,
         between: true,
@@ -128,4 +126,9 @@ fn renumbered(task: &Task, ids: &BTreeMap<&ReferenceId, &InstanceId>) -> Task {
         edge.second_reference = edge.second_reference.as_ref().map(reference);
     }
     renumbered
+}
+
+/// The table as a surface that a goal names.
+fn table() -> NamedSurface {
+    NamedSurface { id: TABLE.into(), name: TABLE.into() }
 }

@@ -32,7 +32,8 @@ pub(super) fn check_nouns(sentence: &Sentence) -> Result<(), SentenceError> {
                 if !subject.candidates().iter().any(|card| is_movable(card)) {
                     return Err(unsuitable(subject, "is nothing that the gripper can carry"));
                 }
-                let host = &sentence.nouns[place.references[0]];
+                let Some(&host) = place.references.first() else { continue };
+                let host = &sentence.nouns[host];
                 let fits =
                     |host: &ObjectCard| subject.candidates().iter().any(|item| support(place, host, item).is_some());
                 if is_support(place) && !host.candidates().iter().any(|host| fits(host)) {

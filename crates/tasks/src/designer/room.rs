@@ -45,7 +45,7 @@ pub(super) fn open_state(card: &ObjectCard, part: Option<Part>) -> Option<&'stat
         Some(Part::Upper) => Some("top_open"),
         Some(Part::Lower) => Some("bottom_open"),
         Some(Part::Both) => Some("both_open"),
-        Some(Part::Other) | None => None,
+        Some(Part::Any | Part::Other) | None => None,
     };
     openable(card)?.open.iter().copied().find(|state| wanted.is_none_or(|wanted| *state == wanted))
 }

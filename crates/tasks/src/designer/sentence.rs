@@ -17,7 +17,7 @@ use super::room::{open_state, support};
 use super::sentence_error::SentenceError;
 use super::settings::DesignSettings;
 use super::sketch::{Condition, Sketch};
-use super::things::is_movable;
+use super::things::{is_movable, things};
 use crate::references::sentence::{Command, Noun, Sentence, Where, changed_state, read_sentence};
 
 /// Source of tasks that were composed from a sentence.
@@ -72,7 +72,8 @@ pub fn task_from_sentence(
             sketch: Sketch::new(),
             theme: &[],
         };
-        let made = Scene::compose(&parsed, &mut composer)
+        let is_strict = 2 * draw < settings.max_draws;
+        let made = Scene::compose(&parsed, &mut composer, is_strict)
             .and_then(|goal| draft(&mut composer, sentence.to_owned(), goal).ok_or("the table has no room"))
             .map_err(String::from)
             .and_then(|draft| gate::pass(&composer.sketch, &draft, kind, id, SENTENCE));
@@ -132,6 +133,8 @@ struct Scene<'s, 'a> {
     sentence: &'s Sentence<'a>,
     cards: Vec<&'a ObjectCard>,
     objects: Vec<Option<usize>>,
+    /// True if objects that are to be moved must stand where they are easy to grasp.
+    is_strict: bool,
 }
 
 /// Result of one design; the error is the reason for rejecting it.
@@ -141,19 +144,22 @@ const NO_ROOM: &str = "the table has no room";
 
 impl<'s, 'a> Scene<'s, 'a> {
     /// Adds the objects of the sentence and fillers; returns the goal.
-    fn compose(sentence: &'s Sentence<'a>, composer: &mut Composer<'a>) -> Made<Vec<Vec<Condition>>> {
-        let mut scene = Self::choose(sentence, composer)?;
+    fn compose(sentence: &'s Sentence<'a>, composer: &mut Composer<'a>, is_strict: bool) -> Made<Vec<Vec<Condition>>> {
+        let mut scene = Self { is_strict, ..Self::choose(sentence, composer)? };
         let commands = || sentence.alternatives.iter().flatten();
         // Objects of the goal are placed first, with free room for the goal, before anything else takes it.
         let mut conditions: Vec<(&Command, Condition)> = Vec::new();
-        let mut moves = Vec::new();
+        let mut moves: Vec<(&Command, usize, Place)> = Vec::new();
+        let mut cleared = Vec::new();
         for command in commands() {
             if conditions.iter().any(|(known, _)| *known == command) {
                 continue;
             }
             match command {
+                Command::Put { subject, place } if place.references.is_empty() => cleared.push((command, *subject)),
                 Command::Put { subject, place } => {
-                    moves.push((command, *subject, scene.destination(*subject, place, composer)?))
+                    let is_kept_free = moves.iter().any(|(known, ..)| sentence.shares_room(command, known));
+                    moves.push((command, *subject, scene.destination(*subject, place, is_kept_free, composer)?))
                 }
                 Command::Change { object, part, action } => {
                     let (index, card) = (scene.place(*object, composer)?, scene.cards[*object]);
@@ -187,6 +193,11 @@ impl<'s, 'a> Scene<'s, 'a> {
             }
             conditions.push((command, place.of(index)));
         }
+        for (command, subject) in cleared {
+            let index = scene.place_off_table(subject, composer)?;
+            composer.sketch.closed.push(index);
+            conditions.push((command, Condition::OnTable(index)));
+        }
         for noun in 0..sentence.nouns.len() {
             scene.place(noun, composer)?;
         }
@@ -218,7 +229,7 @@ impl<'s, 'a> Scene<'s, 'a> {
             let among = if best.is_empty() { &meant } else { &best };
             cards.push(among.choose(&mut composer.rng).ok_or("no object suits its part in the sentence")?);
         }
-        Ok(Self { sentence, objects: vec![None; cards.len()], cards })
+        Ok(Self { sentence, objects: vec![None; cards.len()], cards, is_strict: true })
     }
 
     /// Index of a noun's object in the sketch; the object is added to the table unless it is there already.
@@ -232,6 +243,13 @@ impl<'s, 'a> Scene<'s, 'a> {
             Some(at) => {
                 let references: Vec<usize> =
                     at.references.iter().map(|reference| self.place(*reference, composer)).collect::<Made<_>>()?;
+                let moves = |command: &Command| matches!(command, Command::Put { subject, .. } if *subject == noun);
+                if at.relations.iter().all(|relation| relation.is_support())
+                    && self.sentence.commands_of(noun).any(moves)
+                    && !things().lets_go(self.cards[at.references[0]], card, self.is_strict)
+                {
+                    return Err("the gripper does not reach it where it is");
+                }
                 match (support(at, self.cards[at.references[0]], card), references.as_slice(), at.relations) {
                     (Some(relation), [host], _) => Some(
                         composer
@@ -249,8 +267,24 @@ impl<'s, 'a> Scene<'s, 'a> {
         Ok(index)
     }
 
-    /// Goal position of a noun's object, with free room.
-    fn destination(&mut self, subject: usize, place: &Where, composer: &mut Composer<'a>) -> Made<Place> {
+    /// Index of the object of a noun that stands on or in another one, from which it is brought to the table.
+    fn place_off_table(&mut self, noun: usize, composer: &mut Composer<'a>) -> Made<usize> {
+        if self.objects[noun].is_none() && self.sentence.nouns[noun].at.is_none() {
+            let card = self.cards[noun];
+            self.objects[noun] = Some(composer.add_on_something(card).ok_or("nothing suits that it could stand on")?);
+        }
+        let index = self.place(noun, composer)?;
+        composer.sketch.carrier(index).map(|_| index).ok_or("it is on the table already")
+    }
+
+    /// Goal position of a noun's object; its free room is reserved unless `is_kept_free`.
+    fn destination(
+        &mut self,
+        subject: usize,
+        place: &Where,
+        is_kept_free: bool,
+        composer: &mut Composer<'a>,
+    ) -> Made<Place> {
         let item = self.cards[subject];
         let [first, ..] = place.references[..] else { return Err("the place has no object") };
         if let Some(relation) = support(place, self.cards[first], item) {
@@ -268,7 +302,9 @@ impl<'s, 'a> Scene<'s, 'a> {
                 // An object beside another one is also near it.
                 let beside = Relation::SIDES.into_iter().filter(|side| side.implies(relation));
                 let mut ways = std::iter::once(relation).chain(beside);
-                ways.find_map(|way| composer.keep_free(item, way, reference)).ok_or(NO_ROOM)?;
+                if !is_kept_free {
+                    ways.find_map(|way| composer.keep_free(item, way, reference)).ok_or(NO_ROOM)?;
+                }
                 Ok(Place { relation, reference, second: None })
             }
             Some(&second) if self.objects[second].is_none() && self.sentence.nouns[second].at.is_none() => {
@@ -284,7 +320,7 @@ impl<'s, 'a> Scene<'s, 'a> {
     fn open_hosts(&self, composer: &mut Composer<'a>) -> Made<()> {
         for command in self.sentence.alternatives.iter().flatten() {
             let Command::Put { subject, place } = command else { continue };
-            let host = place.references[0];
+            let Some(&host) = place.references.first() else { continue };
             let (card, noun) = (self.cards[host], &self.sentence.nouns[host]);
             let is_inside = support(place, card, self.cards[*subject]) == Some(Relation::In);
             if let Some(index) = self.objects[host].filter(|_| is_inside && card.is_articulated)
@@ -298,12 +334,18 @@ impl<'s, 'a> Scene<'s, 'a> {
 
     /// Adds the objects with which a comparison such as `the larger bowl` compares.
     fn add_rivals(&self, composer: &mut Composer<'a>) -> Made<()> {
-        for noun in &self.sentence.nouns {
+        for (index, noun) in self.sentence.nouns.iter().enumerate() {
             for _ in 0..noun.rivals {
                 let rivals: Vec<&&ObjectCard> =
                     noun.meant.iter().filter(|card| !composer.sketch.contains(card)).collect();
                 let rival = rivals.choose(&mut composer.rng).ok_or("there is nothing to compare it with")?;
-                composer.add(rival).ok_or(NO_ROOM)?;
+                match noun.beyond {
+                    None => composer.add(rival).ok_or(NO_ROOM)?,
+                    Some(relation) => {
+                        let object = self.objects[index].ok_or("it is not in the scene")?;
+                        composer.add_beside(rival, relation, object).ok_or(NO_ROOM)?
+                    }
+                };
             }
         }
         Ok(())
@@ -313,7 +355,8 @@ impl<'s, 'a> Scene<'s, 'a> {
 /// False if the subject of a command cannot be brought to its place; true while one of them is not chosen yet.
 fn may_end_there<'a>(command: &Command, card_of: impl Fn(usize) -> Option<&'a ObjectCard>) -> bool {
     let Command::Put { subject, place } = command else { return true };
-    let (Some(item), Some(host)) = (card_of(*subject), card_of(place.references[0])) else { return true };
+    let Some(&host) = place.references.first() else { return true };
+    let (Some(item), Some(host)) = (card_of(*subject), card_of(host)) else { return true };
     !is_support(place) || support(place, host, item).is_some()
 }
 

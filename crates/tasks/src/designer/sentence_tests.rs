@@ -99,7 +99,7 @@ fn unclear_sentences_are_questions() {
         ("put the hammer in the egg cup", "`egg cup` has no room for the object"),
         ("move the mug", "the sentence is not understood"),
         ("put it over there", "the sentence is not understood"),
-        ("Place the spoon to the left and to the right of the bowl.", "the sentence is not understood"),
+        ("Place the spoon to the left and to the right of the bowl.", "no scene was found for the sentence"),
         ("Please tidy up a little, thank you so much", "the sentence is not understood"),
         ("", "the sentence is not understood"),
     ];

@@ -14,6 +14,7 @@ use rand::{Rng, RngExt};
 use super::balance::Balance;
 use super::settings::DesignSettings;
 use super::things::things;
+use crate::references::sentence::TABLE;
 
 /// Free space on the robot's side of a tall articulated container (see [`swings`]) for its door or drawers, metres.
 const SWING_M: f64 = 0.16;
@@ -27,6 +28,8 @@ const MAX_BEND_DEG: f64 = 30.0;
 pub(super) enum Condition {
     Relation(Link),
     State(usize, String),
+    /// The object stands on the table itself.
+    OnTable(usize),
 }
 
 /// A relation between objects by index.
@@ -284,6 +287,12 @@ impl<'a> Sketch<'a> {
                 relation: link.relation,
                 reference: id(link.reference).into(),
                 second_reference: link.second.map(|second| id(second).into()),
+            },
+            Condition::OnTable(object) => Atom::Relation {
+                subject: id(*object),
+                relation: Relation::On,
+                reference: TABLE.into(),
+                second_reference: None,
             },
             Condition::State(object, state) => Atom::State { object: id(*object), state: state.clone() },
         }

@@ -196,15 +196,26 @@ impl Things {
     /// True if the gripper can take `item` out of or off `host`: the palm stays above the rim, or the gripper fits
     /// below it.
     pub fn may_be_taken_from(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
-        let within_reach = host.annotations.room.is_none_or(|room| {
+        self.host(host).is_some_and(|host| host.easy_to_take_from)
+            && self.is_within_reach(host, item)
+            && self.may_carry(host, item, Relation::Top)
+    }
+
+    fn is_within_reach(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
+        host.annotations.room.is_none_or(|room| {
             let [one, other] = room.inside_m;
             let [shorter, longer] = MIN_CAVITY_FOR_GRIPPER_M;
             room.depth_m - item.size_m.z <= MAX_TOP_BELOW_RIM_M
                 || (one.min(other) >= shorter && one.max(other) >= longer)
-        });
-        self.host(host).is_some_and(|host| host.easy_to_take_from)
-            && within_reach
-            && self.may_carry(host, item, Relation::Top)
+        })
+    }
+
+    /// True if the gripper can take `item` out of or off `host`, whether or not it belongs there; with `is_strict`, out
+    /// of a flared host only if the item's top is above the rim.
+    pub fn lets_go(&self, host: &ObjectCard, item: &ObjectCard, is_strict: bool) -> bool {
+        let is_easy = self.host(host).is_some_and(|host| host.easy_to_take_from);
+        let is_above = host.annotations.room.is_none_or(|room| item.size_m.z >= room.depth_m);
+        host.is_articulated || is_above || (is_easy || !is_strict) && self.is_within_reach(host, item)
     }
 
     /// True if `item` is visible from outside; a small object at the bottom of a deep narrow cavity is not.

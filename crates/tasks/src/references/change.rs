@@ -6,6 +6,8 @@ pub(crate) enum Part {
     Upper,
     Lower,
     Both,
+    /// One of the drawers, whichever.
+    Any,
     Other,
 }
 
@@ -19,10 +21,16 @@ pub(crate) enum Action {
     Low,
     High,
     Press,
+    /// Open to be filled, and close again.
+    Reclose,
 }
 
 /// Removes the part from a noun phrase such as `microwave door` or `cabinet's top drawer`; `None` if it names none.
 pub(super) fn own_part(words: &mut Vec<String>) -> Option<Part> {
+    // `the bin with the flap`
+    if words.iter().any(|word| word == "with") {
+        return None;
+    }
     let part = match words.last()?.as_str() {
         "door" | "lid" | "flap" | "screen" if words.len() > 1 => Part::Other,
         "drawer" | "drawers" => {
@@ -31,7 +39,20 @@ pub(super) fn own_part(words: &mut Vec<String>) -> Option<Part> {
                 Some("top" | "upper") => Part::Upper,
                 Some("bottom" | "lower") => Part::Lower,
                 Some("both") => Part::Both,
-                _ => return None,
+                Some("of" | "two" | "middle" | "third" | "second" | "first") => return None,
+                _ => {
+                    // `the drawer`, `the cabinet's drawer`
+                    let (part, is_noun) = match words.pop()?.as_str() {
+                        "drawers" => (Part::Both, before_is_noun(words)),
+                        _ => (Part::Any, before_is_noun(words)),
+                    };
+                    if is_noun {
+                        words.iter_mut().for_each(|word| word.truncate(word.trim_end_matches("'s").len()));
+                    } else {
+                        words.extend(["drawer", "cabinet"].map(String::from));
+                    }
+                    return Some(part);
+                }
             };
             words.truncate(words.len() - 1);
             part
@@ -47,10 +68,21 @@ pub(super) fn own_part(words: &mut Vec<String>) -> Option<Part> {
     Some(part)
 }
 
-/// The actions of which each fulfils a request to an object with these states: any heat of a knob is on.
-pub(crate) fn meanings(action: Action, states: &[String]) -> Vec<Action> {
+/// True if the last word of a phrase names an object that has drawers.
+fn before_is_noun(words: &[String]) -> bool {
+    let last = words.last().map_or("", |word| word.trim_end_matches("'s"));
+    ["cabinet", "dresser", "unit", "cupboard"].contains(&last)
+}
+
+/// The actions, each with the part it is done to, of which each fulfils a request to an object with these states: any
+/// heat of a knob is on, and any drawer may be opened.
+pub(crate) fn meanings(action: Action, part: Option<Part>, states: &[String]) -> Vec<(Action, Option<Part>)> {
     let has = |name: &str| states.iter().any(|state| state == name);
-    if action == Action::On && has("low") && !has("on") { vec![Action::Low, Action::High] } else { vec![action] }
+    match (action, part) {
+        (Action::On, _) if has("low") && !has("on") => vec![(Action::Low, part), (Action::High, part)],
+        (Action::Open, Some(Part::Any)) => vec![(action, Some(Part::Upper)), (action, Some(Part::Lower))],
+        _ => vec![(action, part)],
+    }
 }
 
 /// The action of a verb with its particle; `None` if they do not go together.
@@ -95,7 +127,8 @@ fn alone(verb: &str) -> Option<Action> {
         "close" | "shut" | "lower" | "slam" | "seal" | "reclose" => Action::Close,
         "press" | "push" | "hit" | "click" | "tap" | "depress" | "trigger" | "punch" | "poke" | "bash" | "smash"
         | "thump" | "jab" | "prod" | "whack" | "strike" => Action::Press,
-        "activate" | "start" | "start up" | "power on" | "power up" | "fire up" | "enable" | "engage" => Action::On,
+        "toggle" | "flick" | "flip" | "activate" | "start" | "start up" | "power on" | "power up" | "fire up"
+        | "enable" | "engage" => Action::On,
         "deactivate" | "stop" | "power off" | "power down" | "kill" | "shut off" | "shut down" | "disable" => {
             Action::Off
         }

@@ -13,6 +13,8 @@ pub(super) enum Command {
     Change { object: Group, part: Option<Part>, action: Action },
     /// Exactly one of these commands.
     Either(Vec<Command>),
+    /// Bring two objects to the left and the right of another one, in any order; a single one to either side.
+    Sides { subjects: Vec<Group>, of: Group },
     /// Stack objects, the lowest first; a single phrase for several objects leaves their order open.
     Tower(Vec<Group>),
     /// Not a request: an object is where its phrase says in the initial scene.
@@ -44,21 +46,33 @@ pub(super) struct Group {
     pub number: Number,
     /// Part of the object that is meant, such as the top drawer; `None` for the whole.
     pub part: Option<Part>,
+    /// Objects that the phrase would fit, but that are not meant: `all the fruit except the banana`.
+    pub except: Vec<Group>,
 }
 
 impl Group {
     /// The phrase for one whole object without location.
     pub fn of(words: Vec<String>) -> Self {
-        Self { words, at: None, number: Number::One, part: None }
+        Self { words, at: None, number: Number::One, part: None, except: Vec::new() }
     }
 }
 
-/// A place: a preposition with one noun phrase or, for `between`, two.
+/// A place: a preposition with one noun phrase or, for `between`, two; without one, the table itself.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Place {
     /// Relations that the preposition can mean.
     pub relations: &'static [Relation],
     pub objects: Vec<Group>,
+}
+
+/// Id and name of the table, the first surface of every world.
+pub(crate) const TABLE: &str = "table";
+
+impl Place {
+    /// The table, on nothing else.
+    pub fn table() -> Self {
+        Self { relations: &[Relation::On], objects: Vec::new() }
+    }
 }
 
 /// Result of parsing an instruction.

@@ -161,7 +161,7 @@ impl Reader {
         self.object = match command {
             Command::Put { subjects, .. } => subjects.last().cloned(),
             Command::Change { object, .. } => Some(object.clone()),
-            Command::Either(_) | Command::Tower(_) | Command::Given(_) => None,
+            Command::Either(_) | Command::Tower(_) | Command::Sides { .. } | Command::Given(_) => None,
         };
     }
 

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::LazyLock;
 
+use genmanip_core::names::near_misses;
 use genmanip_core::{InstanceId, ObjectCard};
 use serde::Deserialize;
 
@@ -31,6 +32,16 @@ pub(super) struct Lexicon {
     heads: BTreeMap<String, Vec<String>>,
     /// Nouns that may mean any object.
     everything: Vec<String>,
+    /// Nouns of objects that are not in the catalogue, and the sorts that come closest: offered, never taken.
+    nearby: BTreeMap<String, Vec<String>>,
+    /// Nouns, and sorts that they may also mean in a scene, but that the author of a sentence does not mean.
+    unlikely: BTreeMap<String, Vec<String>>,
+    /// Words before `of` that say in which form or amount something is there: `pack of crisps`.
+    amounts: Vec<String>,
+    /// Nouns that may mean several objects although they are no plurals: `all the fruit`.
+    collective: Vec<String>,
+    /// Nouns that always mean several objects: `the cutlery`.
+    always_collective: Vec<String>,
     /// Irregular plurals, each with its singular.
     plurals: BTreeMap<String, String>,
     colors: BTreeSet<String>,
@@ -77,16 +88,11 @@ impl Lexicon {
         let (core, trait_words) = words.split_at(with);
         let of = core.iter().position(|word| *word == "of").unwrap_or(core.len());
         let (front, tail) = core.split_at(of);
-        let (head, adjectives) = front.split_last()?;
-        // A noun of two words, such as `chess piece`, comes first.
-        let pair = adjectives.split_last().map(|(before, rest)| (format!("{before} {}", self.singular(head)), rest));
-        let (head, adjectives) = match pair.filter(|(pair, _)| self.heads.contains_key(pair)) {
-            Some(pair) => pair,
-            None => (self.singular(head), adjectives),
-        };
+        let (head, adjectives) = self.head(front)?;
         let (mut meant, tail) = match self.by_head(&head, things) {
             Some(meant) => (meant, tail),
             // The noun after `of` says what a pack contains: `pack of crisps`.
+            None if !self.amounts.contains(&head) => return None,
             None => (self.by_head(&self.singular(tail.last()?), things)?, &tail[..0]),
         };
         // `can of tuna` means a flat tin, although `can` alone does not.
@@ -116,6 +122,18 @@ impl Lexicon {
         Some(meant)
     }
 
+    /// Noun of a phrase, of up to three words such as `chess piece`, and the words before it; `None` without words.
+    fn head<'p, 'w>(&self, phrase: &'p [&'w str]) -> Option<(String, &'p [&'w str])> {
+        let (last, before) = phrase.split_last()?;
+        let last = self.singular(last);
+        let joined = |count: usize| {
+            let (rest, front) = before.split_at(before.len().checked_sub(count)?);
+            let noun = format!("{} {last}", front.join(" "));
+            self.heads.contains_key(&noun).then_some((noun, rest))
+        };
+        Some(joined(2).or_else(|| joined(1)).unwrap_or((last, before)))
+    }
+
     /// Those of some cards that a phrase means first: of the category that is its noun, or of the first sort that the
     /// noun may mean, and among these the ones with all its words in their names; and whether the noun is that category.
     pub fn plainest<'c>(&self, words: &[&str], cards: &[&'c ObjectCard]) -> (Vec<&'c ObjectCard>, bool) {
@@ -142,7 +160,8 @@ impl Lexicon {
         if !of_kind.is_empty() {
             return (called(of_kind), true);
         }
-        let sorts = self.heads.get(&noun).map_or(&[][..], Vec::as_slice);
+        let head = self.head(&words[..with]).map_or_else(|| noun.clone(), |(head, _)| head);
+        let sorts = self.heads.get(&head).map_or(&[][..], Vec::as_slice);
         let first = sorts.iter().map(|sort| among(&|card| is_of(sort, card))).find(|found| !found.is_empty());
         (called(first.unwrap_or_default()), false)
     }
@@ -308,6 +327,38 @@ impl Lexicon {
             sort.split_once(':').is_some_and(|(category, own)| (own == one || own == word) && category != one)
         };
         one != word && !sorts.is_some_and(|sorts| sorts.iter().all(is_content))
+    }
+
+    /// True if the author of a phrase may mean an object that fits it.
+    pub fn is_likely(&self, phrase: &[&str], card: &ObjectCard) -> bool {
+        let end = phrase.iter().position(|word| TRAITS.contains(word) || *word == "of").unwrap_or(phrase.len());
+        let unlikely = self.head(&phrase[..end]).and_then(|(noun, _)| self.unlikely.get(&noun));
+        !unlikely.is_some_and(|sorts| sorts.iter().any(|sort| is_of(sort, card)))
+    }
+
+    /// Cards to offer for a noun without a meaning: those that come closest, or those of the noun with nearly the same
+    /// letters.
+    pub fn nearby<'c>(&self, noun: &str, cards: impl Iterator<Item = &'c ObjectCard>) -> Vec<&'c ObjectCard> {
+        let noun = self.singular(noun);
+        let spelt = || {
+            let known: Vec<&str> = self.heads.keys().map(String::as_str).filter(|word| word.len() > 3).collect();
+            near_misses(&noun, &known).first().and_then(|word| self.heads.get(word))
+        };
+        let one = noun.strip_suffix('s').unwrap_or(&noun);
+        let Some(sorts) = self.nearby.get(&noun).or_else(|| self.nearby.get(one)).or_else(spelt) else {
+            return Vec::new();
+        };
+        cards.filter(|card| sorts.iter().any(|sort| is_of(sort, card))).collect()
+    }
+
+    /// True if the noun may mean several objects, although it is no plural.
+    pub fn is_collective(&self, word: &str) -> bool {
+        self.collective.iter().chain(&self.always_collective).any(|noun| noun == word)
+    }
+
+    /// True if the noun means several objects, although it is no plural.
+    pub fn is_always_collective(&self, word: &str) -> bool {
+        self.always_collective.iter().any(|noun| noun == word)
     }
 
     /// Singular of a plural; any other word unchanged.

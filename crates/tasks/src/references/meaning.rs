@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{HorizontalAxis, InstanceId, ObjectCard, Relation, SceneGraph};
+use genmanip_core::{HorizontalAxis, InstanceId, ObjectCard, ReferenceId, Relation, SceneGraph};
 
 use super::change::{Action, Part, meanings};
-use super::command::{Command, Group, Number, Place};
+use super::command::{Command, Group, Number, Place, TABLE};
 use super::lexicon::{SceneObject, lexicon};
 use super::space::{Certainty, Space};
 use super::{Mismatch, ReadAtom};
@@ -70,6 +70,16 @@ impl<'c> Interpreter<'c> {
                 }
                 Ok(options)
             }
+            Command::Sides { subjects, of } => {
+                let mut things = Vec::new();
+                for subject in subjects {
+                    things.extend(self.several(subject)?);
+                }
+                let middle = self.any(of)?;
+                let beside = |(thing, side): (&SceneObject, Relation)| place_of(thing, &[side], &[middle]);
+                let orders = [[Relation::Left, Relation::Right], [Relation::Right, Relation::Left]];
+                Ok(orders.iter().map(|order| things.iter().zip(*order).map(beside).collect()).collect())
+            }
             Command::Tower(groups) => {
                 let mut things = Vec::new();
                 for group in groups {
@@ -89,12 +99,12 @@ impl<'c> Interpreter<'c> {
                 let thing = self.any(object)?;
                 let node = self.graph.nodes.iter().find(|node| node.id == *thing.id);
                 let now = node.and_then(|node| node.state.as_deref());
-                let state = |action: Action| {
-                    let state = changed(thing.card, *part, action, now)
+                let state = |(action, part): (Action, Option<Part>)| {
+                    let state = changed(thing.card, part, action, now)
                         .ok_or_else(|| Mismatch::Unreadable { phrase: format!("{action:?} {}", text(object)) })?;
                     Ok(vec![ReadAtom::State { object: thing.id.clone(), state }])
                 };
-                meanings(*action, &thing.card.states).into_iter().map(state).collect()
+                meanings(*action, *part, &thing.card.states).into_iter().map(state).collect()
             }
         }
     }
@@ -129,7 +139,14 @@ impl<'c> Interpreter<'c> {
             Number::Many(count) | Number::Each(Some(count)) => Some(count),
             Number::All | Number::Each(None) => None,
         };
-        let Candidates { things, certain } = self.candidates(group)?;
+        let Candidates { mut things, mut certain } = self.candidates(group)?;
+        for other in &group.except {
+            let other = self.any(other)?;
+            let place = things.iter().position(|thing| thing.id == other.id);
+            let place = place.ok_or_else(|| unclear(group, &things))?;
+            things.remove(place);
+            certain -= usize::from(place < certain);
+        }
         self.note(group, &things);
         let is_complete = expected.map_or(things.len() > 1, |count| things.len() == count);
         if is_complete && certain == things.len() { Ok(things) } else { Err(unclear(group, &things)) }
@@ -304,13 +321,13 @@ impl<'c> Interpreter<'c> {
     }
 }
 
-/// The condition that an object is at a place.
+/// The condition that an object is at a place; without references, on the table.
 fn place_of(thing: &SceneObject, relations: &[Relation], references: &[SceneObject]) -> ReadAtom {
-    ReadAtom::Place {
-        subject: thing.id.clone(),
-        relations: relations.to_vec(),
-        references: references.iter().map(|thing| thing.id.clone()).collect(),
+    let mut ids: Vec<ReferenceId> = references.iter().map(|thing| thing.id.clone().into()).collect();
+    if ids.is_empty() {
+        ids.push(TABLE.into());
     }
+    ReadAtom::Place { subject: thing.id.clone(), relations: relations.to_vec(), references: ids }
 }
 
 /// All orders of the numbers below `count`.
@@ -332,6 +349,9 @@ pub(super) fn conjunctions<T: Clone>(before: &[Vec<T>], options: &[Vec<T>]) -> V
 pub(crate) fn changed(card: &ObjectCard, part: Option<Part>, action: Action, now: Option<&str>) -> Option<String> {
     let drawers = card.states.iter().any(|state| state == "top_open");
     let now = now?;
+    if action == Action::Reclose {
+        return Some(now.to_owned()).filter(|now| now == "closed");
+    }
     let state = match (action, part, now) {
         (Action::Open, Some(Part::Upper), "closed") if drawers => "top_open",
         (Action::Open, Some(Part::Upper), "bottom_open") if drawers => "both_open",
@@ -343,6 +363,7 @@ pub(crate) fn changed(card: &ObjectCard, part: Option<Part>, action: Action, now
         (Action::Close, Some(Part::Lower), "bottom_open") if drawers => "closed",
         (Action::Close, Some(Part::Lower), "both_open") if drawers => "top_open",
         (Action::Close, Some(Part::Both), "both_open") if drawers => "closed",
+        (Action::Close, Some(Part::Any), "top_open" | "bottom_open") if drawers => "closed",
         (Action::Open, None, _) if card.category == "faucet" => "on",
         (Action::Close, None, _) if card.category == "faucet" => "off",
         (Action::Open, None | Some(Part::Other), _) => "open",

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use genmanip_core::{InstanceId, Relation};
+use genmanip_core::{InstanceId, ReferenceId, Relation};
 
 /// A condition as stated by a sentence.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,7 +14,7 @@ pub enum ReadAtom {
         /// Relations that the preposition can mean.
         relations: Vec<Relation>,
         /// Ids of one reference, or of two for `between`.
-        references: Vec<InstanceId>,
+        references: Vec<ReferenceId>,
     },
     /// An object is in a state.
     State {
@@ -30,6 +30,7 @@ impl fmt::Display for ReadAtom {
         match self {
             Self::Place { subject, relations, references } => {
                 let relations: Vec<&str> = relations.iter().map(|relation| relation.name()).collect();
+                let references: Vec<&str> = references.iter().map(ReferenceId::as_str).collect();
                 write!(f, "{subject} {} {}", relations.join("|"), references.join(" and "))
             }
             Self::State { object, state } => write!(f, "{object} is {state}"),

@@ -178,7 +178,7 @@ fn resembles(read: &ReadAtom, meant: &Atom, groups: &[Vec<InstanceId>], fits: fn
             let ends: BTreeSet<ReferenceId> = std::iter::once(reference).chain(second_reference).map(any).collect();
             any(subject) == any(meant)
                 && relations.iter().any(|said| fits(*said, *relation))
-                && references.iter().map(|id| any(id)).collect::<BTreeSet<_>>() == ends
+                && references.iter().map(any).collect::<BTreeSet<_>>() == ends
         }
         (ReadAtom::State { object, state }, Atom::State { object: meant, state: wanted }) => {
             any(object) == any(meant) && state == wanted

@@ -98,6 +98,7 @@ fn each_group(command: &mut Command, visit: &mut impl FnMut(&mut Group)) {
         if let Some(at) = &mut one.at {
             place(at, visit);
         }
+        one.except.iter_mut().for_each(|other| group(other, visit));
         visit(one);
     }
     fn place(one: &mut Place, visit: &mut impl FnMut(&mut Group)) {
@@ -109,6 +110,10 @@ fn each_group(command: &mut Command, visit: &mut impl FnMut(&mut Group)) {
             places.iter_mut().for_each(|own| place(own, visit));
         }
         Command::Change { object, .. } | Command::Given(object) => group(object, visit),
+        Command::Sides { subjects, of } => {
+            subjects.iter_mut().for_each(|own| group(own, visit));
+            group(of, visit);
+        }
         Command::Tower(groups) => groups.iter_mut().for_each(|own| group(own, visit)),
         Command::Either(commands) => commands.iter_mut().for_each(|own| each_group(own, visit)),
     }

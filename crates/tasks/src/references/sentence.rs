@@ -4,6 +4,7 @@ use genmanip_core::{ObjectCard, Relation};
 
 use super::change::meanings;
 pub(crate) use super::change::{Action, Part};
+pub(crate) use super::command::TABLE;
 use super::command::{self, Group, Number, Parsed, Place};
 use super::lexicon::{COMPARATIVES, SceneObject, lexicon};
 pub(crate) use super::meaning::changed as changed_state;
@@ -34,8 +35,10 @@ pub(crate) struct Noun<'c> {
     pub alike: Vec<&'c ObjectCard>,
     /// Location of the object in the initial scene, from a relative clause; `None` without one.
     pub at: Option<Where>,
-    /// Number of other objects with whose size the phrase compares that of the object.
+    /// Number of other objects with whose size or position the phrase compares that of the object.
     pub rivals: usize,
+    /// Relation of those others to the object, if positions are compared: `leftmost` has them to its right.
+    pub beyond: Option<Relation>,
     /// Part that is meant, such as the top drawer; `None` for the whole object.
     pub part: Option<Part>,
 }
@@ -45,7 +48,7 @@ pub(crate) struct Noun<'c> {
 pub(crate) struct Where {
     /// Relations that the preposition can mean.
     pub relations: &'static [Relation],
-    /// Indices of one noun, or of two for `between`.
+    /// Indices of one noun, or of two for `between`; none for the table.
     pub references: Vec<usize>,
 }
 
@@ -72,6 +75,12 @@ impl Sentence<'_> {
             Command::Put { subject, place } => *subject == noun || place.references.contains(&noun),
             Command::Change { object, .. } => *object == noun,
         })
+    }
+
+    /// True if two commands bring different objects to the same place, but no alternative demands both.
+    pub fn shares_room(&self, one: &Command, other: &Command) -> bool {
+        let (Command::Put { place, .. }, Command::Put { place: known, .. }) = (one, other) else { return false };
+        place == known && !self.alternatives.iter().any(|commands| commands.contains(one) && commands.contains(other))
     }
 }
 
@@ -117,6 +126,20 @@ impl<'c> Resolver<'c, '_> {
                 }
                 Some(options)
             }
+            command::Command::Sides { subjects, of } => {
+                let subjects: Vec<Vec<usize>> =
+                    subjects.iter().map(|group| self.nouns(group)).collect::<Option<_>>()?;
+                let (subjects, middle) = (subjects.concat(), self.noun(of)?);
+                let beside = |(subject, side): (&usize, &'static [Relation])| Command::Put {
+                    subject: *subject,
+                    place: Where { relations: side, references: vec![middle] },
+                };
+                const LEFT: &[Relation] = &[Relation::Left];
+                const RIGHT: &[Relation] = &[Relation::Right];
+                let orders = [[LEFT, RIGHT], [RIGHT, LEFT]];
+                let pairs = |order: &[&'static [Relation]; 2]| subjects.iter().zip(*order).map(beside).collect();
+                (1..=2).contains(&subjects.len()).then(|| orders.iter().map(pairs).collect())
+            }
             command::Command::Tower(groups) => {
                 let nouns: Vec<Vec<usize>> = groups.iter().map(|group| self.nouns(group)).collect::<Option<_>>()?;
                 let nouns = nouns.concat();
@@ -131,9 +154,17 @@ impl<'c> Resolver<'c, '_> {
             command::Command::Given(group) => self.nouns(group).map(|_| vec![Vec::new()]),
             command::Command::Change { object, part, action } => {
                 let object = self.noun(object)?;
+                // `the lid of the bin`: of several kinds the one that has states.
+                let noun = &mut self.nouns[object];
+                if !noun.candidates().iter().any(|card| card.is_articulated)
+                    && noun.meant.iter().any(|card| card.is_articulated)
+                {
+                    noun.meant.retain(|card| card.is_articulated);
+                    noun.best.clone_from(&noun.meant);
+                }
                 let states = self.nouns[object].candidates().first().map_or(&[][..], |card| &card.states);
-                let change = |action| vec![Command::Change { object, part: *part, action }];
-                Some(meanings(*action, states).into_iter().map(change).collect())
+                let change = |(action, part)| vec![Command::Change { object, part, action }];
+                Some(meanings(*action, *part, states).into_iter().map(change).collect())
             }
         }
     }
@@ -199,24 +230,33 @@ impl<'c> Resolver<'c, '_> {
             Some(place) => Some(self.place(place)?),
             None => None,
         };
+        let at = at.filter(|at| !at.references.is_empty());
         let nouns: Vec<usize> = (0..count).map(|_| self.add(group, at.clone())).collect::<Option<_>>()?;
         self.groups.push((group.clone(), nouns.clone()));
+        for other in &group.except {
+            self.noun(other)?;
+        }
         Some(nouns)
     }
 
     fn add(&mut self, group: &Group, at: Option<Where>) -> Option<usize> {
         let words: Vec<&str> = group.words.iter().map(String::as_str).collect();
-        let is_extreme = words.iter().any(|word| EXTREMES.contains(word));
-        let (said, rivals) = match words.as_slice() {
+        let extreme = words.iter().position(|word| EXTREMES.contains(word));
+        let beyond = match extreme {
+            Some(index) => Some(others_beyond(&words[index..])?),
+            None => None,
+        };
+        let named = &words[..extreme.unwrap_or(words.len())];
+        let (said, rivals) = match named.strip_suffix(&["that", "is"]).unwrap_or(named) {
             [word, "of", "the", count @ ("two" | "three"), rest @ ..]
                 if COMPARATIVES.contains(word) || ["large", "small"].contains(word) =>
             {
                 (rest, if *count == "two" { 1 } else { 2 })
             }
             [.., "of", "the", "two" | "three", _] => return None,
-            _ => (&words[..], 0),
+            said => (said, 0),
         };
-        if is_extreme || said.is_empty() {
+        if said.is_empty() {
             return None;
         }
         let compared = said.iter().any(|word| COMPARATIVES.contains(word));
@@ -232,10 +272,13 @@ impl<'c> Resolver<'c, '_> {
         if lexicon().is_label(&plain, &meant) {
             meant.clear();
         }
+        if meant.iter().any(|card| lexicon().is_likely(&plain, card)) {
+            meant.retain(|card| lexicon().is_likely(&plain, card));
+        }
         let (best, is_exact) = lexicon().plainest(&plain, &meant);
         let alike = if meant.is_empty() { self.alike(&plain) } else { Vec::new() };
-        let rivals = rivals.max(usize::from(compared));
-        let noun = Noun { phrase: words.join(" "), meant, best, alike, at, rivals, part: group.part, is_exact };
+        let rivals = rivals.max(usize::from(compared || beyond.is_some()));
+        let noun = Noun { phrase: words.join(" "), meant, best, alike, at, rivals, beyond, part: group.part, is_exact };
         self.nouns.push(noun);
         Some(self.nouns.len() - 1)
     }
@@ -250,6 +293,27 @@ impl<'c> Resolver<'c, '_> {
             name.split(' ').any(|word| words.contains(&word)) || words.contains(&thing.card.category.as_str())
         };
         let among = if of_noun.is_empty() { self.things.iter().filter(shares).copied().collect() } else { of_noun };
+        if among.is_empty() {
+            let noun = bare.last().copied().unwrap_or_default();
+            return lexicon().nearby(noun, self.things.iter().map(|thing| thing.card));
+        }
         among.into_iter().map(|thing| thing.card).collect()
+    }
+}
+
+/// Relation of other objects to the one that is the farthest or nearest in a direction; `None` if no layout by relations
+/// decides it.
+fn others_beyond(extreme: &[&str]) -> Option<Relation> {
+    match extreme {
+        // The camera faces the robot.
+        ["farthest", "to", "the", "robot's", "left"] | ["farthest", "to", "the", "camera's", "right"] => {
+            Some(Relation::Right)
+        }
+        ["farthest", "to", "the", "robot's", "right"] | ["farthest", "to", "the", "camera's", "left"] => {
+            Some(Relation::Left)
+        }
+        ["farthest", "from", "the", "robot"] | ["nearest" | "closest", "to", "the", "camera"] => Some(Relation::Back),
+        ["nearest" | "closest", "to", "the", "robot"] | ["farthest", "from", "the", "camera"] => Some(Relation::Front),
+        _ => None,
     }
 }

@@ -144,6 +144,9 @@ impl Listener {
         let obliges = words.iter().any(|word| vocabulary().obligations.contains(&word.as_str()))
             && !(is_purpose && is_subordinate && first != "it")
             && !is_reason;
+        // `the banana does not go in the bin`
+        let negates = words.windows(2).any(|pair| ["does", "do"].contains(&pair[0].as_str()) && pair[1] == "not");
+        let obliges = obliges && !negates;
         let is_command = Class::Carry.base(first).is_some();
         // `time to tidy up,`
         let is_idle = |word: &str| vocabulary().polite.contains(&word) || is_verb(word) || word == "up";

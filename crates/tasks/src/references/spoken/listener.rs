@@ -27,6 +27,8 @@ pub(super) struct Mind {
     pub(super) stop: Option<usize>,
     /// Objects that were taken up, but not put anywhere yet.
     pub(super) pending: Vec<Group>,
+    /// Those of them that were taken out of or off something.
+    pub(super) freed: Vec<Group>,
     /// Number and noun of `of the two apples`, among which the next phrase chooses.
     pub(super) among: Vec<String>,
 }

@@ -20,7 +20,10 @@ mod verbs;
 mod wishes;
 mod words;
 
-use super::command::{Command, Parsed};
+use genmanip_core::Relation;
+
+use super::change::Action;
+use super::command::{Command, Group, Parsed};
 use listener::Listener;
 
 /// Reads a sentence; otherwise the reason why it is no request, as a message to its author.
@@ -46,9 +49,33 @@ pub(super) fn hear(text: &str) -> Result<Parsed, String> {
             return Err(listener.complaint());
         }
     }
+    parsed.commands.extend(listener.put_freed());
     if let Some(taken) = listener.mind.pending.first() {
         return Err(format!("no place is given for `{}`", taken.words.join(" ")));
     }
+    reclose(&mut parsed.commands);
     let is_request = |command: &Command| !matches!(command, Command::Given(_));
     if parsed.commands.iter().any(is_request) { Ok(parsed) } else { Err("it asks for nothing".into()) }
+}
+
+/// Joins `open the drawer` and `close it` if something is put inside in between: only the end counts.
+fn reclose(commands: &mut Vec<Command>) {
+    let changes = |command: &Command, wanted: Action, owner: &Group| matches!(command, Command::Change { object, action, .. } if object.words == owner.words && *action == wanted);
+    let fills = |command: &Command, owner: &Group| match command {
+        Command::Put { places, .. } => places.iter().any(|place| {
+            place.relations.contains(&Relation::In) && place.objects.iter().any(|object| object.words == owner.words)
+        }),
+        _ => false,
+    };
+    let joined = commands.iter().enumerate().find_map(|(opened, command)| {
+        let Command::Change { object, action: Action::Open, .. } = command else { return None };
+        let closed = (opened + 1..commands.len()).find(|&at| changes(&commands[at], Action::Close, object))?;
+        commands[opened..closed].iter().any(|command| fills(command, object)).then_some((opened, closed))
+    });
+    if let Some((opened, closed)) = joined {
+        if let Command::Change { action, .. } = &mut commands[closed] {
+            *action = Action::Reclose;
+        }
+        commands.remove(opened);
+    }
 }

@@ -54,7 +54,10 @@ impl Listener {
             || vocabulary().particles.contains(&self.token(follows))
             || vocabulary().hedges.contains(&self.token(follows));
         let ends = ends || super::places::is_source(self, follows) || said == "it" || said == "them";
-        ends.then(|| self.mind.topic.clone())
+        // Of several objects that were taken up one after another, `it` is the last one.
+        let is_last = said == "it" && self.mind.pending.len() > 1 && self.mind.pending == self.mind.topic;
+        let first = if is_last { self.mind.topic.len() - 1 } else { 0 };
+        ends.then(|| self.mind.topic[first..].to_vec())
     }
 
     /// One noun phrase with its location.
@@ -70,19 +73,28 @@ impl Listener {
         while !self.is_end(self.mind.next) || self.continues(&words) {
             let index = self.mind.next;
             if let Some(place) = self.attempt(Self::location) {
-                at = Some(Box::new(place));
+                at = place.map(Box::new);
+                break;
+            }
+            // `the mug closest to the robot`
+            if let Some(length) = self.extreme_at(index).filter(|_| !words.is_empty()) {
+                words.extend_from_slice(&self.tokens[index..index + length]);
+                self.mind.next += length;
                 break;
             }
             let word = self.token(index);
             let leads = super::places::begins_at(self, index + 1) || super::places::is_source(self, index + 1);
             let hedge = vocabulary().hedges.contains(&word) && leads;
-            let particle = vocabulary().particles.contains(&word) && self.is_end(index + 1);
+            let next = self.token(index + 1);
+            let ends = self.is_end(index + 1) || ["before", "after", "when", "while", "once", "until"].contains(&next);
+            let particle = vocabulary().particles.contains(&word) && ends;
             let is_part = words.is_empty() && particle;
             let follows = self.token(index + 1);
             // `the can can go there`
             let is_modal = word == "can" && ["be", "go", "stand", "lie"].contains(&follows);
-            let is_level =
-                ["up", "down"].contains(&word) && follows == "to" || self.at_index(index, "all the way").is_some();
+            let is_level = ["up", "down"].contains(&word) && follows == "to"
+                || word == "on" && ["full", "high", "low", "max", "maximum"].contains(&follows)
+                || self.at_index(index, "all the way").is_some();
             let has_trait = words.iter().any(|word| word == "with");
             let is_top = self.at_index(index, "on top").is_some() && self.token(index + 2) != "of";
             let is_unknown = vocabulary().unknown.contains(&word);
@@ -100,6 +112,8 @@ impl Listener {
                 |phrase: &&'static str| self.at_index(index, phrase).is_some_and(|length| self.is_end(index + length));
             let acts = acts || vocabulary().mutual.iter().any(is_mutual);
             let acts = acts || postures.contains(&word) && super::places::begins_at(self, index + 1);
+            let is_side = |phrase: &&'static str| self.at_index(index, phrase).is_some();
+            let acts = acts || vocabulary().either_side.iter().any(is_side);
             let is_told = is_told || !words.is_empty() && acts;
             let is_object = word == "with" && ["it", "them"].contains(&follows);
             let stops = stops || is_object || is_told || is_modal || is_level || !has_trait && (is_top || is_unknown);
@@ -121,8 +135,17 @@ impl Listener {
         if words.is_empty() {
             return None;
         }
+        // `Daddy's mug`
+        let is_person = |word: &str| {
+            word.strip_suffix("'s")
+                .is_some_and(|owner| !lexicon().contains(owner) && !["robot", "camera"].contains(&owner))
+        };
+        while words.len() > 1 && is_person(&words[0]) {
+            words.remove(0);
+        }
         self.choose_among(&mut words);
         self.complete(&mut words);
+        outermost(&mut words);
         // `the open top drawer` is a place in a scene in which it is open.
         if words.last().is_some_and(|last| last == "drawer") {
             words.retain(|word| word != "open" && word != "opened");
@@ -132,10 +155,24 @@ impl Listener {
         let number = match number {
             Number::One if head_is_plural && !is_single => Number::All,
             // `both the apple and the pear`, `all the bread`
+            // `all the fruit`, `the cutlery`
+            Number::All if lexicon().is_collective(last(&words)) => Number::All,
+            Number::One if !is_single && lexicon().is_always_collective(last(&words)) => Number::All,
             Number::Many(_) | Number::All if !head_is_plural => Number::One,
             number => number,
         };
-        Some(Group { words, at, number, part })
+        let except = if number == Number::All { self.exceptions() } else { Vec::new() };
+        Some(Group { words, at, number, part, except })
+    }
+
+    /// Parses `except the banana` after a phrase for all objects of a kind.
+    pub(super) fn exceptions(&mut self) -> Vec<Group> {
+        let found = self.attempt(|listener| {
+            listener.take(",");
+            listener.take("except").then_some(())?;
+            listener.noun_phrases()
+        });
+        found.unwrap_or_default()
     }
 
     /// Number from the words before the noun.
@@ -189,11 +226,30 @@ impl Listener {
         (!words.is_empty()).then(|| Group::of(words))
     }
 
-    /// A relative clause with a location.
-    fn location(&mut self) -> Option<Place> {
+    /// A relative clause with a location; `Some(None)` for the table.
+    fn location(&mut self) -> Option<Option<Place>> {
         self.take_any(&vocabulary().relatives)?;
         while !super::places::begins(self) && self.take_any(&vocabulary().relative_words).is_some() {}
-        self.place()
+        self.standing()
+    }
+
+    /// Number of tokens of a comparison of positions at an index; `None` if there is none.
+    fn extreme_at(&self, index: usize) -> Option<usize> {
+        const COMPARED: [&str; 12] = [
+            "farthest to the robot's left",
+            "farthest to the robot's right",
+            "farthest to the camera's left",
+            "farthest to the camera's right",
+            "farthest to the left",
+            "farthest to the right",
+            "farthest from the robot",
+            "farthest from the camera",
+            "nearest to the robot",
+            "nearest to the camera",
+            "closest to the robot",
+            "closest to the camera",
+        ];
+        COMPARED.iter().filter_map(|phrase| self.at_index(index, phrase)).max()
     }
 
     /// True at the end of a clause, where no noun phrase goes on.
@@ -238,7 +294,33 @@ impl Listener {
 
 /// True if the noun of a phrase is the plural of a noun for whole objects; `sardines` mean one tin.
 fn is_plural(words: &[String]) -> bool {
+    lexicon().is_plural(last(words))
+}
+
+/// The noun of a phrase without traits; empty if there are no words.
+fn last(words: &[String]) -> &str {
     let after = ["with", "without", "marked", "lettered", "of"];
-    let core = words.iter().take_while(|word| !after.contains(&word.as_str()));
-    core.last().is_some_and(|head| lexicon().is_plural(head))
+    words.iter().take_while(|word| !after.contains(&word.as_str())).last().map_or("", String::as_str)
+}
+
+/// Brings `leftmost mug` and `mug farthest to the left` into the form `mug farthest to the robot's left`.
+fn outermost(words: &mut Vec<String>) {
+    let sides = [("leftmost", "left"), ("rightmost", "right")];
+    if let Some((index, side)) =
+        sides.iter().find_map(|(word, side)| Some((words.iter().position(|w| w == word)?, side)))
+        && words.len() > 1
+    {
+        words.remove(index);
+        words.extend(["farthest", "to", "the", "robot's", side].map(String::from));
+    }
+    if let [.., farthest, to, the, side] = words.as_slice()
+        && farthest == "farthest"
+        && (to == "to" || to == "on")
+        && the == "the"
+        && (side == "left" || side == "right")
+    {
+        let side = side.clone();
+        words.truncate(words.len() - 3);
+        words.extend(["to", "the", "robot's", &side].map(String::from));
+    }
 }

@@ -2,7 +2,7 @@
 
 use genmanip_core::Relation;
 
-use super::super::command::{Group, Number, Place};
+use super::super::command::{Command, Group, Number, Place};
 use super::super::lexicon::is_color;
 use super::super::words::{EXTREMES, LOOSE, PLACES, SOURCE};
 use super::listener::Listener;
@@ -10,7 +10,15 @@ use super::verbs::Class;
 use super::words::vocabulary;
 
 /// Prepositions that continue with another one or with nothing.
-const MORE: [(&str, &[Relation]); 4] = [
+const MORE: [(&str, &[Relation]); 12] = [
+    ("towards", &[Relation::Near]),
+    ("toward", &[Relation::Near]),
+    ("besides", &[Relation::Near]),
+    ("at the front of", &[Relation::Front]),
+    ("at the back of", &[Relation::Back]),
+    ("at the rear of", &[Relation::Back]),
+    ("to the top of", &[Relation::On, Relation::Top]),
+    ("at the top of", &[Relation::On, Relation::Top]),
     ("next", &[]),
     ("on top", &[Relation::On, Relation::Top]),
     ("somewhere around", &[Relation::Near]),
@@ -56,8 +64,7 @@ impl Listener {
             self.take(",");
             self.skip_modifiers();
             if !begins(self) {
-                return self
-                    .blame("the bare table is no place that a goal can name: say next to what the object should be");
+                return Some(vec![Place::table()]);
             }
         }
         let mut places = vec![self.place()?];
@@ -130,6 +137,31 @@ impl Listener {
         let end = index + first + second + third;
         let goes_on = self.is_end(end) || begins_at(self, end) || vocabulary().modifiers.contains(&self.token(end));
         goes_on.then_some(end - index)
+    }
+
+    /// Where an object stands; `Some(None)` for the table, where it stands unless something else is said.
+    pub(super) fn standing(&mut self) -> Option<Option<Place>> {
+        if let Some(length) = self.table_at(self.mind.next) {
+            self.mind.next += length;
+            return Some(None);
+        }
+        self.place().map(Some)
+    }
+
+    /// Parses `on either side of the plate` after the objects that go there; `start` is the index of their first word.
+    pub(super) fn either_side(&mut self, subjects: &[Group], start: usize) -> Option<Vec<Command>> {
+        self.take_any(&vocabulary().either_side)?;
+        let of = self.noun_phrase()?;
+        let mut subjects = subjects.to_vec();
+        // `a candle on either side of the book`
+        if let ([one], "a" | "an" | "one") = (subjects.as_mut_slice(), self.token(start))
+            && one.number == Number::One
+        {
+            one.number = Number::Many(2);
+        }
+        self.remember(subjects.clone());
+        self.mind.place = None;
+        Some(vec![Command::Sides { subjects, of }])
     }
 
     /// A place with its references.
@@ -208,11 +240,29 @@ impl Listener {
                 // `the fork on the left of the plate and the knife on the right`
                 None => match self.mind.place.clone().filter(|place| is_side(place.relations)) {
                     Some(place) => place.objects,
-                    None => return self.blame(format!("`{}` of what?", self.tokens[start..self.mind.next].join(" "))),
+                    None => match self.next_owner() {
+                        Some(owner) => vec![owner],
+                        None => {
+                            return self.blame(format!("`{}` of what?", self.tokens[start..self.mind.next].join(" ")));
+                        }
+                    },
                 },
             },
         };
         Some(Place { relations, objects })
+    }
+
+    /// The object of the next side in this clause: `the fork to the left and the knife to the right of the plate`.
+    fn next_owner(&mut self) -> Option<Group> {
+        let (before, end) = (self.mind.clone(), self.clause_end());
+        let follows = |&index: &usize| matches!(self.side_at(index), Some((_, _, Owner::Follows)));
+        let found = (before.next..end).find(follows).and_then(|index| {
+            let (_, length, _) = self.side_at(index)?;
+            self.mind.next = index + length;
+            self.noun_phrase()
+        });
+        self.mind = before;
+        found
     }
 
     /// Side, number of tokens and owner of a phrase such as `on the right-hand side of`.
@@ -299,8 +349,13 @@ impl Listener {
             Some(_) => self.antecedents(SOURCE)?,
             None => vec![self.noun_phrase()?],
         };
+        let relations: &[Relation] = match said {
+            "out of" | "out from" => &[Relation::In, Relation::Top],
+            "off" | "off of" | "off from" | "from off" => &[Relation::On, Relation::Top],
+            _ => SOURCE,
+        };
         // What something is moved away from need not hold it.
-        Some((said != "away from").then_some(Place { relations: SOURCE, objects }))
+        Some((said != "away from").then_some(Place { relations, objects }))
     }
 
     /// The object to which a pronoun in a place refers; `None` if none or several were named.

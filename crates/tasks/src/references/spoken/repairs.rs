@@ -7,11 +7,17 @@ use super::words::{is_mark, vocabulary};
 /// Prepositions of places that hold an object, of which it can have only one.
 const HOLDING: [&str; 6] = ["in", "into", "inside", "on", "onto", "on top of"];
 
+/// Prepositions of which one excludes the others.
+const SIDES: [&str; 6] = ["in front of", "behind", "to the left of", "to the right of", "left of", "right of"];
+
 /// The tokens of a sentence without what its author took back; an error if it is unclear what that is.
 pub(super) fn repaired(tokens: Vec<String>) -> Result<Vec<String>, String> {
     let mut listener = Listener::new(tokens);
     while let Some(marker) = listener.tokens.iter().position(|word| word == "correction" || word == "namely") {
         let (from, to) = replaced(&listener, marker).ok_or("it is unclear what the correction replaces")?;
+        listener.tokens.drain(from..to);
+    }
+    while let Some((from, to)) = alternative(&listener) {
         listener.tokens.drain(from..to);
     }
     while let Some((from, to)) = contrast(&listener) {
@@ -60,11 +66,34 @@ fn contrast(listener: &Listener) -> Option<(usize, usize)> {
         return Some((0, end + 1));
     }
     (not > 0 && listener.token(not - 1) == ",").then_some(())?;
+    // `the cup, not the mug, goes there`
+    if is_article(not + 1) && listener.token(end) == "," && places(listener, not, end).is_empty() {
+        return Some((not - 1, end + 1));
+    }
     let holds = |index: usize| HOLDING.iter().any(|word| listener.at_index(index, word).is_some());
     let [place] = places(listener, clause_start(listener, not - 1), not - 1)[..] else { return None };
     let [other] = places(listener, not + 1, end)[..] else { return None };
+    // `in front of the box, not behind it`
+    let is_side = |index: usize| SIDES.iter().any(|word| listener.at_index(index, word).is_some());
+    if is_side(place) && is_side(other) && ["it", "them"].contains(&listener.token(end - 1)) {
+        return Some((not - 1, end));
+    }
     let differs = listener.token(not - 2) != listener.token(end - 1);
     (other == not + 1 && end > not + 3 && holds(place) && holds(other) && differs).then_some((not - 1, end))
+}
+
+/// Range of the words that name what is not wanted: `instead of the apple, …`, `… rather than on the plate`.
+fn alternative(listener: &Listener) -> Option<(usize, usize)> {
+    let begins = |&index: &usize| {
+        ["instead of", "rather than"].iter().any(|phrase| listener.at_index(index, phrase).is_some())
+            && listener.token(index.wrapping_sub(1)) != "would"
+    };
+    let start = (0..listener.tokens.len()).find(begins)?;
+    let end = (start..listener.tokens.len()).find(|&index| is_mark(listener.token(index)));
+    match end {
+        Some(end) if clause_start(listener, start) == start => (listener.token(end) == ",").then_some((start, end + 1)),
+        end => (clause_start(listener, start) < start).then_some((start, end.unwrap_or(listener.tokens.len()))),
+    }
 }
 
 /// Index after the last full stop or semicolon before an index.

@@ -1,6 +1,8 @@
 //! Requests: a verb with its objects and where they go.
 
-use super::super::command::{Command, Group, Place};
+use genmanip_core::Relation;
+
+use super::super::command::{Command, Group, Number, Place};
 use super::listener::Listener;
 use super::verbs::{Class, is_form};
 use super::words::vocabulary;
@@ -8,7 +10,10 @@ use super::words::vocabulary;
 type Parser = fn(&mut Listener) -> Option<Vec<Command>>;
 
 /// Parsers of requests with a verb.
-const VERBAL: [Parser; 7] = [
+const VERBAL: [Parser; 10] = [
+    Listener::swap,
+    Listener::discard,
+    Listener::listed,
     Listener::tower,
     Listener::state,
     Listener::touch,
@@ -145,8 +150,13 @@ impl Listener {
         self.take_any(&["me", "us", "out", "up"]);
         let mut subjects = self.noun_phrases()?;
         self.take_any(&["up", "over there", "there", "here"]);
+        let frees = self.frees(verb);
         self.come_from(&mut subjects)?;
-        while self.take_any(&["up", "out", "off", "away"]).is_some() {}
+        let mut leaves = frees && self.mind.source.is_some();
+        while let Some(particle) = self.take_any(&["up", "out", "off", "away"]) {
+            // `there is an egg in the pan; take it out`
+            leaves |= ["out", "off"].contains(&particle) && subjects.iter().all(|subject| subject.at.is_some());
+        }
         if !self.at_boundary() || self.at_result() {
             let places = self.attempt(Self::places)?;
             let (before, is_next) = (self.mind.next, self.puts_it());
@@ -158,11 +168,85 @@ impl Listener {
                 return self.put(subjects, places);
             }
             let ([subject], [place]) = (subjects.as_mut_slice(), places.as_slice()) else { return None };
-            subject.at = Some(Box::new(place.clone()));
+            subject.at = Some(place.clone()).filter(|place| !place.objects.is_empty()).map(Box::new);
         }
-        self.mind.pending.clone_from(&subjects);
-        self.remember(subjects);
+        if leaves {
+            self.mind.freed.clone_from(&subjects);
+        }
+        // `take the spoon, then the fork, and lay both …`
+        let is_new = |group: &Group| !subjects.iter().any(|subject| subject.words == group.words);
+        self.mind.pending.retain(is_new);
+        self.mind.pending.extend(subjects);
+        self.remember(self.mind.pending.clone());
         Some(Vec::new())
+    }
+
+    /// True if a verb, with the words about a source that come next, leaves its object on the table unless another place
+    /// is given: `take … out of`, `remove … from`.
+    fn frees(&self, verb: &str) -> bool {
+        vocabulary().free.contains(&verb) || ["off", "out of"].iter().any(|word| self.at(word).is_some())
+    }
+
+    /// The command that brings objects to the table that were taken from somewhere and put nowhere else.
+    pub(super) fn put_freed(&mut self) -> Option<Command> {
+        let is_freed = |group: &Group| self.mind.freed.iter().any(|freed| freed.words == group.words);
+        let has_all = !self.mind.pending.is_empty() && self.mind.pending.iter().all(is_freed);
+        let subjects = has_all.then(|| std::mem::take(&mut self.mind.pending))?;
+        Some(Command::Put { subjects, places: vec![Place::table()] })
+    }
+
+    /// Parses `swap the apple on the plate and the pear in the bowl`.
+    fn swap(&mut self) -> Option<Vec<Command>> {
+        let start = self.mind.next;
+        self.take_any(&vocabulary().swap)?;
+        let joins =
+            |&index: &usize| ["and", "with", "for"].contains(&self.token(index)) && self.is_determined(index + 1);
+        self.mind.stop = (self.mind.next..self.clause_end()).find(joins);
+        let one = self.placed()?;
+        self.mind.stop = None;
+        self.take_any(&["and", "with", "for"])?;
+        let other = self.placed()?;
+        self.take_any(&["around", "round", "over"]);
+        let (Some(here), Some(there)) = (one.at.clone(), other.at.clone()) else {
+            let said = self.token(start).to_owned();
+            return self.blame(format!("`{said}` needs two places: say in or on what each of the two objects is now"));
+        };
+        self.remember(vec![one.clone(), other.clone()]);
+        Some(vec![
+            Command::Put { subjects: vec![one], places: vec![*there] },
+            Command::Put { subjects: vec![other], places: vec![*here] },
+        ])
+    }
+
+    /// Parses a noun phrase with the place where its object is: `the apple on the plate`.
+    fn placed(&mut self) -> Option<Group> {
+        let mut group = self.noun_phrase()?;
+        if group.at.is_none() && super::places::begins(self) {
+            group.at = self.place().map(Box::new);
+        }
+        Some(group)
+    }
+
+    /// Parses `throw away the banana`: into the bin.
+    fn discard(&mut self) -> Option<Vec<Command>> {
+        let verb = self.take_any(&vocabulary().discard)?;
+        let subjects = self.noun_phrases()?;
+        let is_away = verb != "throw" && verb != "chuck" && verb != "toss";
+        (self.take_any(&["away", "out"]).is_some() || is_away).then_some(())?;
+        self.at_boundary().then_some(())?;
+        let bin = Group::of(vec!["bin".to_owned()]);
+        self.put(subjects, vec![Place { relations: &[Relation::In, Relation::Top], objects: vec![bin] }])
+    }
+
+    /// Parses `put the following in the basket: the apple, the pear and the lemon`.
+    fn listed(&mut self) -> Option<Vec<Command>> {
+        self.verb(Class::Carry)?;
+        while self.take_any(&["me", "us", "down", "up", "back", "over", "away", "aside"]).is_some() {}
+        self.take_any(&vocabulary().lists)?;
+        let places = self.places()?;
+        self.take_any(&[",", "."])?;
+        let subjects = self.noun_phrases()?;
+        self.put(subjects, places)
     }
 
     /// True if `and put it` comes next.
@@ -204,14 +288,26 @@ impl Listener {
     pub(super) fn carry(&mut self) -> Option<Vec<Command>> {
         let verb = self.verb(Class::Carry)?;
         while self.take_any(&["me", "us", "down", "up", "back", "over", "away", "aside"]).is_some() {}
+        let start = self.mind.next;
         let is_pronoun = ["it", "them", "that", "both", "this"].contains(&self.ahead(0));
         // `pick up the mug and place on the tray`
         let is_omitted = !self.mind.pending.is_empty() && super::places::begins(self);
         let mut subjects = if is_omitted { self.mind.pending.clone() } else { self.noun_phrases()? };
-        if is_pronoun {
+        if is_pronoun && self.mind.pending.len() < 2 {
             self.mind.pending.clear();
         }
+        let leaves = self.frees(verb);
         self.come_from(&mut subjects)?;
+        // `clear the apple off the plate`
+        if leaves && self.mind.source.is_some() && self.at_boundary() {
+            self.mind.freed.clone_from(&subjects);
+            self.mind.pending.clone_from(&subjects);
+            self.remember(subjects);
+            return Some(Vec::new());
+        }
+        if let Some(commands) = self.attempt(|listener| listener.either_side(&subjects, start)) {
+            return Some(commands);
+        }
         if let Some(commands) = self.attempt(|listener| listener.mutual(&subjects)) {
             return Some(commands);
         }
@@ -265,7 +361,7 @@ impl Listener {
             && from.relations.iter().any(|relation| relation.is_support())
             && super::places::begins(self)
         {
-            subject.at = Some(Box::new(from.clone()));
+            subject.at = Some(from.clone()).filter(|from| !from.objects.is_empty()).map(Box::new);
             let places = self.places()?;
             return self.put(subjects, places);
         }
@@ -273,8 +369,14 @@ impl Listener {
     }
 
     /// The command that brings objects to a place; a second place after a comma is a second condition.
-    pub(super) fn put(&mut self, subjects: Vec<Group>, places: Vec<Place>) -> Option<Vec<Command>> {
+    pub(super) fn put(&mut self, mut subjects: Vec<Group>, places: Vec<Place>) -> Option<Vec<Command>> {
         self.mind.action = None;
+        if let [subject] = subjects.as_mut_slice()
+            && subject.number == Number::All
+            && subject.except.is_empty()
+        {
+            subject.except = self.exceptions();
+        }
         let mut commands = vec![Command::Put { subjects: subjects.clone(), places: places.clone() }];
         // `beside the book, on its left side`
         self.remember(places.iter().flat_map(|place| place.objects.clone()).collect());

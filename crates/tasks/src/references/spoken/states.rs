@@ -116,11 +116,12 @@ impl Listener {
             "on",
             "off",
             "running",
+            "run",
             "pressed",
             "pushed",
         ]);
         let found = match adjective {
-            Some("on" | "running") => Action::On,
+            Some("on" | "running" | "run") => Action::On,
             Some("off") => Action::Off,
             Some("pressed" | "pushed") => {
                 self.take_any(&["down", "in"]);

@@ -1,6 +1,6 @@
 //! Wishes and statements of where or how something should be, and facts about the initial scene.
 
-use super::super::command::{Command, Group};
+use super::super::command::{Command, Group, Place};
 use super::listener::Listener;
 use super::verbs::{Class, is_verb};
 use super::words::{is_mark, vocabulary};
@@ -32,6 +32,7 @@ impl Listener {
 
     /// Parses what is wanted: an object and its place or state; `is_duty` demands a word such as `should` between them.
     pub(super) fn wanted(&mut self, is_duty: bool) -> Option<Vec<Command>> {
+        self.mind.source = None;
         self.take("that");
         let state = self.attempt(|listener| {
             let objects = listener.changed_objects()?;
@@ -44,6 +45,7 @@ impl Listener {
         if state.is_some() {
             return state;
         }
+        let first = self.mind.next;
         let mut subjects = self.noun_phrases()?;
         let start = self.mind.next;
         self.copula();
@@ -62,7 +64,7 @@ impl Listener {
         {
             return self.put(subjects, vec![*place]);
         }
-        self.goal(&mut subjects)
+        self.goal(&mut subjects, first)
     }
 
     /// Parses `the toy car should be parked behind the cube`, `the eggs go in the pan`, `the oven needs closing`.
@@ -94,12 +96,18 @@ impl Listener {
     }
 
     /// Requested places or states of objects.
-    pub(super) fn goal(&mut self, subjects: &mut Vec<Group>) -> Option<Vec<Command>> {
+    pub(super) fn goal(&mut self, subjects: &mut Vec<Group>, start: usize) -> Option<Vec<Command>> {
         if let Some(action) = self.attempt(Self::wanted_state) {
             return self.changes(subjects, action);
         }
         self.come_from(subjects)?;
         self.copula();
+        if self.mind.source.is_some() && self.at_boundary() {
+            return self.put(std::mem::take(subjects), vec![Place::table()]);
+        }
+        if let Some(commands) = self.attempt(|listener| listener.either_side(subjects, start)) {
+            return Some(commands);
+        }
         if let Some(commands) = self.attempt(|listener| listener.mutual(subjects)) {
             return Some(commands);
         }
@@ -133,20 +141,16 @@ impl Listener {
                 return Some(Vec::new());
             }
         }
-        let at = match group.at.take() {
-            Some(at) => at,
-            None => {
-                self.skip_modifiers();
-                Box::new(self.place()?)
-            }
-        };
-        group.at = Some(at);
+        if group.at.is_none() {
+            self.skip_modifiers();
+            group.at = self.standing()?.map(Box::new);
+        }
         let mut groups = vec![group];
         // `there is an apple in the bowl and a pear on the tray`
         while let Some(more) = self.attempt(|listener| {
             listener.take_any(&["and", ","])?;
             let group = listener.noun_phrase()?;
-            let at = Some(Box::new(listener.place()?));
+            let at = listener.standing()?.map(Box::new);
             listener.at_boundary().then_some(Group { at, ..group })
         }) {
             groups.push(more);
@@ -187,7 +191,7 @@ impl Listener {
             return None;
         }
         let mut places = self.places()?;
-        self.take(",");
+        let is_listed = self.take(",") && self.is_determined(self.mind.next);
         let is_given = self
             .take_any(&[
                 "there is",
@@ -202,7 +206,8 @@ impl Listener {
             ])
             .is_some();
         if is_given {
-            let group = Group { at: places.pop().map(Box::new), ..self.noun_phrase()? };
+            let at = places.pop().filter(|place| !place.objects.is_empty()).map(Box::new);
+            let group = Group { at, ..self.noun_phrase()? };
             self.remember(vec![group.clone()]);
             return Some(vec![Command::Given(group)]);
         }
@@ -212,7 +217,7 @@ impl Listener {
         if !is_told {
             self.copula();
         }
-        (self.mind.next > before).then_some(())?;
+        (is_listed || self.mind.next > before).then_some(())?;
         let subjects = self.noun_phrases()?;
         self.put(subjects, places)
     }
@@ -242,7 +247,7 @@ impl Listener {
         let is_wish = self.take_any(&vocabulary().wishes).is_some();
         self.copula();
         (is_wish || self.is_duty(start)).then_some(())?;
-        let commands = self.goal(&mut self.mind.topic.clone())?;
+        let commands = self.goal(&mut self.mind.topic.clone(), start)?;
         self.at_boundary().then_some(commands)
     }
 

@@ -78,6 +78,16 @@ pub(super) struct Vocabulary {
     pub results: Words,
     /// Places of two objects relative to each other.
     pub mutual: Words,
+    /// Places to the left and the right of an object.
+    pub either_side: Words,
+    /// Phrases for objects that a list names later: `the following: …`.
+    pub lists: Words,
+    /// Verbs that bring an object to the bin.
+    pub discard: Words,
+    /// Verbs of which each makes two objects change places.
+    pub swap: Words,
+    /// Verbs that free an object from where it is, after which it stands on the table.
+    pub free: Words,
     /// Prepositions without a relation in goals.
     pub unknown: Words,
     /// Words for the table itself.
@@ -123,13 +133,14 @@ pub(super) fn vocabulary() -> &'static Vocabulary {
 }
 
 /// Parts of objects by name.
-pub(super) const PARTS: [(&str, Part); 16] = [
+pub(super) const PARTS: [(&str, Part); 17] = [
     ("top drawer", Part::Upper),
     ("topmost drawer", Part::Upper),
     ("upper drawer", Part::Upper),
     ("bottom drawer", Part::Lower),
     ("bottommost drawer", Part::Lower),
     ("lower drawer", Part::Lower),
+    ("drawer", Part::Any),
     ("drawers", Part::Both),
     ("two drawers", Part::Both),
     ("door", Part::Other),
