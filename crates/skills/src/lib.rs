@@ -8,6 +8,7 @@
 //!   stored in the frame of the moving link's handle, with the joint's travel as the clock.
 //! - [`fit`]: inverse kinematics and collisions of a skill in another scene, before any physics.
 //! - [`Transfer`]: the skill that fits best as a [`Policy`](genmanip_core::Policy), with the planner for the approach.
+//! - [`SkillSet`]: skills that the expert uses for the moves that they serve.
 //! - [`operator`]: scripts of the scripted operator, for tests and measurements.
 
 mod cut;
@@ -16,6 +17,7 @@ pub mod fit;
 pub mod handle;
 pub mod operator;
 pub mod record;
+mod serve;
 mod settings;
 mod skill;
 pub mod tasks;
@@ -25,6 +27,7 @@ mod way;
 
 pub use error::SkillError;
 pub use record::record;
+pub use serve::{SkillSet, serves_task};
 pub use settings::TransferSettings;
 pub use skill::{Grip, JointMotion, Segments, Skill, SkillSource, Verb};
 pub use tasks::serves;

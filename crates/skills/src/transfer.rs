@@ -81,6 +81,12 @@ impl Transfer {
         }
     }
 
+    /// The policy for a single move, already reset; it need not be reset before an episode.
+    #[must_use]
+    pub fn of_move(self, step: Move, seed: Seed) -> Self {
+        Self { plan: vec![step], seed, ..self }
+    }
+
     /// Name of the skill that was used last in this episode; `None` before the first one.
     pub fn used(&self) -> Option<&str> {
         self.used.as_deref()

@@ -150,6 +150,7 @@ impl EpisodeColumns for EpisodeMetadata {
         columns.text("task_id", results().map(|result| &result.task_id));
         columns.text("task_kind", all_metadata().map(|metadata| metadata.kind));
         columns.text("policy", results().map(|result| &result.policy));
+        columns.text("source", results().map(|result| result.provenance().name()));
         columns.bool("oracle", results().map(|result| result.oracle));
         columns.text("engine", results().map(|result| &result.engine));
         columns.text("genmanip_version", results().map(|result| &result.genmanip_version));
