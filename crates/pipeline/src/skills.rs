@@ -12,7 +12,7 @@ use genmanip_data::EpisodeStore;
 use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources, SkillFile, in_parallel};
 use genmanip_rollout::expert::MoveSkills;
 use genmanip_rollout::{RolloutError, Stage, run_episode};
-use genmanip_skills::tasks::state_task;
+use genmanip_skills::tasks::{place_task, state_task};
 use genmanip_skills::{Skill, SkillSet, Transfer, TransferSettings, serves_task};
 use genmanip_workspace::task_spool::Tasks;
 use genmanip_workspace::{Progress, WorkspaceError, documents, worlds};
@@ -141,11 +141,12 @@ pub(crate) fn of_run(
 
 /// Changes that a skill serves, in words.
 fn served(skill: &Skill) -> String {
-    let joint = match skill.motion.joint {
-        JointKind::Prismatic => "prismatic",
-        JointKind::Revolute => "revolute",
+    let along = match skill.motion.as_ref().map(|motion| motion.joint) {
+        Some(JointKind::Prismatic) => "along a prismatic joint",
+        Some(JointKind::Revolute) => "about a revolute joint",
+        None => "objects, which the expert does itself",
     };
-    format!("{} along a {joint} joint ({})", skill.verb.name(), skill.name)
+    format!("{} {along} ({})", skill.verb.name(), skill.name)
 }
 
 /// Skills of files and folders, in the order of their names.
@@ -304,24 +305,33 @@ fn reason(result: &EpisodeResult) -> String {
     result.failure().map_or_else(String::new, |failure| failure.evidence)
 }
 
-/// Tasks on the objects of a query that a skill can serve: those with the initial and the goal state of its source, and
-/// the same kind of manipulation.
+/// Tasks on the objects of a query that a skill can serve: those with the initial and the goal state of its source and
+/// the same kind of manipulation, or a place on or in the object that was beneath in its source.
 fn tasks(skills: &[Skill], query: &str) -> Result<Vec<Task>, WorkspaceError> {
     let index = Catalogue::all().index();
     let found = index.search(query, &Filter::default(), MAX_OBJECTS);
-    let cards: Vec<&ObjectCard> = found.iter().map(|result| result.card).filter(|card| card.is_articulated).collect();
+    let cards: Vec<&ObjectCard> = found.iter().map(|result| result.card).collect();
     let mut tasks: Vec<Task> = Vec::new();
     for card in &cards {
         let model = Catalogue::all()
             .model(&card.asset)
             .map_err(|error| WorkspaceError::broken(format!("{} cannot be built", card.uid), error))?;
         for skill in skills {
-            let [from, to] = &skill.motion.states;
-            let is_served = genmanip_skills::serves(skill, &model, from, to);
-            if is_served && tasks.iter().all(|task| task.id != genmanip_skills::tasks::id(card, from, to)) {
-                let mut task = state_task(card, from, to);
-                task.source = format!("skills, first {}", skill.name);
-                tasks.push(task);
+            let task = match (&skill.motion, &skill.carry) {
+                (Some(motion), _) => {
+                    let [from, to] = &motion.states;
+                    let is_served = card.is_articulated && genmanip_skills::serves(skill, &model, from, to);
+                    is_served.then(|| state_task(card, from, to))
+                }
+                (None, Some(carry)) => {
+                    let reference = Catalogue::all().cards().iter().find(|known| known.asset == carry.reference);
+                    let is_free = card.can_grasp && !card.is_articulated && card.asset != carry.reference;
+                    reference.filter(|_| is_free).map(|reference| place_task(card, carry.relation, reference))
+                }
+                (None, None) => None,
+            };
+            if let Some(task) = task.filter(|task| tasks.iter().all(|known| known.id != task.id)) {
+                tasks.push(Task { source: format!("skills, first {}", skill.name), ..task });
             }
         }
     }
@@ -329,7 +339,7 @@ fn tasks(skills: &[Skill], query: &str) -> Result<Vec<Task>, WorkspaceError> {
         let verbs: Vec<&str> = skills.iter().map(|skill| skill.verb.name()).collect();
         let what = format!("no skill ({}) serves an object of \"{query}\"", verbs.join(", "));
         return Err(WorkspaceError::input(what)
-            .because(format!("{} articulated objects match the query", cards.len()))
+            .because(format!("{} objects match the query", cards.len()))
             .with_hint("`genmanip assets search QUERY` shows what matches; skills serve their own kind and states"));
     }
     Ok(tasks)

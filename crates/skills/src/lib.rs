@@ -11,12 +11,14 @@
 //! - [`SkillSet`]: skills that the expert uses for the moves that they serve.
 //! - [`operator`]: scripts of the scripted operator, for tests and measurements.
 
+pub mod carry;
 mod cut;
 mod error;
 pub mod fit;
 pub mod handle;
 pub mod operator;
 pub mod record;
+mod record_carry;
 mod serve;
 mod settings;
 mod skill;
@@ -29,6 +31,6 @@ pub use error::SkillError;
 pub use record::record;
 pub use serve::{SkillSet, serves_task};
 pub use settings::TransferSettings;
-pub use skill::{Grip, JointMotion, Segments, Skill, SkillSource, Verb};
+pub use skill::{CarryMotion, Grip, JointMotion, Segments, Skill, SkillSource, Verb};
 pub use tasks::serves;
 pub use transfer::Transfer;

@@ -37,7 +37,7 @@ impl SkillSet {
         let model = &stage.models[step.object];
         let kind = model.links.get(change.link).and_then(|link| link.joint.as_ref()).map(|joint| joint.kind);
         let wanted = verb(model, &change);
-        self.skills.iter().any(|skill| skill.verb == wanted && Some(skill.motion.joint) == kind)
+        self.skills.iter().any(|skill| skill.serves_joint(wanted, kind))
     }
 }
 

@@ -120,7 +120,7 @@ fn files_are_refused_with_the_place() {
         assert!(!matches!(error, DocumentError::NotJson { .. }), "{error}");
     };
     let valid = Skill::from_json(SKILL).unwrap();
-    assert_eq!(valid.motion.along[0].position, Pose::from_position([0.0, 0.0, 0.02].into()).position);
+    assert_eq!(valid.motion.as_ref().unwrap().along[0].position, Pose::from_position([0.0, 0.0, 0.02].into()).position);
     check("genmanip.skill/1", "genmanip.skill/9", "genmanip.skill/9");
     check("\"press-1\"", "\"../press\"", "$.name");
     check("\"verb\": \"press\"", "\"verb\": \"shove\"", "verb");

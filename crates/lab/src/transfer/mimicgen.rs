@@ -33,8 +33,8 @@ const WEIGHTS: [f64; 2] = [1.0, 1.0];
 /// A source demonstration at the controller's rate.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// `world_from_object` at each step.
-    pub objects: Vec<Pose>,
+    /// `world_from_object` of each subtask's object at each step.
+    pub objects: [Vec<Pose>; 2],
     /// Target pose of the tool, `world_from_tcp`, at each step.
     pub targets: Vec<Pose>,
     /// Commanded opening at each step, m.
@@ -47,7 +47,7 @@ pub struct Source {
 pub struct MimicGen {
     sources: Vec<Source>,
     spec: PolicySpec,
-    object: usize,
+    objects: [usize; 2],
     rng: ChaCha8Rng,
     /// Subtask that is executed; 2 after the last one.
     subtask: usize,
@@ -57,19 +57,19 @@ pub struct MimicGen {
 }
 
 impl Source {
-    /// Source of an episode's frames; `object` is the index of the manipulated object, `target` gives the tool pose of a
+    /// Source of an episode's frames; `objects` are the indices of each subtask's object, `target` gives the tool pose of a
     /// command, and `mark` is the control step at which the first subtask ends.
     pub fn of(
         frames: &[genmanip_core::Frame],
         control_rate_hz: f64,
-        object: usize,
+        objects: [usize; 2],
         mark: usize,
         target: impl Fn(&[f32]) -> Pose,
     ) -> Self {
         let every = (control_rate_hz / RATE_HZ).round().max(1.0) as usize;
         let kept = || frames.iter().step_by(every);
         Self {
-            objects: kept().map(|frame| frame.objects[object].pose).collect(),
+            objects: objects.map(|object| kept().map(|frame| frame.objects[object].pose).collect()),
             targets: kept().map(|frame| target(&frame.command)).collect(),
             widths_m: kept().map(|frame| frame.command.last().copied().unwrap_or_default().into()).collect(),
             mark: mark / every + 1,
@@ -78,8 +78,8 @@ impl Source {
 }
 
 impl MimicGen {
-    /// Policy that moves an object, by its index, as the sources do.
-    pub fn new(sources: Vec<Source>, object: usize) -> Self {
+    /// Policy that moves as the sources do, relative to the object of each subtask, by its index.
+    pub fn new(sources: Vec<Source>, objects: [usize; 2]) -> Self {
         let action = ActionSpec {
             space: ActionSpace::EePose,
             delta_from: Default::default(),
@@ -89,7 +89,7 @@ impl MimicGen {
             between: Interpolation::Linear,
         };
         let spec = PolicySpec { privileged: true, action, ..PolicySpec::native("mimicgen", RATE_HZ) };
-        Self { sources, spec, object, rng: Seed::new(0).rng(), subtask: 0, left: Vec::new(), last: None }
+        Self { sources, spec, objects, rng: Seed::new(0).rng(), subtask: 0, left: Vec::new(), last: None }
     }
 
     /// Fills `left` with the next subtask's segment, from the source whose object pose is near that of now.
@@ -103,7 +103,7 @@ impl MimicGen {
             .collect();
         let start = |index: usize| if subtask == 0 { 0 } else { marks[index] };
         let distance = |index: usize| {
-            let pose = &self.sources[index].objects[start(index)];
+            let pose = &self.sources[index].objects[subtask][start(index)];
             WEIGHTS[0] * pose.position.distance(world_from_object.position)
                 + WEIGHTS[1] * pose.angle_to(world_from_object)
         };
@@ -112,7 +112,7 @@ impl MimicGen {
         let chosen = order[self.rng.random_range(0..order.len().min(NEAREST))];
         let source = &self.sources[chosen];
         let (from, to) = (start(chosen), if subtask == 0 { marks[chosen] } else { source.targets.len() });
-        let moved = *world_from_object * source.objects[from].inverse();
+        let moved = *world_from_object * source.objects[subtask][from].inverse();
         let segment: Vec<(Pose, f64, bool)> =
             (from..to).map(|step| (moved * source.targets[step], source.widths_m[step], true)).collect();
         let Some((first, width_m, _)) = segment.first().copied() else { return };
@@ -164,7 +164,8 @@ impl Policy for MimicGen {
         let tool = Pose::from_wxyz_array([x, y, z], [qw, qx, qy, qz]);
         if self.left.is_empty() && self.subtask < 2 {
             let truth = observation.privileged.as_ref().ok_or_else(|| unsuited("simulator truth"))?;
-            self.begin(&truth.objects[self.object].pose.clone(), &tool);
+            let object = self.objects[self.subtask];
+            self.begin(&truth.objects[object].pose.clone(), &tool);
         }
         let Some((target, width_m, is_noisy)) = self.left.pop() else {
             return Ok(ActionChunk { actions: Vec::new(), finished: true });

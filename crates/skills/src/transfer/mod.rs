@@ -1,6 +1,8 @@
 //! The policy that transfers skills: the planner brings the hand to the start of the skill that fits best, the hand
 //! follows it, and the gripper acts only once the hand has arrived.
 
+mod carry;
+
 use std::sync::Arc;
 
 use genmanip_core::glam::DVec3;
@@ -14,8 +16,9 @@ use genmanip_motion::{AllowedCollisions, Path, Planner, PlanningScene, commands}
 use genmanip_relations::{PosedScene, judge_atom};
 use genmanip_rollout::Stage;
 
+use self::carry::{Carry, Look};
 use crate::TransferSettings;
-use crate::fit::{JointFit, fit_joint};
+use crate::fit::{Fit, fit_joint};
 use crate::handle::verb;
 use crate::skill::{Grip, Skill};
 use crate::timing::{Pace, paced};
@@ -56,12 +59,14 @@ enum Phase {
 #[derive(Clone)]
 struct Active {
     object: usize,
-    fit: JointFit,
+    fit: Fit,
     grip: Grip,
     /// Opening commanded while holding, m.
     held_m: f64,
     /// Arm configuration that was commanded last, rad.
     commanded: Vec<f64>,
+    /// Goals of the object in the hand; `None` for a joint, and once the object is there.
+    carry: Option<Carry>,
 }
 
 impl Transfer {
@@ -104,10 +109,14 @@ impl Transfer {
             return Err(self.give_up());
         }
         self.tries += 1;
-        let state = step.state().unwrap_or_default();
-        let change = joint_changes(scene, step.object, state).into_iter().next();
-        let Some(change) = change else { return Err(self.give_up()) };
-        match self.start(scene, &change, arm, width) {
+        let started = match step.state() {
+            None => self.start_carry(scene, &step, arm, width),
+            Some(state) => match joint_changes(scene, step.object, state).first() {
+                Some(change) => self.start(scene, change, arm, width),
+                None => return Err(self.give_up()),
+            },
+        };
+        match started {
             Ok((actions, active)) => {
                 self.phase = Phase::Arriving(Box::new(active), 0, None);
                 Ok(ActionChunk { actions, finished: false })
@@ -135,8 +144,8 @@ impl Transfer {
             .skills
             .iter()
             .enumerate()
-            .filter(|(_, skill)| skill.verb == wanted && Some(skill.motion.joint) == kind)
-            .map(|(index, skill)| (index, (&skill.motion, skill.grip)))
+            .filter(|(_, skill)| skill.serves_joint(wanted, kind))
+            .filter_map(|(index, skill)| Some((index, (skill.motion.as_ref()?, skill.grip))))
             .unzip();
         if candidates.is_empty() {
             let evidence = format!("no skill to {} the {} of {name}", wanted.name(), model.links[change.link].name);
@@ -164,7 +173,7 @@ impl Transfer {
             let held_m = fit.open_width_m;
             return Ok((
                 actions,
-                Active { object: change.object, fit: fit.clone(), grip: skill.grip, held_m, commanded },
+                Active { object: change.object, fit: fit.clone(), grip: skill.grip, held_m, commanded, carry: None },
             ));
         }
         let evidence = format!("no free motion of the arm to any of {tried} skills that fit {name}");
@@ -172,7 +181,7 @@ impl Transfer {
     }
 
     /// Commands from the arm's configuration to the start of a skill's approach; `None` if the planner finds no way.
-    fn reach(&self, scene: &PosedScene, fit: &JointFit, arm: &[f64], width: f64) -> Option<Vec<Vec<f32>>> {
+    fn reach(&self, scene: &PosedScene, fit: &Fit, arm: &[f64], width: f64) -> Option<Vec<Vec<f32>>> {
         let start = fit.approach.first()?;
         if !self.settings.plans_approach {
             let (from, to) = (self.planner.tcp_pose(arm), self.planner.tcp_pose(start));
@@ -300,9 +309,10 @@ impl Transfer {
         active: Box<Active>,
         looks: usize,
         before: Option<Pose>,
-        arm: &[f64],
+        look: Look,
         scene: &PosedScene,
     ) -> ActionChunk {
+        let arm = look.arm;
         let is_late = looks >= self.settings.max_looks;
         let is_waiting = self.settings.waits_for_hand && !is_late && !self.has_arrived(&active, arm, before);
         // A hand that was blocked does not arrive, but comes to rest.
@@ -312,6 +322,10 @@ impl Transfer {
             let chunk = self.hold(&active);
             self.phase = Phase::Stopping(active, looks + 1, Some(self.planner.tcp_pose(arm)));
             return chunk;
+        }
+        let mut active = active;
+        if let Some(carry) = active.carry.take() {
+            return self.place(active, &carry, look, scene);
         }
         let actions = self.release(&active, arm, scene);
         self.phase = Phase::Free;
@@ -375,7 +389,8 @@ impl Policy for Transfer {
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
         self.seed = start.seed;
-        let served = |alternative: &Vec<Move>| alternative.iter().all(|step| step.state().is_some());
+        let carries = self.skills.iter().any(|skill| skill.carry.is_some());
+        let served = |alternative: &Vec<Move>| alternative.iter().all(|step| carries || step.state().is_some());
         let plan = moves(&self.stage.goal, self.stage.start()).into_iter().find(served);
         self.plan = plan.ok_or_else(|| PolicyError::Unsuited("no skill serves the kind of its goal".into()))?;
         (self.tries, self.phase, self.last_failure, self.used) = (0, Phase::Free, None, None);
@@ -402,7 +417,8 @@ impl Policy for Transfer {
             }
             Phase::Moving(active, commands, given) => self.moving(active, commands, given, Some(arm)),
             Phase::Stopping(active, looks, before) => {
-                self.stopping(active, looks, before, arm, &self.stage.posed(&truth.objects))
+                let look = Look { arm, width, grasped: truth.grasped };
+                self.stopping(active, looks, before, look, &self.stage.posed(&truth.objects))
             }
             Phase::Done => ActionChunk { actions: Vec::new(), finished: true },
         })
