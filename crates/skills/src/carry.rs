@@ -83,12 +83,7 @@ impl<'a> Carrying<'a> {
 
     /// Fits of skills (motion and grip) that pick the object up and can put it down at a goal, the best first; one per
     /// skill and way to hold the object.
-    pub fn fits(
-        &self,
-        skills: &[(&CarryMotion, Grip)],
-        goals: &[Pose],
-        reference: &[f64],
-    ) -> (Vec<CarryFit>, Misfits) {
+    pub fn fits(&self, skills: &[(&CarryMotion, Grip)], goals: &[Pose], reference: &[f64]) -> (Vec<CarryFit>, Misfits) {
         let (mut fits, mut misfits) = (Vec::new(), Misfits::default());
         for (index, (motion, grip)) in skills.iter().enumerate() {
             for turned in [false, true] {
@@ -136,7 +131,8 @@ impl<'a> Carrying<'a> {
         let mut with_object = self.others.clone();
         // The models' own pieces and finite poses are always accepted.
         let _ = with_object.add(self.object.id.as_str(), &self.pieces, &self.object.pose);
-        let around = |world, attached, gripper_width| PlanningScene { world, attached, allowed: &nothing, gripper_width };
+        let around =
+            |world, attached, gripper_width| PlanningScene { world, attached, allowed: &nothing, gripper_width };
         let before = planner.checker(&around(&with_object, None, open_width_m), settings.contact_m);
         let hand = planner.checker(&around(&self.others, None, held_m), settings.contact_m);
         let loaded = planner.checker(&around(&self.others, Some(&attached), held_m), settings.contact_m);
@@ -200,7 +196,8 @@ impl<'a> Carrying<'a> {
         let attached = self.attached(tcp_from_object)?;
         let mut with_object = self.others.clone();
         let _ = with_object.add(self.object.id.as_str(), &self.pieces, &(*goal * self.about_origin(&dropped)));
-        let around = |world, attached, gripper_width| PlanningScene { world, attached, allowed: &nothing, gripper_width };
+        let around =
+            |world, attached, gripper_width| PlanningScene { world, attached, allowed: &nothing, gripper_width };
         let hand = planner.checker(&around(&self.others, None, open_width_m), settings.contact_m);
         let loaded = planner.checker(&around(&self.others, Some(&attached), open_width_m), settings.contact_m);
         let after = planner.checker(&around(&with_object, None, open_width_m), settings.contact_m);
@@ -211,9 +208,10 @@ impl<'a> Carrying<'a> {
             let back = planner.follow(&config, lower.iter().rev().copied(), settings.max_arm_step_rad);
             let Some(mut states) = back else { continue };
             states.reverse();
-            let is_free = states.iter().enumerate().all(|(state, config)| {
-                if is_raised(state) { loaded.is_free(config) } else { hand.is_free(config) }
-            });
+            let is_free = states
+                .iter()
+                .enumerate()
+                .all(|(state, config)| if is_raised(state) { loaded.is_free(config) } else { hand.is_free(config) });
             if !is_free {
                 continue;
             }

@@ -345,8 +345,7 @@ impl Way<'_> {
             configs.filter(|config| (self.before)(config) && (self.held)(0, config)).take(settings.configurations)
         {
             let step_rad = settings.max_arm_step_rad;
-            let follow =
-                |poses: &mut dyn Iterator<Item = Pose>, from: &[f64]| planner.follow(from, poses, step_rad);
+            let follow = |poses: &mut dyn Iterator<Item = Pose>, from: &[f64]| planner.follow(from, poses, step_rad);
             let approach = follow(&mut self.poses.approach.iter().rev().copied(), &config);
             let along = follow(&mut self.poses.along.iter().copied(), &config);
             let (Some(mut approach), Some(along)) = (approach, along) else {

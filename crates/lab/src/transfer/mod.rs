@@ -318,9 +318,8 @@ impl Bench<'_> {
         if !self.case.under.is_empty() {
             let holds = |frame: &Frame| {
                 let scene = stage.posed(&frame.objects);
-                let is_met = |atoms: &Vec<Atom>| {
-                    atoms.iter().all(|atom| judge_atom(&scene, atom, &stage.relations).holds)
-                };
+                let is_met =
+                    |atoms: &Vec<Atom>| atoms.iter().all(|atom| judge_atom(&scene, atom, &stage.relations).holds);
                 stage.goal.alternatives.iter().any(is_met)
             };
             return episode.frames.iter().step_by(3).any(holds);

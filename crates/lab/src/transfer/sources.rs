@@ -97,7 +97,8 @@ fn take(
     if let Some(gentle_m) = squeeze_m(case.verb) {
         settings.input.squeeze_m = gentle_m;
     }
-    let script = waypoints(stage, case, grasps).ok_or_else(|| LabError::input(format!("{id}: nothing can be moved")))?;
+    let script =
+        waypoints(stage, case, grasps).ok_or_else(|| LabError::input(format!("{id}: nothing can be moved")))?;
     let period_s = 1.0 / stage.control_rate_hz();
     let operator = ScriptedOperator::new(kind, script, Habits::default(), settings.mapping.clone(), period_s);
     let mut policy = Teleoperation::new(settings, Box::new(operator), &stage.robot, &stage.scenario.world)

@@ -54,9 +54,8 @@ impl Transfer {
             return Err(Failure { cause: FailureCause::NoGoalPose, evidence });
         }
         let carrying = Carrying::new(scene, step.object, &self.planner, &self.settings.fit);
-        let (fits, misfits) = carrying.map_or_else(Default::default, |carrying| {
-            carrying.fits(&candidates, &goals, &self.stage.robot.home)
-        });
+        let (fits, misfits) = carrying
+            .map_or_else(Default::default, |carrying| carrying.fits(&candidates, &goals, &self.stage.robot.home));
         if fits.is_empty() {
             let evidence = format!(
                 "no skill fits {name} where it lies: {} grasps out of reach, {} blocked, {} arm postures could not \
