@@ -6,12 +6,16 @@
 //! with noise; the gripper follows by step number.
 
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{
     ActionChunk, ActionFrame, ActionSpace, ActionSpec, EpisodeStart, GripperEncoding, GripperSpec, Interpolation,
-    Observation, Policy, PolicyError, PolicySpec, Pose, Seed,
+    Observation, Policy, PolicyError, PolicySpec, Pose, PrivilegedState, Seed,
 };
+use genmanip_layout::obstacles;
+use genmanip_motion::{AllowedCollisions, Attached, Planner, PlanningScene};
+use genmanip_rollout::Stage;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -43,9 +47,46 @@ pub struct Source {
     pub mark: usize,
 }
 
+/// Planner of the bridges, as in SkillGen (Garrett et al., 2024): free motions between the segments.
+pub struct PlannedBridge {
+    /// Planner of the robot.
+    pub planner: Arc<Planner>,
+    /// Scene of the episode.
+    pub stage: Stage,
+}
+
+/// Share of the robot's velocity and acceleration limits in a planned bridge, as in transfers.
+const BRIDGE_SPEED: f64 = 0.9;
+
+impl PlannedBridge {
+    /// Tool poses at the controller's rate from an arm configuration to a pose; `None` if there is no free motion. An
+    /// object in the hand moves with it.
+    fn poses(&self, truth: &PrivilegedState, arm: &[f64], width_m: f64, to: &Pose, seed: Seed) -> Option<Vec<Pose>> {
+        let scene = self.stage.posed(&truth.objects);
+        let held = truth.grasped.filter(|object| self.stage.models[*object].joint_states.is_empty());
+        let tcp_from_world = self.planner.tcp_pose(arm).inverse();
+        let attached = held.and_then(|object| {
+            let posed = scene.objects().nth(object)?;
+            let pieces = posed.model.pieces(&posed.joint_positions);
+            Attached::new(posed.id.as_str(), &pieces, &(tcp_from_world * posed.pose)).ok()
+        });
+        let world = obstacles::around(&scene, held);
+        let allowed = AllowedCollisions::none();
+        let around =
+            PlanningScene { world: &world, attached: attached.as_ref(), allowed: &allowed, gripper_width: width_m };
+        let goals = self.planner.ik(to, arm);
+        let path = self.planner.plan_joint(&around, arm, &goals, seed).ok()?;
+        let every = (self.stage.control_rate_hz() / RATE_HZ).round().max(1.0) as usize;
+        let states = self.planner.time(&path, BRIDGE_SPEED).configs;
+        Some(states.iter().skip(every - 1).step_by(every).map(|arm| self.planner.tcp_pose(arm)).collect())
+    }
+}
+
 /// The published transfer as a policy. It reads object poses from the simulator, as the original does.
 pub struct MimicGen {
     sources: Vec<Source>,
+    /// Planner of the bridges; `None` for the published interpolated steps.
+    bridge: Option<PlannedBridge>,
     spec: PolicySpec,
     objects: [usize; 2],
     rng: ChaCha8Rng,
@@ -89,11 +130,18 @@ impl MimicGen {
             between: Interpolation::Linear,
         };
         let spec = PolicySpec { privileged: true, action, ..PolicySpec::native("mimicgen", RATE_HZ) };
-        Self { sources, spec, objects, rng: Seed::new(0).rng(), subtask: 0, left: Vec::new(), last: None }
+        Self { sources, bridge: None, spec, objects, rng: Seed::new(0).rng(), subtask: 0, left: Vec::new(), last: None }
+    }
+
+    /// The same with planned motions between the segments.
+    #[must_use]
+    pub fn with_planned_bridges(self, bridge: PlannedBridge) -> Self {
+        Self { bridge: Some(bridge), ..self }
     }
 
     /// Fills `left` with the next subtask's segment, from the source whose object pose is near that of now.
-    fn begin(&mut self, world_from_object: &Pose, tool: &Pose) {
+    fn begin(&mut self, truth: &PrivilegedState, state: &[f64], tool: &Pose) {
+        let world_from_object = &truth.objects[self.objects[self.subtask]].pose;
         let subtask = self.subtask;
         self.subtask += 1;
         let marks: Vec<usize> = self
@@ -117,8 +165,13 @@ impl MimicGen {
             (from..to).map(|step| (moved * source.targets[step], source.widths_m[step], true)).collect();
         let Some((first, width_m, _)) = segment.first().copied() else { return };
         let last = self.last.unwrap_or(*tool);
-        let bridge = (1..=BRIDGE).map(|step| (last.interpolate(&first, step as f64 / BRIDGE as f64), width_m, false));
-        let mut left: Vec<_> = bridge.chain(segment).collect();
+        let planned = self.bridge.as_ref().and_then(|bridge| {
+            let (arm, width) = state.split_at(bridge.stage.robot.arm_dof().min(state.len()));
+            bridge.poses(truth, arm, width.iter().sum(), &first, Seed::new(subtask as u64))
+        });
+        let steps = || (1..=BRIDGE).map(|step| last.interpolate(&first, step as f64 / BRIDGE as f64)).collect();
+        let bridge: Vec<Pose> = planned.unwrap_or_else(steps);
+        let mut left: Vec<_> = bridge.into_iter().map(|pose| (pose, width_m, false)).chain(segment).collect();
         self.last = left.last().map(|(pose, ..)| *pose);
         left.reverse();
         self.left = left;
@@ -164,8 +217,8 @@ impl Policy for MimicGen {
         let tool = Pose::from_wxyz_array([x, y, z], [qw, qx, qy, qz]);
         if self.left.is_empty() && self.subtask < 2 {
             let truth = observation.privileged.as_ref().ok_or_else(|| unsuited("simulator truth"))?;
-            let object = self.objects[self.subtask];
-            self.begin(&truth.objects[object].pose.clone(), &tool);
+            let state = observation.state.get(Observation::STATE).cloned().unwrap_or_default();
+            self.begin(truth, &state, &tool);
         }
         let Some((target, width_m, is_noisy)) = self.left.pop() else {
             return Ok(ActionChunk { actions: Vec::new(), finished: true });

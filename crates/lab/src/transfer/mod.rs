@@ -25,7 +25,7 @@ use genmanip_skills::{Skill, Transfer, TransferSettings, Verb};
 use genmanip_workspace::{Progress, text_table, worlds};
 use serde::Serialize;
 
-use self::mimicgen::{MimicGen, Source};
+use self::mimicgen::{MimicGen, PlannedBridge, Source};
 use self::resets::{CASES, RANGES, ResetRange, SkillCase, base, reset};
 use self::sources::{Demonstration, Takes, demonstrations};
 use crate::LabError;
@@ -104,6 +104,8 @@ pub struct Details {
     pub failures: BTreeMap<String, usize>,
     /// Episodes of MimicGen whose goal holds after settling, and those whose goal held at any step.
     pub mimicgen_settled_and_any_step: [usize; 2],
+    /// The same of MimicGen with planned motions between its segments, as SkillGen; zeros unless ablations are asked for.
+    pub skillgen_settled_and_any_step: [usize; 2],
     /// Scenes in which the transfer succeeded and MimicGen by its own criterion did not, and the reverse.
     pub transfer_only_and_mimicgen_only: [usize; 2],
     /// Scenes in which the transfer succeeded and the analytic skill did not, and the reverse.
@@ -218,6 +220,14 @@ impl Bench<'_> {
             }
             if self.arguments.ablate {
                 self.ablate(&stage, &found, &episode, own_seed, &mut ablated)?;
+            }
+            if self.arguments.ablate {
+                let bridge = PlannedBridge { planner: Arc::clone(self.resources.planner), stage: stage.clone() };
+                let mut planned = MimicGen::new(sources.clone(), self.objects()).with_planned_bridges(bridge);
+                let planned = self.run(&stage, &mut planned, &format!("{id}-skillgen"), own_seed)?;
+                let any_step = self.held_at_any_step(&stage, &planned);
+                detail.skillgen_settled_and_any_step[0] += usize::from(planned.result.success);
+                detail.skillgen_settled_and_any_step[1] += usize::from(any_step);
             }
             let mut published = MimicGen::new(sources.clone(), self.objects());
             let published = self.run(&stage, &mut published, &format!("{id}-mimicgen"), own_seed)?;
