@@ -166,44 +166,6 @@ named_enum! {
     }
 }
 
-named_enum! {
-    /// Who gave the commands of an episode; data sets are selected by it.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-    #[serde(rename_all = "snake_case")]
-    pub enum Provenance {
-        /// The expert alone.
-        Expert = "expert",
-        /// A person at a device.
-        Teleop = "teleop",
-        /// A scripted operator at a virtual device.
-        ScriptedTeleop = "scripted_teleop",
-        /// A skill that was cut from another episode.
-        Transfer = "transfer",
-        /// A policy or the expert, and a person or the expert that took over from it.
-        Correction = "correction",
-        /// Any other policy.
-        Policy = "policy",
-    }
-}
-
-impl EpisodeResult {
-    /// Who gave the commands.
-    pub fn provenance(&self) -> Provenance {
-        match self.source {
-            Some(EpisodeSource::Teleop) => Provenance::Teleop,
-            Some(EpisodeSource::ScriptedTeleop) => Provenance::ScriptedTeleop,
-            Some(EpisodeSource::Transfer) => Provenance::Transfer,
-            Some(EpisodeSource::Correction) => Provenance::Correction,
-            None if self.correction.is_some() => Provenance::Correction,
-            None if self.policy == EXPERT => Provenance::Expert,
-            None => Provenance::Policy,
-        }
-    }
-}
-
-/// Name of the expert in results.
-pub const EXPERT: &str = "expert";
-
 impl ExpertStyle {
     /// True for the default, which files omit.
     pub fn is_default(&self) -> bool {

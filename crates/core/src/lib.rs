@@ -69,7 +69,7 @@ pub use document::{Document, LongDocument, Upgrade, long_from_json, long_from_re
 pub use document_error::DocumentError;
 pub use episode::{
     AttemptOutcome, CloudVerdict, Correction, Ending, Episode, EpisodeResult, EpisodeSource, ExpertStyle, Frame,
-    GripperPhase, NotRun, ObjectState, Provenance, StrayContact,
+    GripperPhase, NotRun, ObjectState, StrayContact,
 };
 pub use failure::{AgentFailure, AgentStage, FailedStage, Failure, FailureCause, FailureClass, StageCause};
 pub use geometry::{Aabb, OrientedBox, Piece, Shape};

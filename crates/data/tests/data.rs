@@ -12,15 +12,14 @@ use std::process::Command;
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{
-    ActionSpace, Document, EpisodeSource, Failure, FailureCause, InstanceId, PlacedObject, Pose, Provenance,
-    RotationEncoding,
+    ActionSpace, Document, EpisodeSource, Failure, FailureCause, InstanceId, PlacedObject, Pose, RotationEncoding,
 };
 use genmanip_data::export::ExtraColumns;
 use genmanip_data::export::choice::{self, ACTIONS, ROTATIONS};
 use genmanip_data::lerobot::{self, LerobotDataset};
 use genmanip_data::{
-    Attachment, DataError, EpisodeStore, ExportReport, ExportSettings, LerobotSettings, Selection, genmanip_format,
-    hdf5, zarr,
+    Attachment, DataError, EpisodeStore, ExportReport, ExportSettings, LerobotSettings, Provenance, Selection,
+    genmanip_format, hdf5, zarr,
 };
 use serde_json::{Value, json};
 use synthetic::{attach_images, episode, image, result, robot, scenario, tree};
@@ -87,7 +86,7 @@ fn episodes_are_selected_by_who_gave_their_commands() {
     for (number, (policy, source, provenance)) in made.into_iter().enumerate() {
         let mut episode = episode(number, 9, number != 5);
         (episode.result.policy, episode.result.source) = (policy.into(), source);
-        assert_eq!(episode.result.provenance(), provenance, "{number}");
+        assert_eq!(Provenance::of(&episode.result), provenance, "{number}");
         store.write(&episode, &[]).unwrap();
     }
     for (sources, failed, expected) in [

@@ -197,9 +197,7 @@ impl GoalSearch<'_> {
             after.set_pose(step.object, at(center, outer.max.z + LOWERING_HEIGHT_M), &object.joint_positions);
             return lower_onto(after, step.object, carrier, RELEASE_GAP_M, self.relations);
         }
-        // Goals on the table lie in its usable part.
-        let is_table = base.is_none_or(|base| self.scene.surface_at(base) == Some(0));
-        let area = surface.filter(|_| !is_table).map_or(*self.workspace, |surface| surface.area(EDGE_M));
+        let area = surface.map_or(*self.workspace, |surface| surface.area(EDGE_M));
         let mut low = DVec2::new(area.x[0], area.y[0]) + half;
         let mut high = DVec2::new(area.x[1], area.y[1]) - half;
         for atom in &step.atoms {

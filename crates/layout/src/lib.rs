@@ -288,7 +288,7 @@ fn reach_m(world: &World, robot: &RobotModel) -> [f64; 2] {
 
 /// Checks that the world has every surface of the task and that no object id equals a surface id.
 fn check_surfaces(task: &Task, world: &World) -> Result<(), LayoutError> {
-    if let Some(missing) = task.surfaces.iter().find(|named| world.surface(&named.id).is_none()) {
+    if let Some(missing) = task.surfaces.iter().find(|named| world.further_surface(&named.id).is_none()) {
         let known = world.named_surfaces().into_iter().map(|surface| surface.id).collect();
         return Err(LayoutError::UnknownSurface { id: missing.id.clone(), known });
     }

@@ -7,12 +7,12 @@ use genmanip_workspace::worlds;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use genmanip_core::{Episode, Provenance, RobotModel, named_enum};
+use genmanip_core::{Episode, RobotModel, named_enum};
 use genmanip_data::export::ExtraColumns;
 use genmanip_data::export::choice::{COLUMNS, action_name};
 use genmanip_data::lerobot::{self, LerobotSettings};
 use genmanip_data::{
-    DataError, EpisodeStore, ExportReport, ExportSettings, Selection, genmanip_format, hdf5, mcap, zarr,
+    DataError, EpisodeStore, ExportReport, ExportSettings, Provenance, Selection, genmanip_format, hdf5, mcap, zarr,
 };
 use genmanip_rollout::collect::in_parallel;
 use genmanip_rollout::images::{self, ImageSettings};

@@ -1,6 +1,6 @@
 //! Description of a learned policy, the file `policy.json` beside its weights.
 
-use genmanip_core::{ActionContract, Document, DocumentError, Provenance, Seed, named_enum};
+use genmanip_core::{ActionContract, Document, DocumentError, Seed, named_enum};
 use serde::{Deserialize, Serialize};
 
 use crate::Scale;
@@ -265,9 +265,9 @@ impl Default for TrainingSettings {
 pub struct TrainingFacts {
     /// Hash of the collection run that made the demonstrations.
     pub run: String,
-    /// Only demonstrations whose commands came from one of these; empty for all.
+    /// Names of the sources whose demonstrations alone were used; empty for all.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub sources: Vec<Provenance>,
+    pub sources: Vec<String>,
     /// Number of demonstrations trained on.
     pub demonstrations: usize,
     /// Number of rows (control steps) of all demonstrations.

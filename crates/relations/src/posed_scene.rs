@@ -80,8 +80,7 @@ impl PosedScene {
         let of_object =
             |object: &PosedObject| Body::new(shapes.get(&object.model), object.pose, object.joint_positions.clone());
         let mut bodies: Vec<Body> = objects.iter().map(of_object).collect();
-        // The table comes last, so that no index depends on it.
-        bodies.extend(surfaces.iter().skip(1).chain(surfaces.first()).map(|surface| {
+        bodies.extend(surfaces.iter().skip(1).map(|surface| {
             // Not cached: another world may have another surface with the same id.
             Body::new(Arc::new(shapes.of_surface(surface)), surface.world_from_surface(), Vec::new())
         }));
@@ -100,8 +99,9 @@ impl PosedScene {
 
     /// The position among [`PosedScene::surfaces`] of the surface with a body index; `None` for an object.
     pub fn surface_at(&self, index: usize) -> Option<usize> {
+        // The table has no body index.
         let count = self.objects.len();
-        (count..self.bodies.len()).contains(&index).then(|| (index - count + 1) % self.surfaces.len())
+        (count..self.bodies.len()).contains(&index).then(|| index - count + 1)
     }
 
     /// True if an object penetrates a support surface or one of its boards, or is closer to its side than a margin,
@@ -120,10 +120,9 @@ impl PosedScene {
         })
     }
 
-    /// Index of an object or of a support surface; `None` for an unknown id.
+    /// Index of an object, or of a support surface other than the table; `None` for an unknown id.
     pub fn index_of(&self, id: &ReferenceId) -> Option<usize> {
-        let surface =
-            || self.surfaces.iter().skip(1).chain(self.surfaces.first()).position(|surface| surface.id == *id);
+        let surface = || self.surfaces.iter().skip(1).position(|surface| surface.id == *id);
         let object = self.objects.iter().position(|object| object.id == *id);
         object.or_else(|| Some(self.objects.len() + surface()?))
     }

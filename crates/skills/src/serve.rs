@@ -64,7 +64,7 @@ pub fn serves_task(skill: &Skill, task: &Task, model: &dyn Fn(usize) -> Option<A
     let graph = &task.scene_graph;
     task.goal.alternatives.iter().flatten().any(|atom| {
         let (object, wanted) = match atom {
-            Atom::State { object, state } => (object, Some(state.as_str())),
+            Atom::State { object, state } => (&**object, Some(state.as_str())),
             Atom::Relation { relation, reference, .. } if relation.is_inside() => (reference, None),
             Atom::Relation { .. } => return false,
         };
@@ -73,7 +73,7 @@ pub fn serves_task(skill: &Skill, task: &Task, model: &dyn Fn(usize) -> Option<A
         };
         let states = || model.joint_states.iter().map(|state| state.name.as_str());
         let fits = |name: &str, given: Option<&str>| given.is_none_or(|given| given == name);
-        let begins = states().filter(|name| fits(name, graph.nodes[index].state.as_deref()));
-        begins.into_iter().any(|from| states().any(|to| fits(to, wanted) && serves(skill, &model, from, to)))
+        let mut begins = states().filter(|name| fits(name, graph.nodes[index].state.as_deref()));
+        begins.any(|from| states().any(|to| fits(to, wanted) && serves(skill, &model, from, to)))
     })
 }

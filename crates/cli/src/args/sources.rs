@@ -1,7 +1,7 @@
 //! Selection of episodes by who gave their commands: shared by `export`, `data filter` and `train`.
 
 use clap::Args;
-use genmanip_core::Provenance;
+use genmanip_data::Provenance;
 use genmanip_terminal::parse;
 
 /// Selection of episodes by who gave their commands.

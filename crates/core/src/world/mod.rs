@@ -105,7 +105,7 @@ impl World {
         self.surfaces.iter().position(|surface| surface.id == *id).filter(|&index| index > 0)
     }
 
-    /// The support surfaces that scene graphs may refer to: all but the table.
+    /// The support surfaces that tasks may refer to: all but the table.
     pub fn named_surfaces(&self) -> Vec<NamedSurface> {
         let named = |surface: &SupportSurface| NamedSurface { id: surface.id.clone(), name: surface.name.clone() };
         self.surfaces.iter().skip(1).map(named).collect()

@@ -14,13 +14,13 @@ use std::path::{Path, PathBuf};
 
 use genmanip_core::{
     ActionContract, ActionSpace, ActionSpec, Episode, EpisodeResult, ExpertStyle, GripperEncoding, Interpolation,
-    Provenance, RobotModel,
+    RobotModel,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::atomic_write::{self, AtomicFolder};
 use crate::masks::MaskTrack;
-use crate::{CameraTrack, DataError, EpisodeStore};
+use crate::{CameraTrack, DataError, EpisodeStore, Provenance};
 
 /// Contents of the rows of a data set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -184,7 +184,7 @@ impl Selection {
             Self::From { sources, failed } => (!failed, sources.as_slice()),
         };
         let is_wanted = |result: &EpisodeResult| {
-            (result.success || !only_verified) && (sources.is_empty() || sources.contains(&result.provenance()))
+            (result.success || !only_verified) && (sources.is_empty() || sources.contains(&Provenance::of(result)))
         };
         let mut selected = Vec::new();
         for id in store.ids()? {

@@ -1,7 +1,8 @@
 //! Comparison: transfer as published in MimicGen (Mandlekar et al., 2023), written from the description of its method.
 //!
 //! Its subtasks end at marks that are set once per source; each attempt moves a mark by a random number of steps. The
-//! source of a subtask is drawn from the three whose object pose is nearest. The segment's target poses are moved with
+//! source is drawn once per episode from the three whose object pose is nearest, so that the hand does not change its grip
+//! between two of them. A segment's target poses are moved with
 //! the body of the object, reached in five interpolated steps from the last target, and executed as normalised deltas
 //! with noise; the gripper follows by step number.
 
@@ -92,6 +93,8 @@ pub struct MimicGen {
     rng: ChaCha8Rng,
     /// Subtask that is executed; 2 after the last one.
     subtask: usize,
+    /// Source of this episode; `None` before the first subtask.
+    chosen: Option<usize>,
     /// Targets of the segment still to be executed, in reverse order: pose, opening, true if noise is added.
     left: Vec<(Pose, f64, bool)>,
     last: Option<Pose>,
@@ -130,7 +133,17 @@ impl MimicGen {
             between: Interpolation::Linear,
         };
         let spec = PolicySpec { privileged: true, action, ..PolicySpec::native("mimicgen", RATE_HZ) };
-        Self { sources, bridge: None, spec, objects, rng: Seed::new(0).rng(), subtask: 0, left: Vec::new(), last: None }
+        Self {
+            sources,
+            bridge: None,
+            spec,
+            objects,
+            rng: Seed::new(0).rng(),
+            subtask: 0,
+            chosen: None,
+            left: Vec::new(),
+            last: None,
+        }
     }
 
     /// The same with planned motions between the segments.
@@ -157,7 +170,8 @@ impl MimicGen {
         };
         let mut order: Vec<usize> = (0..self.sources.len()).collect();
         order.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)));
-        let chosen = order[self.rng.random_range(0..order.len().min(NEAREST))];
+        let drawn = order[self.rng.random_range(0..order.len().min(NEAREST))];
+        let chosen = *self.chosen.get_or_insert(drawn);
         let source = &self.sources[chosen];
         let (from, to) = (start(chosen), if subtask == 0 { marks[chosen] } else { source.targets.len() });
         let moved = *world_from_object * source.objects[subtask][from].inverse();
@@ -205,7 +219,7 @@ impl Policy for MimicGen {
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
         self.rng = start.seed.fork("mimicgen").rng();
-        (self.subtask, self.last) = (0, None);
+        (self.subtask, self.last, self.chosen) = (0, None, None);
         self.left.clear();
         Ok(())
     }

@@ -104,7 +104,9 @@ pub struct Details {
     pub failures: BTreeMap<String, usize>,
     /// Episodes of MimicGen whose goal holds after settling, and those whose goal held at any step.
     pub mimicgen_settled_and_any_step: [usize; 2],
-    /// The same of MimicGen with planned motions between its segments, as SkillGen; zeros unless ablations are asked for.
+    /// Reasons why the goal of MimicGen's episodes does not hold after settling, with their number.
+    pub mimicgen_failures: BTreeMap<String, usize>,
+    /// Episodes of MimicGen with planned motions between its segments, as SkillGen, counted in the same way; zeros unless ablations are asked for.
     pub skillgen_settled_and_any_step: [usize; 2],
     /// Scenes in which the transfer succeeded and MimicGen by its own criterion did not, and the reverse.
     pub transfer_only_and_mimicgen_only: [usize; 2],
@@ -232,6 +234,9 @@ impl Bench<'_> {
             let mut published = MimicGen::new(sources.clone(), self.objects());
             let published = self.run(&stage, &mut published, &format!("{id}-mimicgen"), own_seed)?;
             let any_step = self.held_at_any_step(&stage, &published);
+            if let Some(failure) = published.result.failure() {
+                *detail.mimicgen_failures.entry(format!("{id}: {}", failure.evidence)).or_default() += 1;
+            }
             detail.mimicgen_settled_and_any_step[0] += usize::from(published.result.success);
             detail.mimicgen_settled_and_any_step[1] += usize::from(any_step);
             tally(&mut detail.transfer_only_and_mimicgen_only, is_kept, any_step);

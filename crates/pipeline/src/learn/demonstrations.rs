@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_assets::{AssetSource, Catalogue};
 use genmanip_core::glam::DVec3;
-use genmanip_core::{ActionContract, Camera, Episode, Frame, Projection, Provenance, RobotModel};
+use genmanip_core::{ActionContract, Camera, Episode, Frame, Projection, RobotModel};
 use genmanip_data::export::features::{Feature, Values};
 use genmanip_data::export::{Source, rows, sampling};
-use genmanip_data::{DataError, Selection};
+use genmanip_data::{DataError, Provenance, Selection};
 use genmanip_policy::{Demonstration, Demonstrations, Inputs, instruction_words, normalised_pixel};
 use genmanip_rollout::collect::in_parallel;
 use genmanip_workspace::{Progress, WorkspaceError, worlds};

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use genmanip_benchmark::statistics::Rate;
-use genmanip_core::{Provenance, Seed};
+use genmanip_core::Seed;
+use genmanip_data::Provenance;
 use genmanip_policy::Preset;
 use serde::{Deserialize, Serialize};
 

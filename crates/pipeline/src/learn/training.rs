@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use genmanip_core::{Document, Provenance, Seed};
+use genmanip_core::{Document, Seed};
 use genmanip_data::files;
 use genmanip_policy::{
     Checkpoint, ModelSettings, Network, PolicyDescription, Precision, Preset, TrainError, Trainer, TrainingFacts,
@@ -51,7 +51,7 @@ struct Identity {
     preset: Preset,
     run: String,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    sources: Vec<Provenance>,
+    sources: Vec<String>,
     demonstrations: usize,
     rows: usize,
     seed: Seed,
@@ -82,7 +82,7 @@ pub fn train(
     let identity = Identity {
         preset: options.preset,
         run: read.run.clone(),
-        sources: sources.clone(),
+        sources: sources.iter().map(|source| source.name().to_owned()).collect(),
         demonstrations: arrays.episodes.len(),
         rows: arrays.total_rows(),
         seed: options.seed,
