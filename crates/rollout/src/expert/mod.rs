@@ -6,15 +6,16 @@
 //! the expert gives up with the cause and its evidence.
 
 mod joint;
+mod move_skills;
 mod pick;
 mod place;
 mod seen;
 mod settings;
 mod skills;
 
+pub use move_skills::MoveSkills;
 pub use seen::{GraspProposer, ObservedObject};
 pub use settings::ExpertSettings;
-pub use skills::MoveSkills;
 
 use std::sync::Arc;
 

@@ -1,27 +1,13 @@
-//! Skills that carry out moves in place of the expert's own motions.
+//! The expert's use of skills.
 
 use std::sync::Arc;
 
 use genmanip_core::{ActionChunk, Observation, Policy, PolicyError, Seed};
 use genmanip_layout::Move;
-use genmanip_motion::Planner;
 use genmanip_relations::PosedScene;
 
+use super::move_skills::MoveSkills;
 use super::{Expert, Phase};
-use crate::Stage;
-
-/// Skills that the expert uses for the moves that they serve.
-pub trait MoveSkills: Send + Sync {
-    /// Policy that carries out a move, already reset; `None` if no skill serves the move, which is then the expert's.
-    fn policy(
-        &self,
-        stage: &Stage,
-        planner: &Arc<Planner>,
-        scene: &PosedScene,
-        step: &Move,
-        seed: Seed,
-    ) -> Option<Box<dyn Policy>>;
-}
 
 impl Expert {
     /// Lets skills carry out the moves that they serve, instead of the expert's own motions.

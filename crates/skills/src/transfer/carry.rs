@@ -6,31 +6,10 @@ use genmanip_layout::{GoalOrder, GoalPoseSettings, GoalSearch, Move};
 use genmanip_motion::{AllowedCollisions, PlanningScene, commands};
 use genmanip_relations::PosedScene;
 
-use super::{Active, Phase, Transfer};
+use super::Transfer;
+use super::active::{Active, Carry, Look, Phase};
 use crate::carry::{Carrying, Lowering};
 use crate::skill::{CarryMotion, Grip};
-
-/// An object in the hand, and where it can be put down.
-#[derive(Clone)]
-pub(super) struct Carry {
-    /// Index of the skill.
-    skill: usize,
-    /// True if the fingers are exchanged.
-    turned: bool,
-    /// Goal poses, `world_from_object`, the best first.
-    goals: Vec<Pose>,
-}
-
-/// State of the robot and of what it holds at a look.
-#[derive(Clone, Copy)]
-pub(super) struct Look<'a> {
-    /// Arm configuration, rad.
-    pub arm: &'a [f64],
-    /// Opening of the gripper, m.
-    pub width: f64,
-    /// Object that both fingers press on.
-    pub grasped: Option<usize>,
-}
 
 impl Transfer {
     /// Commands to the grasp of the best skill that fits the object and can be approached.

@@ -1,6 +1,7 @@
 //! The policy that transfers skills: the planner brings the hand to the start of the skill that fits best, the hand
 //! follows it, and the gripper acts only once the hand has arrived.
 
+mod active;
 mod carry;
 
 use std::sync::Arc;
@@ -16,7 +17,7 @@ use genmanip_motion::{AllowedCollisions, Path, Planner, PlanningScene, commands}
 use genmanip_relations::{PosedScene, judge_atom};
 use genmanip_rollout::Stage;
 
-use self::carry::{Carry, Look};
+use self::active::{Active, Look, Phase};
 use crate::TransferSettings;
 use crate::fit::{Fit, fit_joint};
 use crate::handle::verb;
@@ -37,36 +38,6 @@ pub struct Transfer {
     last_failure: Option<Failure>,
     /// Name of the skill in use.
     used: Option<String>,
-}
-
-/// Stage of a transfer.
-enum Phase {
-    /// Looks for the next move.
-    Free,
-    /// Waits until the hand has arrived at the contact: looks so far, and the hand's pose at the last one.
-    Arriving(Box<Active>, usize, Option<Pose>),
-    /// Closes the gripper: control steps so far, and for how many of them it has pressed.
-    Closing(Box<Active>, usize, usize),
-    /// Moves the joint: commands, and how many have been given.
-    Moving(Box<Active>, Vec<Vec<f32>>, usize),
-    /// Waits until the hand is at rest before it lets go, as in `Arriving`.
-    Stopping(Box<Active>, usize, Option<Pose>),
-    /// Has returned its last commands.
-    Done,
-}
-
-/// The skill in use.
-#[derive(Clone)]
-struct Active {
-    object: usize,
-    fit: Fit,
-    grip: Grip,
-    /// Opening commanded while holding, m.
-    held_m: f64,
-    /// Arm configuration that was commanded last, rad.
-    commanded: Vec<f64>,
-    /// Goals of the object in the hand; `None` for a joint, and once the object is there.
-    carry: Option<Carry>,
 }
 
 impl Transfer {
