@@ -149,7 +149,7 @@ pub fn export(
     let rows =
         ExportSettings { fps: rate, action: choice::action(space, turned), cameras, depth, ..Default::default() };
     let workers = workers::workers(workers);
-    let options = ExportOptions { format: named, rows, keep_failed, out, workers };
+    let options = ExportOptions { format: named, rows, keep_failed, sources: Vec::new(), out, workers };
     let progress = Reporter::new(progress);
     let exported = interruptible(py, |stop| genmanip_pipeline::export::export(&run, &options, &progress, stop))?;
     json(&exported)
@@ -187,8 +187,16 @@ pub fn train(
         }
     };
     let preset = named.ok_or_else(unknown)?;
-    let options =
-        TrainOptions { run, preset, length, seed: Seed::new(seed), labels, out, threads: workers::workers(workers) };
+    let options = TrainOptions {
+        run,
+        sources: Vec::new(),
+        preset,
+        length,
+        seed: Seed::new(seed),
+        labels,
+        out,
+        threads: workers::workers(workers),
+    };
     let progress = Reporter::new(progress);
     json(&interruptible(py, |stop| learn::train(&options, &progress, stop))?)
 }

@@ -51,6 +51,7 @@ mod review;
 mod robot;
 mod serve;
 mod skills;
+mod sources;
 mod split;
 mod studio;
 mod suite;

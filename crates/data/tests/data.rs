@@ -11,13 +11,15 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{ActionSpace, Document, Failure, FailureCause, InstanceId, PlacedObject, Pose, RotationEncoding};
+use genmanip_core::{
+    ActionSpace, Document, EpisodeSource, Failure, FailureCause, InstanceId, PlacedObject, Pose, RotationEncoding,
+};
 use genmanip_data::export::ExtraColumns;
 use genmanip_data::export::choice::{self, ACTIONS, ROTATIONS};
 use genmanip_data::lerobot::{self, LerobotDataset};
 use genmanip_data::{
-    Attachment, DataError, EpisodeStore, ExportReport, ExportSettings, LerobotSettings, Selection, genmanip_format,
-    hdf5, zarr,
+    Attachment, DataError, EpisodeStore, ExportReport, ExportSettings, LerobotSettings, Provenance, Selection,
+    genmanip_format, hdf5, zarr,
 };
 use serde_json::{Value, json};
 use synthetic::{attach_images, episode, image, result, robot, scenario, tree};
@@ -65,6 +67,40 @@ fn store_keeps_every_bit() {
 
     let again = filled_store(&folder.path().join("again"));
     assert_eq!(tree(store.root()), tree(again.root()), "equal episodes, equal bytes");
+}
+
+#[test]
+fn episodes_are_selected_by_who_gave_their_commands() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = EpisodeStore::create(folder.path().join("store")).unwrap();
+    let made = [
+        // The second synthetic episode holds a correction by the expert.
+        ("expert", None, Provenance::Expert),
+        ("expert", None, Provenance::Correction),
+        ("learned_act", None, Provenance::Policy),
+        ("teleop", Some(EpisodeSource::Teleop), Provenance::Teleop),
+        ("teleop", Some(EpisodeSource::ScriptedTeleop), Provenance::ScriptedTeleop),
+        ("expert", Some(EpisodeSource::Transfer), Provenance::Transfer),
+        ("teleop", Some(EpisodeSource::Correction), Provenance::Correction),
+    ];
+    for (number, (policy, source, provenance)) in made.into_iter().enumerate() {
+        let mut episode = episode(number, 9, number != 5);
+        (episode.result.policy, episode.result.source) = (policy.into(), source);
+        assert_eq!(Provenance::of(&episode.result), provenance, "{number}");
+        store.write(&episode, &[]).unwrap();
+    }
+    for (sources, failed, expected) in [
+        (&[][..], false, &[0, 1, 2, 3, 4, 6][..]),
+        (&[], true, &[0, 1, 2, 3, 4, 5, 6]),
+        (&[Provenance::Expert], true, &[0]),
+        (&[Provenance::Transfer], false, &[]),
+        (&[Provenance::Transfer, Provenance::Correction], true, &[1, 5, 6]),
+        (&[Provenance::Teleop, Provenance::Policy], false, &[2, 3]),
+    ] {
+        let ids = Selection::of(sources, failed).ids(&store).unwrap();
+        let expected: Vec<String> = expected.iter().map(|number| format!("scenario-{number}-a0")).collect();
+        assert_eq!(ids, expected, "{sources:?}");
+    }
 }
 
 #[test]

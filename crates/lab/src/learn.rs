@@ -106,6 +106,7 @@ pub fn measure(
     let stopped = || LabError::input("the measurement was stopped");
     let replay_success = checked.ok_or_else(stopped)?.replay_success.value;
     let training = |out: &str, length| TrainOptions {
+        sources: Vec::new(),
         run: run.clone(),
         preset,
         length,

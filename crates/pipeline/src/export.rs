@@ -12,7 +12,7 @@ use genmanip_data::export::ExtraColumns;
 use genmanip_data::export::choice::{COLUMNS, action_name};
 use genmanip_data::lerobot::{self, LerobotSettings};
 use genmanip_data::{
-    DataError, EpisodeStore, ExportReport, ExportSettings, Selection, genmanip_format, hdf5, mcap, zarr,
+    DataError, EpisodeStore, ExportReport, ExportSettings, Provenance, Selection, genmanip_format, hdf5, mcap, zarr,
 };
 use genmanip_rollout::collect::in_parallel;
 use genmanip_rollout::images::{self, ImageSettings};
@@ -85,6 +85,8 @@ pub struct ExportOptions {
     pub rows: ExportSettings,
     /// True to export failed attempts as well, labelled as failed.
     pub keep_failed: bool,
+    /// Only episodes whose commands came from one of these; empty for all.
+    pub sources: Vec<Provenance>,
     /// Folder of the dataset; `None` for a folder in `exports/` of the run.
     pub out: Option<PathBuf>,
     /// Number of rendering threads.
@@ -114,7 +116,8 @@ pub fn export(
     let settings = LerobotSettings { export: rows, run: Some(hash.clone()), ..LerobotSettings::default() };
     let rows = &settings.export;
     let format = options.format.name();
-    let name = format!("{format}-{}-{}hz{}", action_name(&rows.action), rows.fps, cameras_name(&rows.cameras));
+    let from = sources_name(&options.sources);
+    let name = format!("{format}-{}-{}hz{}{from}", action_name(&rows.action), rows.fps, cameras_name(&rows.cameras));
     let target = options.out.clone().unwrap_or_else(|| folder.join("exports").join(name));
     for target in [lerobot::depth_path(&target), target.clone()] {
         lerobot::check_owner(&target, Some(&hash)).map_err(|error| {
@@ -122,11 +125,14 @@ pub fn export(
             WorkspaceError::input("the data set has no place").because(error).with_hint(hint)
         })?;
     }
-    let selection = if options.keep_failed { Selection::Recorded } else { Selection::Verified };
+    let selection = Selection::of(&options.sources, options.keep_failed);
     let ids = selection.ids(&store).map_err(|error| WorkspaceError::broken("cannot read the episodes", error))?;
     if ids.is_empty() {
-        return Err(WorkspaceError::input(format!("{} has no episode to export", path.display()))
-            .with_hint("collect some first; failed ones are exported with --keep-failed"));
+        let what = format!("{} has no episode to export{}", path.display(), only_from(&options.sources));
+        return Err(WorkspaceError::input(what).with_hint(match options.sources.is_empty() {
+            true => "collect some first; failed ones are exported with --keep-failed",
+            false => "leave --source away to export all; failed episodes are exported with --keep-failed",
+        }));
     }
     let pictures = ImageSettings {
         cameras: rows.cameras.clone(),
@@ -146,6 +152,18 @@ pub fn export(
         progress.note(&format!("episode {id} is damaged and left out: {why}"));
     }
     Ok(Some(exported))
+}
+
+/// Suffix for the name of an export: empty for all sources.
+fn sources_name(sources: &[Provenance]) -> String {
+    let names: Vec<&str> = sources.iter().map(|source| source.name()).collect();
+    if names.is_empty() { String::new() } else { format!("-{}", names.join("+")) }
+}
+
+/// Words that name the sources that episodes are selected by; empty for all.
+pub(crate) fn only_from(sources: &[Provenance]) -> String {
+    let names: Vec<&str> = sources.iter().map(|source| source.name()).collect();
+    if names.is_empty() { String::new() } else { format!(" from {}", names.join(" or ")) }
 }
 
 /// Suffix for the name of an export: empty for the default cameras, so that exports with other cameras do not replace

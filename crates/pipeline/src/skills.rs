@@ -1,20 +1,23 @@
 //! Skills from recorded episodes, and runs of episodes to which skills were transferred.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use genmanip_assets::search::Filter;
 use genmanip_assets::{AssetSource, Catalogue};
-use genmanip_core::{Document, EpisodeResult, EpisodeSource, ObjectCard, Seed, Task};
+use genmanip_core::{Document, EpisodeResult, EpisodeSource, JointKind, ObjectCard, Seed, Task, hexadecimal};
 use genmanip_data::EpisodeStore;
-use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources, in_parallel};
+use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources, SkillFile, in_parallel};
+use genmanip_rollout::expert::MoveSkills;
 use genmanip_rollout::{RolloutError, Stage, run_episode};
-use genmanip_skills::tasks::state_task;
-use genmanip_skills::{Skill, Transfer, TransferSettings};
+use genmanip_skills::tasks::{place_task, state_task};
+use genmanip_skills::{Skill, SkillSet, Transfer, TransferSettings, serves_task};
 use genmanip_workspace::task_spool::Tasks;
 use genmanip_workspace::{Progress, WorkspaceError, documents, worlds};
 use serde::Serialize;
+use sha2::{Digest, Sha256};
 
 use crate::folder::{Run, RunFolder};
 
@@ -81,21 +84,77 @@ fn open_store(path: &Path) -> Result<EpisodeStore, WorkspaceError> {
         .map_err(|error| WorkspaceError::of_file("read", &root, error).or_hint("name a run folder or an episode store"))
 }
 
+/// Skill files of a run, from files and folders, in the order of their names.
+///
+/// # Errors
+/// As [`read`].
+pub fn files(paths: &[PathBuf]) -> Result<Vec<SkillFile>, WorkspaceError> {
+    if paths.is_empty() {
+        return Ok(Vec::new());
+    }
+    read(paths)?;
+    let known = named(paths)?.into_iter().map(|file| {
+        let sha256 = hexadecimal(&Sha256::digest(documents::read_bytes(&file, Skill::LIMIT)?));
+        Ok(SkillFile { path: file.display().to_string(), sha256 })
+    });
+    known.collect()
+}
+
+/// Skills of a run; `None` without any.
+///
+/// # Errors
+/// If a file cannot be read or has changed since the run began, or no skill serves a task of the run.
+pub(crate) fn of_run(
+    files: &[SkillFile],
+    tasks: &Tasks,
+    source: &dyn AssetSource,
+) -> Result<Option<Arc<dyn MoveSkills>>, WorkspaceError> {
+    if files.is_empty() {
+        return Ok(None);
+    }
+    let paths: Vec<PathBuf> = files.iter().map(|file| PathBuf::from(&file.path)).collect();
+    for (file, path) in files.iter().zip(&paths) {
+        if hexadecimal(&Sha256::digest(documents::read_bytes(path, Skill::LIMIT)?)) != file.sha256 {
+            return Err(WorkspaceError::input(format!("skill {} is not the one that the run began with", file.path))
+                .with_hint("bring the file back, or begin a new run with another --out"));
+        }
+    }
+    let skills = read(&paths)?;
+    let mut is_served = false;
+    for task in tasks.iter() {
+        let task = task?;
+        let model = |index: usize| source.model(&task.objects.get(index)?.asset).ok();
+        is_served = skills.iter().any(|skill| serves_task(skill, &task, &model));
+        if is_served {
+            break;
+        }
+    }
+    if !is_served {
+        let served: BTreeSet<String> = skills.iter().map(served).collect();
+        let served: Vec<&str> = served.iter().map(String::as_str).collect();
+        return Err(WorkspaceError::input("no task has a change of state that a skill serves")
+            .because(format!("the skills serve: {}", served.join(", ")))
+            .with_hint("name skills of the kind that the tasks ask for, or leave --skill away"));
+    }
+    Ok(Some(Arc::new(SkillSet::new(skills))))
+}
+
+/// Changes that a skill serves, in words.
+fn served(skill: &Skill) -> String {
+    let along = match skill.motion.as_ref().map(|motion| motion.joint) {
+        Some(JointKind::Prismatic) => "along a prismatic joint",
+        Some(JointKind::Revolute) => "about a revolute joint",
+        None => "objects, which the expert does itself",
+    };
+    format!("{} {along} ({})", skill.verb.name(), skill.name)
+}
+
 /// Skills of files and folders, in the order of their names.
 ///
 /// # Errors
 /// If there is none, a file cannot be read, or two skills have the same name.
 pub fn read(paths: &[PathBuf]) -> Result<Vec<Skill>, WorkspaceError> {
-    let mut files = Vec::new();
-    for path in paths {
-        if !path.is_dir() {
-            files.push(path.clone());
-            continue;
-        }
-        let names = genmanip_data::files::names(path).map_err(|error| WorkspaceError::of_file("read", path, error))?;
-        files.extend(names.iter().filter(|name| name.ends_with(ENDING)).map(|name| path.join(name)));
-    }
-    files.sort();
+    let files = named(paths)?;
     let skills = files
         .iter()
         .map(|file| documents::read_document::<Skill>(file, Skill::LIMIT))
@@ -111,6 +170,21 @@ pub fn read(paths: &[PathBuf]) -> Result<Vec<Skill>, WorkspaceError> {
         }
     }
     Ok(skills)
+}
+
+/// Skill files among files and folders, in the order of their names.
+fn named(paths: &[PathBuf]) -> Result<Vec<PathBuf>, WorkspaceError> {
+    let mut files = Vec::new();
+    for path in paths {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let names = genmanip_data::files::names(path).map_err(|error| WorkspaceError::of_file("read", path, error))?;
+        files.extend(names.iter().filter(|name| name.ends_with(ENDING)).map(|name| path.join(name)));
+    }
+    files.sort();
+    Ok(files)
 }
 
 /// Result of [`transfer`].
@@ -231,24 +305,33 @@ fn reason(result: &EpisodeResult) -> String {
     result.failure().map_or_else(String::new, |failure| failure.evidence)
 }
 
-/// Tasks on the objects of a query that a skill can serve: those with the initial and the goal state of its source, and
-/// the same kind of manipulation.
+/// Tasks on the objects of a query that a skill can serve: those with the initial and the goal state of its source and
+/// the same kind of manipulation, or a place on or in the object that was beneath in its source.
 fn tasks(skills: &[Skill], query: &str) -> Result<Vec<Task>, WorkspaceError> {
     let index = Catalogue::all().index();
     let found = index.search(query, &Filter::default(), MAX_OBJECTS);
-    let cards: Vec<&ObjectCard> = found.iter().map(|result| result.card).filter(|card| card.is_articulated).collect();
+    let cards: Vec<&ObjectCard> = found.iter().map(|result| result.card).collect();
     let mut tasks: Vec<Task> = Vec::new();
     for card in &cards {
         let model = Catalogue::all()
             .model(&card.asset)
             .map_err(|error| WorkspaceError::broken(format!("{} cannot be built", card.uid), error))?;
         for skill in skills {
-            let [from, to] = &skill.motion.states;
-            let is_served = genmanip_skills::serves(skill, &model, from, to);
-            if is_served && tasks.iter().all(|task| task.id != genmanip_skills::tasks::id(card, from, to)) {
-                let mut task = state_task(card, from, to);
-                task.source = format!("skills, first {}", skill.name);
-                tasks.push(task);
+            let task = match (&skill.motion, &skill.carry) {
+                (Some(motion), _) => {
+                    let [from, to] = &motion.states;
+                    let is_served = card.is_articulated && genmanip_skills::serves(skill, &model, from, to);
+                    is_served.then(|| state_task(card, from, to))
+                }
+                (None, Some(carry)) => {
+                    let reference = Catalogue::all().cards().iter().find(|known| known.asset == carry.reference);
+                    let is_free = card.can_grasp && !card.is_articulated && card.asset != carry.reference;
+                    reference.filter(|_| is_free).map(|reference| place_task(card, carry.relation, reference))
+                }
+                (None, None) => None,
+            };
+            if let Some(task) = task.filter(|task| tasks.iter().all(|known| known.id != task.id)) {
+                tasks.push(Task { source: format!("skills, first {}", skill.name), ..task });
             }
         }
     }
@@ -256,7 +339,7 @@ fn tasks(skills: &[Skill], query: &str) -> Result<Vec<Task>, WorkspaceError> {
         let verbs: Vec<&str> = skills.iter().map(|skill| skill.verb.name()).collect();
         let what = format!("no skill ({}) serves an object of \"{query}\"", verbs.join(", "));
         return Err(WorkspaceError::input(what)
-            .because(format!("{} articulated objects match the query", cards.len()))
+            .because(format!("{} objects match the query", cards.len()))
             .with_hint("`genmanip assets search QUERY` shows what matches; skills serve their own kind and states"));
     }
     Ok(tasks)

@@ -265,6 +265,9 @@ impl Default for TrainingSettings {
 pub struct TrainingFacts {
     /// Hash of the collection run that made the demonstrations.
     pub run: String,
+    /// Names of the sources whose demonstrations alone were used; empty for all.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sources: Vec<String>,
     /// Number of demonstrations trained on.
     pub demonstrations: usize,
     /// Number of rows (control steps) of all demonstrations.

@@ -9,14 +9,16 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use genmanip_assets::{AssetSource, Catalogue, GraspLibrary};
-use genmanip_core::{Episode, EpisodeResult, Failure, FailureCause, GoalVerdict, Policy, Scenario, Seed, Task, World};
+use genmanip_core::{
+    Episode, EpisodeResult, EpisodeSource, Failure, FailureCause, GoalVerdict, Policy, Scenario, Seed, Task, World,
+};
 use genmanip_data::images::variation_seed;
 use genmanip_data::{DataError, EpisodeStore};
 use genmanip_layout::{LayoutSettings, lay_out};
 use genmanip_motion::{Planner, PlannerSettings};
 use serde::{Deserialize, Serialize};
 
-use crate::expert::{Expert, ExpertSettings, GraspProposer};
+use crate::expert::{Expert, ExpertSettings, GraspProposer, MoveSkills};
 use crate::images::{self, ImageSettings};
 use crate::physics_variation::vary_physics;
 use crate::{RolloutError, RolloutSettings, Stage, run_corrected, run_episode};
@@ -56,6 +58,19 @@ pub struct PipelineSettings {
     /// for the expert alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub corrects: Option<String>,
+    /// Files of the skills that the expert uses for the moves that they serve.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub skills: Vec<SkillFile>,
+}
+
+/// A skill file of a run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SkillFile {
+    /// Path of the file when the run began.
+    pub path: String,
+    /// SHA-256 of its bytes, hexadecimal.
+    pub sha256: String,
 }
 
 /// Grasp source: the objects' geometry.
@@ -83,6 +98,7 @@ impl PipelineSettings {
             grasps: mesh(),
             vary_physics: false,
             corrects: None,
+            skills: Vec::new(),
         }
     }
 
@@ -105,6 +121,8 @@ pub struct Resources<'a> {
     pub grasp_proposer: Option<&'a Arc<dyn GraspProposer>>,
     /// Creates the policy that acts first and is corrected; `None` for the expert alone.
     pub corrected: Option<&'a MakeCorrected<'a>>,
+    /// Skills that the expert uses for the moves that they serve; `None` for its own motions alone.
+    pub skills: Option<&'a Arc<dyn MoveSkills>>,
 }
 
 /// Creates the policy to correct, for the episodes of a stage.
@@ -119,6 +137,7 @@ impl<'a> Resources<'a> {
             grasps: GraspLibrary::builtin(),
             grasp_proposer: None,
             corrected: None,
+            skills: None,
         }
     }
 }
@@ -272,12 +291,16 @@ fn play(attempt: &Attempt, resources: Resources, settings: &PipelineSettings) ->
     if let Some(source) = resources.grasp_proposer {
         expert = expert.with_grasp_proposer(Arc::clone(source));
     }
+    if let Some(skills) = resources.skills {
+        expert = expert.with_skills(Arc::clone(skills));
+    }
     let (id, seed, rollout) = (attempt.id(), attempt.seed, &settings.rollout);
     let mut episode = match resources.corrected {
         None => run_episode(&stage, &mut expert, &id, seed, rollout)?,
         Some(make) => run_corrected(&stage, &mut *make(&stage)?, &mut expert, &id, seed, rollout)?,
     };
     episode.result.expert = settings.expert.style;
+    episode.result.source = expert.has_used_skill().then_some(EpisodeSource::Transfer);
     Ok(Ok((stage, episode)))
 }
 

@@ -11,8 +11,8 @@ pub enum SkillError {
         /// Id of the episode.
         episode: String,
     },
-    /// The goal has several moves, none, or one that carries an object.
-    #[error("expected a goal with one move, a state of an object")]
+    /// The goal has several moves, none, or one that is neither a state of an object nor a place on or in another.
+    #[error("expected a goal with one move: a state of an object, or a place on or in another one")]
     NotOneMove,
     /// The joint is where it was.
     #[error("nothing moved: expected a joint that the hand moves")]
@@ -23,6 +23,9 @@ pub enum SkillError {
         /// First control step of the motion.
         step: usize,
     },
+    /// The fingers did not hold the object that was carried.
+    #[error("the fingers did not hold the object: expected a grasp from the lift to the release")]
+    NotHeld,
     /// The hand lost what it moved before the end.
     #[error("the hand let go at control step {step}, before the motion ended: expected one contact from begin to end")]
     LetGo {

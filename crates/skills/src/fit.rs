@@ -65,9 +65,9 @@ const PIVOTS: f64 = 0.98;
 /// Smallest lever of a contact about the joint's axis, m, to avoid division by zero.
 const MIN_LEVER_M: f64 = 1e-3;
 
-/// A skill fitted to a joint change of a scene.
+/// A skill fitted to a scene.
 #[derive(Clone, Debug, PartialEq)]
-pub struct JointFit {
+pub struct Fit {
     /// Index of the skill among those given.
     pub skill: usize,
     /// Smallest distance of an arm joint to the end of its range, rad.
@@ -76,19 +76,19 @@ pub struct JointFit {
     pub clearance_m: f64,
     /// Arm configurations of the approach, the last one at the contact.
     pub approach: Vec<Vec<f64>>,
-    /// Arm configurations at equal shares of the joint's travel, from the contact on.
+    /// Arm configurations from the contact on: at equal shares of the joint's travel, or of the lift.
     pub along: Vec<Vec<f64>>,
     /// Arm configurations of the retreat; only the last one of `along` where the source's retreat is blocked.
     pub retreat: Vec<Vec<f64>>,
-    /// Length of the hand's way along the joint, m.
+    /// Length of the hand's way in contact, m.
     pub length_m: f64,
     /// Opening of the gripper in the approach and the retreat, m.
     pub open_width_m: f64,
 }
 
-impl JointFit {
+impl Fit {
     /// Value by which sources are chosen: the smaller of both margins as a share of what is enough, larger is better.
-    fn score(&self, settings: &FitSettings) -> f64 {
+    pub(crate) fn score(&self, settings: &FitSettings) -> f64 {
         let most_m = settings.clearances_m.first().copied().unwrap_or(1.0);
         (self.margin_rad / settings.enough_margin_rad).min(1.0).min(self.clearance_m / most_m)
     }
@@ -105,6 +105,8 @@ pub struct Misfits {
     pub unfollowed: usize,
     /// Something is in the way of the approach or the motion.
     pub collides: usize,
+    /// The object cannot be put down at any goal pose.
+    pub unplaced: usize,
 }
 
 /// Fits of skills (motion and grip) to a joint change, the best first; one per skill and way to hold the handle.
@@ -115,7 +117,7 @@ pub fn fit_joint(
     skills: &[(&JointMotion, Grip)],
     reference: &[f64],
     settings: &FitSettings,
-) -> (Vec<JointFit>, Misfits) {
+) -> (Vec<Fit>, Misfits) {
     let (mut fits, mut misfits) = (Vec::new(), Misfits::default());
     let Some(object) = scene.objects().nth(change.object) else { return (fits, misfits) };
     let Some(handle) = Handle::of(&object.model, change.link, change.joint) else { return (fits, misfits) };
@@ -161,10 +163,10 @@ struct Place<'a> {
 }
 
 /// Poses of a skill in the scene, `world_from_tcp`.
-struct Poses {
-    approach: Vec<Pose>,
-    along: Vec<Pose>,
-    retreat: Vec<Pose>,
+pub(crate) struct Poses {
+    pub approach: Vec<Pose>,
+    pub along: Vec<Pose>,
+    pub retreat: Vec<Pose>,
 }
 
 impl Place<'_> {
@@ -238,9 +240,8 @@ impl Place<'_> {
         hold: Hold,
         reference: &[f64],
         misfits: &mut Misfits,
-    ) -> Option<JointFit> {
+    ) -> Option<Fit> {
         let poses = self.poses(motion, grip, hold);
-        let contact = poses.along.first()?;
         let widest_m = self.planner.robot().gripper.max_width;
         let (open_width_m, held_width_m) = match grip {
             Grip::Fixed { width_m } => (width_m, width_m),
@@ -276,68 +277,16 @@ impl Place<'_> {
             .map(|clearance_m| self.planner.checker(&around(self.others, open_width_m), *clearance_m))
             .collect();
 
-        let mut configs = self.planner.ik_coarse(contact, reference).peekable();
-        let Some(first) = configs.peek() else {
-            misfits.out_of_reach += 1;
-            return None;
+        let way = Way {
+            poses: &poses,
+            before: &|config| before.is_free(config),
+            reaches: &|config| before.gripper_is_free(config),
+            held: &held,
+            after: &|config| after.is_free(config),
+            clearances: &clearances,
+            open_width_m,
         };
-        if !before.gripper_is_free(first) {
-            misfits.blocked += 1;
-            return None;
-        }
-        let mut best: Option<JointFit> = None;
-        for config in
-            configs.filter(|config| before.is_free(config) && held(0, config)).take(self.settings.configurations)
-        {
-            let step_rad = self.settings.max_arm_step_rad;
-            let follow =
-                |poses: &mut dyn Iterator<Item = Pose>, from: &[f64]| self.planner.follow(from, poses, step_rad);
-            let approach = follow(&mut poses.approach.iter().rev().copied(), &config);
-            let along = follow(&mut poses.along.iter().copied(), &config);
-            let (Some(mut approach), Some(along)) = (approach, along) else {
-                misfits.unfollowed += 1;
-                continue;
-            };
-            approach.reverse();
-            let is_free = approach.iter().all(|config| before.is_free(config))
-                && along.iter().enumerate().all(|(state, config)| held(state, config));
-            if !is_free {
-                misfits.collides += 1;
-                continue;
-            }
-            let states = || approach.iter().chain(&along);
-            let kept = clearances.iter().position(|checker| states().all(|config| checker.is_free(config)));
-            let Some(kept) = kept else {
-                misfits.collides += 1;
-                continue;
-            };
-            let end = along.last().cloned().unwrap_or_default();
-            let retreat = follow(&mut poses.retreat.iter().copied(), &end)
-                .filter(|states| states.iter().all(|config| after.is_free(config)))
-                .unwrap_or_default();
-            let found = JointFit {
-                skill,
-                margin_rad: states().map(|config| self.margin_rad(config)).fold(f64::INFINITY, f64::min),
-                clearance_m: self.settings.clearances_m[kept],
-                length_m: poses.along.windows(2).map(|pair| pair[0].position.distance(pair[1].position)).sum(),
-                open_width_m,
-                approach,
-                along,
-                retreat: std::iter::once(end).chain(retreat).collect(),
-            };
-            let is_better = best.as_ref().is_none_or(|best| found.score(self.settings) > best.score(self.settings));
-            if is_better {
-                best = Some(found);
-            }
-        }
-        best
-    }
-
-    /// Smallest distance of a configuration to the end of a joint's range, rad.
-    fn margin_rad(&self, config: &[f64]) -> f64 {
-        let ranges = self.planner.ranges();
-        let margins = ranges.iter().zip(config).map(|(range, q)| (q - range.start()).min(range.end() - q));
-        margins.fold(f64::INFINITY, f64::min)
+        way.fit(self.planner, skill, reference, self.settings, misfits)
     }
 
     /// The object alone, with its joint at a position.
@@ -351,4 +300,97 @@ impl Place<'_> {
         let _ = world.add(self.object.id.as_str(), &self.object.model.pieces(&positions), &self.object.pose);
         world
     }
+}
+
+/// A way of the hand, and the checks along it.
+pub(crate) struct Way<'a> {
+    /// Poses to follow.
+    pub poses: &'a Poses,
+    /// True if the arm is free on the approach.
+    pub before: &'a dyn Fn(&[f64]) -> bool,
+    /// True if the hand alone is free at the contact.
+    pub reaches: &'a dyn Fn(&[f64]) -> bool,
+    /// True if the arm is free in a state, by its index, of the motion in contact.
+    pub held: &'a dyn Fn(usize, &[f64]) -> bool,
+    /// True if the arm is free on the retreat.
+    pub after: &'a dyn Fn(&[f64]) -> bool,
+    /// Checkers of [`FitSettings::clearances_m`].
+    pub clearances: &'a [Checker<'a>],
+    /// Opening of the gripper in the approach and the retreat, m.
+    pub open_width_m: f64,
+}
+
+impl Way<'_> {
+    /// The best arm configurations along the way.
+    pub(crate) fn fit(
+        &self,
+        planner: &Planner,
+        skill: usize,
+        reference: &[f64],
+        settings: &FitSettings,
+        misfits: &mut Misfits,
+    ) -> Option<Fit> {
+        let contact = self.poses.along.first()?;
+        let mut configs = planner.ik_coarse(contact, reference).peekable();
+        let Some(first) = configs.peek() else {
+            misfits.out_of_reach += 1;
+            return None;
+        };
+        if !(self.reaches)(first) {
+            misfits.blocked += 1;
+            return None;
+        }
+        let mut best: Option<Fit> = None;
+        for config in
+            configs.filter(|config| (self.before)(config) && (self.held)(0, config)).take(settings.configurations)
+        {
+            let step_rad = settings.max_arm_step_rad;
+            let follow = |poses: &mut dyn Iterator<Item = Pose>, from: &[f64]| planner.follow(from, poses, step_rad);
+            let approach = follow(&mut self.poses.approach.iter().rev().copied(), &config);
+            let along = follow(&mut self.poses.along.iter().copied(), &config);
+            let (Some(mut approach), Some(along)) = (approach, along) else {
+                misfits.unfollowed += 1;
+                continue;
+            };
+            approach.reverse();
+            let is_free = approach.iter().all(|config| (self.before)(config))
+                && along.iter().enumerate().all(|(state, config)| (self.held)(state, config));
+            if !is_free {
+                misfits.collides += 1;
+                continue;
+            }
+            let states = || approach.iter().chain(&along);
+            let kept = self.clearances.iter().position(|checker| states().all(|config| checker.is_free(config)));
+            let Some(kept) = kept else {
+                misfits.collides += 1;
+                continue;
+            };
+            let end = along.last().cloned().unwrap_or_default();
+            let retreat = follow(&mut self.poses.retreat.iter().copied(), &end)
+                .filter(|states| states.iter().all(|config| (self.after)(config)))
+                .unwrap_or_default();
+            let found = Fit {
+                skill,
+                margin_rad: states().map(|config| margin_rad(planner, config)).fold(f64::INFINITY, f64::min),
+                clearance_m: settings.clearances_m[kept],
+                length_m: self.poses.along.windows(2).map(|pair| pair[0].position.distance(pair[1].position)).sum(),
+                open_width_m: self.open_width_m,
+                approach,
+                along,
+                retreat: std::iter::once(end).chain(retreat).collect(),
+            };
+            let is_better = best.as_ref().is_none_or(|best| found.score(settings) > best.score(settings));
+            if is_better {
+                best = Some(found);
+            }
+        }
+        best
+    }
+}
+
+/// Smallest distance of a configuration to the end of a joint's range, rad.
+pub(crate) fn margin_rad(planner: &Planner, config: &[f64]) -> f64 {
+    let ranges = planner.ranges();
+    let margins = ranges.iter().zip(config).map(|(range, q)| (q - range.start()).min(range.end() - q));
+    margins.fold(f64::INFINITY, f64::min)
 }

@@ -57,11 +57,12 @@ struct Manner {
 }
 
 impl Manner {
-    fn of(verb: Verb, handle: &Handle) -> Self {
+    /// `None` for a kind of manipulation without a joint.
+    fn of(verb: Verb, handle: &Handle) -> Option<Self> {
         // The front of an articulated object faces -x, also that of its links.
         let slanted = DVec3::new(0.42, 0.0, -0.91).normalize();
         let (down, across) = (DVec3::NEG_Z, DVec3::Y);
-        match verb {
+        Some(match verb {
             Verb::Push => Self { approach: slanted, closing: across, grasps: false, follow: 1.0 },
             Verb::Press => Self { approach: down, closing: across, grasps: false, follow: 0.0 },
             Verb::Turn => {
@@ -73,7 +74,8 @@ impl Manner {
             // A lid pivots between the pads, so that the hand need not tilt back as far.
             Verb::Lift => Self { approach: slanted, closing: across, grasps: true, follow: 0.6 },
             Verb::Pull => Self { approach: slanted, closing: across, grasps: true, follow: 1.0 },
-        }
+            Verb::PickAndPlace => return None,
+        })
     }
 }
 
@@ -89,7 +91,7 @@ pub fn joint_script(
     let handle = Handle::of(model, change.link, change.joint)?;
     let kind = model.links.get(change.link)?.joint.as_ref()?.kind;
     let kind_of_motion = verb(model, change);
-    let manner = Manner::of(kind_of_motion, &handle);
+    let manner = Manner::of(kind_of_motion, &handle)?;
     let wanted = *change.targets.first()?;
     // A person lets go of a lid before its stop.
     let share = if kind_of_motion == Verb::Lift { LID_SHARE } else { 1.0 };

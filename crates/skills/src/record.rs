@@ -11,15 +11,15 @@ use genmanip_sim::BodyId;
 
 use crate::cut::segments;
 use crate::handle::{Handle, verb};
-use crate::skill::{Grip, JointMotion, Segments, Skill, SkillSource};
+use crate::skill::{CarryMotion, Grip, JointMotion, Segments, Skill, SkillSource};
 use crate::way::{spaced, start_of};
 use crate::{SkillError, Verb};
 
 /// Length of the way before and after the contact that belongs to a skill, m. Long enough to clear a handle; the
 /// planner makes the rest.
-const WAY_M: f64 = 0.07;
+pub(crate) const WAY_M: f64 = 0.07;
 /// Distance between the poses of approach and retreat, m.
-const SPACING_M: f64 = 0.01;
+pub(crate) const SPACING_M: f64 = 0.01;
 /// Number of equal shares of a joint's travel at which a pose is stored.
 const SHARES: usize = 20;
 /// Share of the control steps of a manipulation in which both fingers press on the object for it to count as grasped.
@@ -41,7 +41,10 @@ pub fn record(stage: &Stage, episode: &Episode, name: &str, record_hash: &str) -
     }
     let step = only_move(stage).ok_or(SkillError::NotOneMove)?;
     let take = Take::new(stage, episode, step.object)?;
-    let (segments, grip, motion, verb) = take.cut(step.state().ok_or(SkillError::NotOneMove)?)?;
+    let Cut { segments, grip, verb, motion, carry } = match step.state() {
+        Some(state) => take.cut(state)?,
+        None => take.cut_carry(&step)?,
+    };
     let model = &stage.models[step.object];
     Ok(Skill {
         name: name.into(),
@@ -61,6 +64,7 @@ pub fn record(stage: &Stage, episode: &Episode, name: &str, record_hash: &str) -
         segments,
         grip,
         motion,
+        carry,
     })
 }
 
@@ -71,16 +75,22 @@ fn only_move(stage: &Stage) -> Option<Move> {
     moves.next().filter(|_| moves.next().is_none())
 }
 
-/// Segments, grip, motion and kind of a skill.
-type Cut = (Segments, Grip, JointMotion, Verb);
+/// What is cut from an episode, see [`Skill`].
+pub(crate) struct Cut {
+    pub segments: Segments,
+    pub grip: Grip,
+    pub verb: Verb,
+    pub motion: Option<JointMotion>,
+    pub carry: Option<CarryMotion>,
+}
 
 /// An episode and the contact of the robot with the object that it moved.
-struct Take<'a> {
-    stage: &'a Stage,
-    episode: &'a Episode,
-    object: usize,
+pub(crate) struct Take<'a> {
+    pub stage: &'a Stage,
+    pub episode: &'a Episode,
+    pub object: usize,
     /// Links of the object that the robot touches, as bits, at each control step.
-    touched: Vec<u64>,
+    pub touched: Vec<u64>,
 }
 
 impl<'a> Take<'a> {
@@ -136,12 +146,12 @@ impl<'a> Take<'a> {
             retreat: self.retreat(&poses, &segments),
             along,
         };
-        let kind = verb(model, &JointChange { targets: vec![to], ..change });
-        Ok((segments, self.grip(&segments, &poses), motion, kind))
+        let verb = verb(model, &JointChange { targets: vec![to], ..change });
+        Ok(Cut { segments, grip: self.grip(&segments, &poses), verb, motion: Some(motion), carry: None })
     }
 
     /// Poses of the approach, the last one that at the start of the manipulation.
-    fn approach(&self, poses: &[Pose], segments: &Segments, contact: Pose) -> Vec<Pose> {
+    pub(crate) fn approach(&self, poses: &[Pose], segments: &Segments, contact: Pose) -> Vec<Pose> {
         let [_, touched] = segments.approach;
         let from = start_of(&poses[..=touched], WAY_M);
         let mut approach = spaced(&poses[from..=touched], SPACING_M);
@@ -153,7 +163,7 @@ impl<'a> Take<'a> {
         approach
     }
 
-    fn retreat(&self, poses: &[Pose], segments: &Segments) -> Vec<Pose> {
+    pub(crate) fn retreat(&self, poses: &[Pose], segments: &Segments) -> Vec<Pose> {
         let reversed: Vec<Pose> = poses[segments.retreat[0].min(poses.len() - 1)..].iter().rev().copied().collect();
         let from = start_of(&reversed, WAY_M);
         let mut retreat = spaced(&reversed[from..], SPACING_M);
@@ -163,7 +173,7 @@ impl<'a> Take<'a> {
 
     /// Fingers during the manipulation: they grasp if both press on the object for most of it and have closed at the
     /// contact; closed fingers that push may press with both as well.
-    fn grip(&self, segments: &Segments, poses: &[Pose]) -> Grip {
+    pub(crate) fn grip(&self, segments: &Segments, poses: &[Pose]) -> Grip {
         let [begin, end] = segments.manipulate;
         let frames = &self.episode.frames[begin..end];
         let held = frames.iter().filter(|frame| frame.grasped == Some(self.object)).count();
@@ -202,13 +212,13 @@ impl<'a> Take<'a> {
         joint_state(self.stage.start(), self.object, &self.stage.relations).unwrap_or_default()
     }
 
-    fn joints(&self, step: usize) -> &[f64] {
+    pub(crate) fn joints(&self, step: usize) -> &[f64] {
         self.episode.frames.get(step).map_or(&[], |frame| &frame.objects[self.object].joint_positions)
     }
 }
 
 /// Poses averaged over a few control steps before and after each.
-fn smoothed(count: usize, pose: impl Fn(usize) -> Pose) -> Vec<Pose> {
+pub(crate) fn smoothed(count: usize, pose: impl Fn(usize) -> Pose) -> Vec<Pose> {
     let raw: Vec<Pose> = (0..count).map(pose).collect();
     let average = |step: usize| {
         let around = &raw[step.saturating_sub(SMOOTHED)..(step + SMOOTHED + 1).min(count)];

@@ -2,7 +2,7 @@
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::limits::Limit;
-use genmanip_core::{AssetRef, Document, DocumentError, EpisodeSource, JointKind, Pose, Seed, named_enum};
+use genmanip_core::{AssetRef, Document, DocumentError, EpisodeSource, JointKind, Pose, Relation, Seed, named_enum};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -21,8 +21,12 @@ pub struct Skill {
     pub segments: Segments,
     /// Fingers during the manipulation.
     pub grip: Grip,
-    /// Motion of the hand.
-    pub motion: JointMotion,
+    /// Motion of the hand that moves a joint; absent for a pick and place.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion: Option<JointMotion>,
+    /// Motion of the hand of a pick and place; absent for a joint.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub carry: Option<CarryMotion>,
 }
 
 named_enum! {
@@ -40,6 +44,8 @@ named_enum! {
         Lift = "lift",
         /// Presses a button.
         Press = "press",
+        /// Picks an object up and places it.
+        PickAndPlace = "pick_and_place",
     }
 }
 
@@ -136,6 +142,29 @@ impl JointMotion {
     }
 }
 
+/// Motion of the hand that picks an object up and places it. Frame *centre*: origin at the centre of the object's bounds,
+/// axes of the object.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CarryMotion {
+    /// Relation of the object to the one that it was placed on or in.
+    pub relation: Relation,
+    /// Object that it was placed on or in.
+    pub reference: AssetRef,
+    /// Half of the object's size along its own axes, m.
+    #[schemars(with = "[f64; 3]")]
+    pub object_half_m: DVec3,
+    /// `centre_from_tcp` before the contact, relative to the object where it lay, evenly spaced; the last one is the
+    /// grasp.
+    pub approach: Vec<Pose>,
+    /// Object in the frame where its centre lay, from there on, evenly spaced.
+    pub lift: Vec<Pose>,
+    /// Object in the frame where its centre rests at the end, evenly spaced, up to the release.
+    pub lower: Vec<Pose>,
+    /// `centre_from_tcp` after the release, relative to the object where it rests at the end, evenly spaced.
+    pub retreat: Vec<Pose>,
+}
+
 /// Smallest and largest share of the travel to the nominal position that the hand moves a joint.
 const MIN_TRAVELLED: f64 = 0.3;
 const MAX_TRAVELLED: f64 = 2.0;
@@ -145,6 +174,11 @@ const MAX_POSES: usize = 200;
 const MAX_DISTANCE_M: f64 = 5.0;
 
 impl Skill {
+    /// True if the skill is of a kind of manipulation and moves a joint of a kind.
+    pub fn serves_joint(&self, verb: Verb, joint: Option<JointKind>) -> bool {
+        self.verb == verb && self.motion.as_ref().is_some_and(|motion| Some(motion.joint) == joint)
+    }
+
     /// Largest size of a file.
     pub const LIMIT: Limit = Limit { what: "a skill", bytes: 1 << 20 };
 }
@@ -158,10 +192,25 @@ impl Document for Skill {
             let got: String = self.name.chars().take(80).collect();
             return refuse("$.name", format!("expected a file name (letters, digits, any of -_.+=@), got {got:?}"));
         }
-        let motion = &self.motion;
-        let parts = [("approach", &motion.approach, 1), ("along", &motion.along, 2), ("retreat", &motion.retreat, 0)];
+        let parts = match (&self.motion, &self.carry) {
+            (Some(motion), None) => vec![
+                ("motion.approach", &motion.approach, 1),
+                ("motion.along", &motion.along, 2),
+                ("motion.retreat", &motion.retreat, 0),
+            ],
+            (None, Some(carry)) => vec![
+                ("carry.approach", &carry.approach, 1),
+                ("carry.lift", &carry.lift, 2),
+                ("carry.lower", &carry.lower, 1),
+                ("carry.retreat", &carry.retreat, 0),
+            ],
+            _ => return refuse("$", "expected either `motion` or `carry`".into()),
+        };
+        if self.carry.is_some() != (self.verb == Verb::PickAndPlace) {
+            return refuse("$.verb", format!("expected {} with `carry` alone", Verb::PickAndPlace.name()));
+        }
         for (part, poses, least) in parts {
-            let path = format!("$.motion.{part}");
+            let path = format!("$.{part}");
             if !(least..=MAX_POSES).contains(&poses.len()) {
                 return refuse(&path, format!("expected {least} to {MAX_POSES} poses, got {}", poses.len()));
             }
@@ -169,13 +218,15 @@ impl Document for Skill {
                 return refuse(&format!("{path}[{wrong}]"), format!("expected at most {MAX_DISTANCE_M} m"));
             }
         }
-        let [from, to] = motion.from_to;
-        if !(from.is_finite() && to.is_finite() && from != to) {
-            return refuse("$.motion.from_to", format!("expected two different numbers, got {from} and {to}"));
-        }
-        if !(MIN_TRAVELLED..=MAX_TRAVELLED).contains(&motion.travelled()) {
-            let message = format!("expected a position that `from_to` nearly reaches, got {}", motion.nominal);
-            return refuse("$.motion.nominal", message);
+        if let Some(motion) = &self.motion {
+            let [from, to] = motion.from_to;
+            if !(from.is_finite() && to.is_finite() && from != to) {
+                return refuse("$.motion.from_to", format!("expected two different numbers, got {from} and {to}"));
+            }
+            if !(MIN_TRAVELLED..=MAX_TRAVELLED).contains(&motion.travelled()) {
+                let message = format!("expected a position that `from_to` nearly reaches, got {}", motion.nominal);
+                return refuse("$.motion.nominal", message);
+            }
         }
         let widths = match self.grip {
             Grip::Grasp { width_m, squeeze_m } => [width_m, squeeze_m],

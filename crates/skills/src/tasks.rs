@@ -1,8 +1,8 @@
-//! Tasks with a single object whose state is to change.
+//! Tasks with a single object whose state is to change, or that is to be placed on or in another one.
 
 use std::sync::Arc;
 
-use genmanip_core::{Atom, Goal, GraphNode, ObjectCard, ObjectModel, SceneGraph, Task, TaskKind};
+use genmanip_core::{Atom, Goal, GraphNode, ObjectCard, ObjectModel, Relation, SceneGraph, Task, TaskKind};
 use genmanip_layout::articulation::JointChange;
 
 use crate::Skill;
@@ -34,6 +34,33 @@ pub fn state_task(card: &ObjectCard, from: &str, to: &str) -> Task {
     }
 }
 
+/// Task that places an object, alone on the table with another one, in a relation to that one.
+pub fn place_task(card: &ObjectCard, relation: Relation, reference: &ObjectCard) -> Task {
+    let (node, other) = (GraphNode::of(card), GraphNode::of(reference));
+    let atom = Atom::Relation {
+        subject: node.id.clone(),
+        relation,
+        reference: other.id.clone().into(),
+        second_reference: None,
+    };
+    let [name, under] = [&card.name, &reference.name].map(|name| name.to_lowercase());
+    Task {
+        id: format!("{}-{}-{}", card.uid, relation.name(), reference.uid),
+        kind: TaskKind::PickAndPlace,
+        instruction: format!("Place the {name} {} the {under}.", relation.name().replace('_', " ")),
+        goal: Goal { alternatives: vec![vec![atom]] },
+        scene_graph: SceneGraph {
+            description: format!("A {name} and a {under} stand on the table."),
+            nodes: vec![node, other],
+            edges: Vec::new(),
+        },
+        objects: vec![Arc::new(card.clone()), Arc::new(reference.clone())],
+        surfaces: Vec::new(),
+        interchangeable: Vec::new(),
+        source: "skills".into(),
+    }
+}
+
 /// True if a skill serves the change of an object from one of its named states into another: the kind of manipulation
 /// and the kind of joint are those of the source.
 pub fn serves(skill: &Skill, model: &ObjectModel, from: &str, to: &str) -> bool {
@@ -43,9 +70,10 @@ pub fn serves(skill: &Skill, model: &ObjectModel, from: &str, to: &str) -> bool 
         state.nominal.get(at).copied()
     };
     let moving = model.links.iter().enumerate().filter_map(|(link, known)| Some((link, known, known.joint.as_ref()?)));
+    let Some(motion) = &skill.motion else { return false };
     moving.enumerate().any(|(joint, (link, known, own))| {
         let Some((from, to)) = nominal(from, &known.name).zip(nominal(to, &known.name)) else { return false };
         let change = JointChange { object: 0, link, joint, from, targets: vec![to] };
-        from != to && own.kind == skill.motion.joint && verb(model, &change) == skill.verb
+        from != to && own.kind == motion.joint && verb(model, &change) == skill.verb
     })
 }

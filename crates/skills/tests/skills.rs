@@ -10,11 +10,12 @@ use genmanip_core::{Document, DocumentError, Episode, Pose, RobotModel, Seed};
 use genmanip_layout::articulation::joint_changes;
 use genmanip_layout::{LayoutSettings, lay_out};
 use genmanip_motion::{Planner, PlannerSettings};
+use genmanip_rollout::expert::{Expert, ExpertSettings};
 use genmanip_rollout::policies::DoNothing;
 use genmanip_rollout::{RolloutSettings, Stage, replay, run_episode};
 use genmanip_skills::operator::joint_script;
 use genmanip_skills::tasks::state_task;
-use genmanip_skills::{Grip, Skill, Transfer, TransferSettings, Verb, record};
+use genmanip_skills::{Grip, Skill, SkillSet, Transfer, TransferSettings, Verb, record, serves_task};
 use genmanip_teleop::scripted::{Habits, ScriptedOperator, VirtualKind};
 use genmanip_teleop::{TeleopSettings, Teleoperation};
 
@@ -80,6 +81,18 @@ fn a_take_becomes_a_skill_and_a_verified_episode() {
     let bits = |episode: &Episode| episode.final_state.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(&transfer(&skill)), bits(&episode), "the same seed gives the same bytes");
 
+    // The expert presses by the skill, and by its own motions where no skill serves.
+    let model = |index: usize| target.models.get(index).cloned();
+    for (verb, is_used) in [(Verb::Press, true), (Verb::Pull, false)] {
+        let set = SkillSet::new(vec![Skill { verb, ..skill.clone() }]);
+        assert_eq!(serves_task(&set.skills[0], &target.scenario.task, &model), is_used);
+        let expert = Expert::new(&target, &planner, GraspLibrary::builtin(), ExpertSettings::default()).unwrap();
+        let mut expert = expert.with_skills(Arc::new(set));
+        let episode = run_episode(&target, &mut expert, "expert", Seed::new(4), &settings).unwrap();
+        assert!(episode.result.success, "{:?}", episode.result.failures);
+        assert_eq!(expert.has_used_skill(), is_used);
+    }
+
     // A skill of another kind does not serve the goal.
     let other = transfer(&Skill { verb: Verb::Pull, ..skill });
     assert!(other.result.failures[0].evidence.contains("no skill to press"), "{:?}", other.result.failures);
@@ -120,10 +133,12 @@ fn files_are_refused_with_the_place() {
         assert!(!matches!(error, DocumentError::NotJson { .. }), "{error}");
     };
     let valid = Skill::from_json(SKILL).unwrap();
-    assert_eq!(valid.motion.along[0].position, Pose::from_position([0.0, 0.0, 0.02].into()).position);
+    assert_eq!(valid.motion.as_ref().unwrap().along[0].position, Pose::from_position([0.0, 0.0, 0.02].into()).position);
     check("genmanip.skill/1", "genmanip.skill/9", "genmanip.skill/9");
     check("\"press-1\"", "\"../press\"", "$.name");
     check("\"verb\": \"press\"", "\"verb\": \"shove\"", "verb");
+    check("\"verb\": \"press\"", "\"verb\": \"pick_and_place\"", "$.verb");
+    check("\"motion\"", "\"carry\"", "carry");
     check("[0.0, 0.0075]", "[0.0, 0.0]", "$.motion.from_to");
     check("\"nominal\": 0.0075", "\"nominal\": 0.5", "$.motion.nominal");
     check(

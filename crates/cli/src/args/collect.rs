@@ -101,6 +101,10 @@ pub struct CollectArguments {
     /// orientation and the goal pose nearest to the middle, so that a policy can predict them
     #[arg(long, value_name = "STYLE", default_value = "default", value_parser = parse::variant(ExpertStyle::ALL, ExpertStyle::name))]
     pub expert: ExpertStyle,
+    /// Skill file, or folder of them, with which the expert carries out the changes of state that it serves (same kind
+    /// of manipulation and joint) instead of its own motions; may be repeated
+    #[arg(long, value_name = "FILE|FOLDER", conflicts_with = "corrections")]
+    pub skill: Vec<PathBuf>,
     /// Put failed attempts into the dataset too, labelled as such
     #[arg(long)]
     pub keep_failed: bool,

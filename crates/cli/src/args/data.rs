@@ -7,6 +7,8 @@ use clap::{Args, Subcommand};
 use genmanip_dataset_tools::edit::Condition;
 use genmanip_viz::render::AppearanceFactor;
 
+use super::sources::SourceArguments;
+
 /// Subcommands of `data`.
 #[derive(Debug, Subcommand)]
 pub enum DataCommand {
@@ -36,7 +38,8 @@ pub enum DataCommand {
     /// Keep only the episodes of a dataset that meet all conditions
     #[command(after_help = "Examples:\n  genmanip data filter DATASET --where success=true --out out/good\n  \
                       genmanip data filter DATASET --where kind=spatial --where object=017 --out out/mugs\n\n\
-                      object: a thing in the scene; kind, task, seed, policy, failure or any column of meta/episodes.")]
+                      object: a thing in the scene; kind, task, seed, policy, failure or any column of meta/episodes.\n\
+                      --source transfer,teleop: who gave the commands, as the column `source` says.")]
     Filter(DataFilterArguments),
     /// Remove some episodes from a dataset
     #[command(after_help = "Example:\n  genmanip data delete DATASET --episodes 3,7-9 --out out/rest")]
@@ -196,8 +199,10 @@ pub struct DataFilterArguments {
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
     /// Column of the episodes and the value it must have, such as success=true; if given several times, all must hold
-    #[arg(long = "where", required = true, value_name = "COLUMN=VALUE")]
+    #[arg(long = "where", required_unless_present = "sources", value_name = "COLUMN=VALUE")]
     pub conditions: Vec<Condition>,
+    #[command(flatten)]
+    pub sources: SourceArguments,
     /// Folder of the new dataset
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,

@@ -9,6 +9,7 @@ use genmanip_data::export::choice::{ACTIONS, COLUMNS, ROTATIONS};
 use genmanip_pipeline::export::Format;
 
 use super::parse_values::parse_rate;
+use super::sources::SourceArguments;
 
 /// Arguments of `export`.
 #[derive(Debug, Args)]
@@ -21,15 +22,15 @@ pub struct ExportArguments {
     #[arg(long, value_name = "FORMAT", value_parser = PossibleValuesParser::new(Format::ALL.map(Format::name)))]
     pub to: Option<String>,
     /// Export the scenario as MuJoCo XML
-    #[arg(long, conflicts_with = "dataset")]
+    #[arg(long, conflicts_with_all = ["dataset", "sources"])]
     pub mjcf: bool,
     /// Export the scenario as binary glTF for Blender and other modelling programs: surfaces, robot, objects and
     /// cameras at the start, with materials and textures; needs --out
-    #[arg(long, conflicts_with = "dataset", requires = "out")]
+    #[arg(long, conflicts_with_all = ["dataset", "sources"], requires = "out")]
     pub glb: bool,
     /// Export the scenario as OpenUSD text (usda) with UsdPhysics: surfaces, robot and objects as rigid bodies with
     /// colliders, masses and joints, materials, cameras; textures lie in a folder beside it; needs --out
-    #[arg(long, conflicts_with = "dataset", requires = "out")]
+    #[arg(long, conflicts_with_all = ["dataset", "sources"], requires = "out")]
     pub usd: bool,
     /// Output path [default: RUN/exports/…; with --mjcf stdout]
     #[arg(long)]
@@ -68,6 +69,8 @@ pub struct DatasetArguments {
     /// Also export recorded failed attempts, labelled as such
     #[arg(long)]
     pub keep_failed: bool,
+    #[command(flatten)]
+    pub sources: SourceArguments,
     /// Worker threads; the result does not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,

@@ -6,6 +6,8 @@ use clap::Args;
 use genmanip_pipeline::learn::Preset;
 use genmanip_terminal::parse;
 
+use super::sources::SourceArguments;
+
 /// Source, length and output of a training; one of `--steps`, `--budget` and `--check` is required.
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("length").required(true).args(["steps", "budget", "check"]))]
@@ -16,8 +18,10 @@ pub struct TrainArguments {
     pub source: PathBuf,
     /// Number of verified demonstrations of the suite, over all its distributions; missing ones are collected into the
     /// folder DIR-demonstrations (DIR: --out), as by `collect --expert consistent`
-    #[arg(long, value_name = "N", value_parser = parse::count, conflicts_with = "check")]
+    #[arg(long, value_name = "N", value_parser = parse::count, conflicts_with_all = ["check", "sources"])]
     pub demos: Option<usize>,
+    #[command(flatten)]
+    pub sources: SourceArguments,
     /// Only this distribution of a suite
     #[arg(long, value_name = "NAME", requires = "demos")]
     pub distribution: Option<String>,
@@ -34,7 +38,7 @@ pub struct TrainArguments {
     pub budget: Option<u64>,
     /// Train nothing: execute recorded actions as if a learned policy had predicted them (normalisation, chunks, action
     /// contract), and fail unless that solves 95 % of their layouts
-    #[arg(long, conflicts_with_all = ["seed", "out"])]
+    #[arg(long, conflicts_with_all = ["seed", "out", "sources"])]
     pub check: bool,
     /// Maximum number of demonstrations that --check replays
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = parse::count, requires = "check")]

@@ -48,6 +48,7 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
         vary_physics,
         corrects,
         expert,
+        skills: genmanip_pipeline::skills::files(&arguments.skill)?,
         ..PipelineSettings::in_world(world)
     };
     let run = Run::new(tasks, if arguments.verified.is_some() { 0 } else { attempts }, settings, seed);

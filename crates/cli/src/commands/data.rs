@@ -11,7 +11,7 @@ use genmanip_core::{RobotModel, Seed};
 use genmanip_data::lerobot::{self, RECORD};
 use genmanip_data::{DataError, ExportReport};
 use genmanip_dataset_tools::check::{self, DatasetCheck, Finding, Overview, Strip};
-use genmanip_dataset_tools::edit::{self, By};
+use genmanip_dataset_tools::edit::{self, By, Condition};
 use genmanip_dataset_tools::import::{self, ImportReport, ImportSettings};
 use genmanip_pipeline::rerender::{self, RerenderOptions};
 use genmanip_s3::{Access, Address, Bucket, RetryPolicy, S3Error, TransferSummary};
@@ -47,7 +47,11 @@ pub fn run(command: &DataCommand, printer: &Printer) -> Result<ExitStatus, Faile
             let by = if by == "task" { By::Task } else { By::Episode };
             edited(printer, |progress| edit::split(dataset, fractions, by, Seed::new(*seed), out, progress))
         }
-        DataCommand::Filter(DataFilterArguments { dataset, conditions, out }) => {
+        DataCommand::Filter(DataFilterArguments { dataset, conditions, sources, out }) => {
+            let names: Vec<&str> = sources.names.iter().map(|source| source.name()).collect();
+            let source = Condition { key: "source".into(), value: names.join(",") };
+            let sources = (!names.is_empty()).then_some(source);
+            let conditions = &conditions.iter().cloned().chain(sources).collect::<Vec<_>>();
             edited(printer, |progress| Ok(vec![edit::filter(dataset, conditions, out, progress)?]))
         }
         DataCommand::Import(DataImportArguments { dataset, out, ffmpeg }) => {

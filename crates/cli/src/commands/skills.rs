@@ -58,8 +58,17 @@ fn described(skill: &Skill) -> String {
         Grip::Grasp { width_m, .. } => format!("grasps at {:.1} mm", width_m * 1e3),
         Grip::Fixed { width_m } => format!("fingers at {:.1} mm", width_m * 1e3),
     };
-    let ([from, to], [low, high]) = (&skill.motion.states, skill.motion.from_to);
-    let motion = format!("{from} to {to}, joint from {low:.3} to {high:.3}");
+    let motion = match (&skill.motion, &skill.carry) {
+        (Some(motion), _) => {
+            let ([from, to], [low, high]) = (&motion.states, motion.from_to);
+            format!("{from} to {to}, joint from {low:.3} to {high:.3}")
+        }
+        (None, Some(carry)) => {
+            let [x, y, z] = (carry.object_half_m * 2e3).to_array();
+            format!("carries an object of {x:.0} x {y:.0} x {z:.0} mm, {}", carry.relation.name())
+        }
+        (None, None) => String::new(),
+    };
     let rows = [
         ("skill", skill.name.clone()),
         ("verb", skill.verb.name().to_owned()),

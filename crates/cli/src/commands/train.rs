@@ -40,6 +40,7 @@ pub fn run(arguments: &TrainArguments, printer: &Printer) -> Result<ExitStatus, 
     };
     let options = TrainOptions {
         run,
+        sources: arguments.sources.names.clone(),
         preset,
         length,
         seed: Seed::new(arguments.seed),

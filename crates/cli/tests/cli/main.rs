@@ -29,6 +29,7 @@ mod robots;
 mod runs;
 mod serving;
 mod sharding;
+mod skills;
 mod studio_killed;
 mod suites;
 mod teleoperating;

@@ -230,6 +230,10 @@ fn a_run_exports_with_any_action_and_plays_it_back() {
     assert!(sibling["features"].get("observation.images.wrist_mask").is_some());
     let shown = genmanip(here, &["data", "show", dataset, "--json"]).json(0);
     assert_eq!(shown["dataset"]["findings"], Value::Array(Vec::new()));
+    let from_others = ["export", "run", "--to", "zarr", "--source", "transfer,teleop", "--out", "none"];
+    genmanip(here, &from_others).assert_refused(&["no episode to export from transfer or teleop", "--source"]);
+    let own = ["data", "filter", dataset, "--source", "expert", "--out", "own", "--json"];
+    assert_eq!(genmanip(here, &own).json(0)[0]["episodes"], 2);
     let old = genmanip(here, &["export", "run", "--to", "lerobot-v2.1", "--no-images", "--out", "old"]);
     let told = genmanip(here, &["data", "import", "old", "--out", "new", "--json"]).json(0);
     assert_eq!(

@@ -13,13 +13,14 @@ pub mod steps;
 use std::path::{Path, PathBuf};
 
 use genmanip_core::{
-    ActionContract, ActionSpace, ActionSpec, Episode, ExpertStyle, GripperEncoding, Interpolation, RobotModel,
+    ActionContract, ActionSpace, ActionSpec, Episode, EpisodeResult, ExpertStyle, GripperEncoding, Interpolation,
+    RobotModel,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::atomic_write::{self, AtomicFolder};
 use crate::masks::MaskTrack;
-use crate::{CameraTrack, DataError, EpisodeStore};
+use crate::{CameraTrack, DataError, EpisodeStore, Provenance};
 
 /// Contents of the rows of a data set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -150,25 +151,45 @@ pub enum Selection {
     Verified,
     /// Failed episodes too; the column `success` distinguishes them.
     Recorded,
+    /// Episodes whose commands came from one of these, successful ones only unless `failed`.
+    From {
+        /// Who gave the commands.
+        sources: Vec<Provenance>,
+        /// Failed episodes too.
+        failed: bool,
+    },
     /// The given episodes, in this order.
     Ids(Vec<String>),
 }
 
 impl Selection {
+    /// Episodes from some sources, or from all if none is named; successful ones only unless `failed`.
+    pub fn of(sources: &[Provenance], failed: bool) -> Self {
+        match (sources, failed) {
+            ([], false) => Self::Verified,
+            ([], true) => Self::Recorded,
+            (sources, failed) => Self::From { sources: sources.to_vec(), failed },
+        }
+    }
+
     /// Ids of the selected episodes. Includes damaged ones; reading them reports the damage.
     ///
     /// # Errors
     /// If the store cannot be listed.
     pub fn ids(&self, store: &EpisodeStore) -> Result<Vec<String>, DataError> {
-        let only_verified = match self {
+        let (only_verified, sources) = match self {
             Self::Ids(ids) => return Ok(ids.clone()),
-            Self::Verified => true,
-            Self::Recorded => false,
+            Self::Verified => (true, &[][..]),
+            Self::Recorded => (false, &[][..]),
+            Self::From { sources, failed } => (!failed, sources.as_slice()),
+        };
+        let is_wanted = |result: &EpisodeResult| {
+            (result.success || !only_verified) && (sources.is_empty() || sources.contains(&Provenance::of(result)))
         };
         let mut selected = Vec::new();
         for id in store.ids()? {
             match store.read_attempt(&id) {
-                Ok((result, true)) if result.success || !only_verified => selected.push(id),
+                Ok((result, true)) if is_wanted(&result) => selected.push(id),
                 Err(error) if error.is_damage() => selected.push(id),
                 attempt => drop(attempt?),
             }

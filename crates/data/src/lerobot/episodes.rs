@@ -7,9 +7,9 @@ use genmanip_core::{Correction, EpisodeResult};
 use serde_json::json;
 
 use super::stats::Stats;
-use crate::DataError;
 use crate::export::metadata::{EpisodeMetadata, LanguageLabels};
 use crate::table::{self, Columns, Purpose};
+use crate::{DataError, Provenance};
 
 /// Columns of the episodes table that LeRobot does not define.
 pub trait EpisodeColumns: LanguageLabels + Clone {
@@ -150,6 +150,7 @@ impl EpisodeColumns for EpisodeMetadata {
         columns.text("task_id", results().map(|result| &result.task_id));
         columns.text("task_kind", all_metadata().map(|metadata| metadata.kind));
         columns.text("policy", results().map(|result| &result.policy));
+        columns.text("source", results().map(|result| Provenance::of(result).name()));
         columns.bool("oracle", results().map(|result| result.oracle));
         columns.text("engine", results().map(|result| &result.engine));
         columns.text("genmanip_version", results().map(|result| &result.genmanip_version));

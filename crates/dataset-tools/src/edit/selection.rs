@@ -18,7 +18,8 @@ const MAX_INDEX: usize = 10_000_000;
 pub struct Condition {
     /// The column; `kind` and `task` stand for `task_kind` and `task_id`.
     pub key: String,
-    /// Required value; `true` or `false` for booleans, an object id for `object`.
+    /// Required value; `true` or `false` for booleans, an object id for `object`, one or several names separated by
+    /// commas for `source`.
     pub value: String,
 }
 
@@ -53,6 +54,7 @@ impl Condition {
                 "object" => {
                     serde_json::from_str::<ScenarioObjects>(&found).ok().map(|scenario| scenario.has(&self.value))
                 }
+                "source" => Some(self.value.split(',').any(|name| name == found)),
                 _ => Some(found == self.value),
             };
         }

@@ -5,7 +5,7 @@
 //! browser page and its images are not measured: their figures are null.
 
 mod input;
-mod script;
+pub(crate) mod script;
 
 use std::fs;
 use std::path::PathBuf;

@@ -1,17 +1,22 @@
 //! Comparison: transfer as published in MimicGen (Mandlekar et al., 2023), written from the description of its method.
 //!
 //! Its subtasks end at marks that are set once per source; each attempt moves a mark by a random number of steps. The
-//! source of a subtask is drawn from the three whose object pose is nearest. The segment's target poses are moved with
+//! source is drawn once per episode from the three whose object pose is nearest, so that the hand does not change its grip
+//! between two of them. A segment's target poses are moved with
 //! the body of the object, reached in five interpolated steps from the last target, and executed as normalised deltas
 //! with noise; the gripper follows by step number.
 
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{
     ActionChunk, ActionFrame, ActionSpace, ActionSpec, EpisodeStart, GripperEncoding, GripperSpec, Interpolation,
-    Observation, Policy, PolicyError, PolicySpec, Pose, Seed,
+    Observation, Policy, PolicyError, PolicySpec, Pose, PrivilegedState, Seed,
 };
+use genmanip_layout::obstacles;
+use genmanip_motion::{AllowedCollisions, Attached, Planner, PlanningScene};
+use genmanip_rollout::Stage;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -33,8 +38,8 @@ const WEIGHTS: [f64; 2] = [1.0, 1.0];
 /// A source demonstration at the controller's rate.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// `world_from_object` at each step.
-    pub objects: Vec<Pose>,
+    /// `world_from_object` of each subtask's object at each step.
+    pub objects: [Vec<Pose>; 2],
     /// Target pose of the tool, `world_from_tcp`, at each step.
     pub targets: Vec<Pose>,
     /// Commanded opening at each step, m.
@@ -43,33 +48,72 @@ pub struct Source {
     pub mark: usize,
 }
 
+/// Planner of the bridges, as in SkillGen (Garrett et al., 2024): free motions between the segments.
+pub struct PlannedBridge {
+    /// Planner of the robot.
+    pub planner: Arc<Planner>,
+    /// Scene of the episode.
+    pub stage: Stage,
+}
+
+/// Share of the robot's velocity and acceleration limits in a planned bridge, as in transfers.
+const BRIDGE_SPEED: f64 = 0.9;
+
+impl PlannedBridge {
+    /// Tool poses at the controller's rate from an arm configuration to a pose; `None` if there is no free motion. An
+    /// object in the hand moves with it.
+    fn poses(&self, truth: &PrivilegedState, arm: &[f64], width_m: f64, to: &Pose, seed: Seed) -> Option<Vec<Pose>> {
+        let scene = self.stage.posed(&truth.objects);
+        let held = truth.grasped.filter(|object| self.stage.models[*object].joint_states.is_empty());
+        let tcp_from_world = self.planner.tcp_pose(arm).inverse();
+        let attached = held.and_then(|object| {
+            let posed = scene.objects().nth(object)?;
+            let pieces = posed.model.pieces(&posed.joint_positions);
+            Attached::new(posed.id.as_str(), &pieces, &(tcp_from_world * posed.pose)).ok()
+        });
+        let world = obstacles::around(&scene, held);
+        let allowed = AllowedCollisions::none();
+        let around =
+            PlanningScene { world: &world, attached: attached.as_ref(), allowed: &allowed, gripper_width: width_m };
+        let goals = self.planner.ik(to, arm);
+        let path = self.planner.plan_joint(&around, arm, &goals, seed).ok()?;
+        let every = (self.stage.control_rate_hz() / RATE_HZ).round().max(1.0) as usize;
+        let states = self.planner.time(&path, BRIDGE_SPEED).configs;
+        Some(states.iter().skip(every - 1).step_by(every).map(|arm| self.planner.tcp_pose(arm)).collect())
+    }
+}
+
 /// The published transfer as a policy. It reads object poses from the simulator, as the original does.
 pub struct MimicGen {
     sources: Vec<Source>,
+    /// Planner of the bridges; `None` for the published interpolated steps.
+    bridge: Option<PlannedBridge>,
     spec: PolicySpec,
-    object: usize,
+    objects: [usize; 2],
     rng: ChaCha8Rng,
     /// Subtask that is executed; 2 after the last one.
     subtask: usize,
+    /// Source of this episode; `None` before the first subtask.
+    chosen: Option<usize>,
     /// Targets of the segment still to be executed, in reverse order: pose, opening, true if noise is added.
     left: Vec<(Pose, f64, bool)>,
     last: Option<Pose>,
 }
 
 impl Source {
-    /// Source of an episode's frames; `object` is the index of the manipulated object, `target` gives the tool pose of a
+    /// Source of an episode's frames; `objects` are the indices of each subtask's object, `target` gives the tool pose of a
     /// command, and `mark` is the control step at which the first subtask ends.
     pub fn of(
         frames: &[genmanip_core::Frame],
         control_rate_hz: f64,
-        object: usize,
+        objects: [usize; 2],
         mark: usize,
         target: impl Fn(&[f32]) -> Pose,
     ) -> Self {
         let every = (control_rate_hz / RATE_HZ).round().max(1.0) as usize;
         let kept = || frames.iter().step_by(every);
         Self {
-            objects: kept().map(|frame| frame.objects[object].pose).collect(),
+            objects: objects.map(|object| kept().map(|frame| frame.objects[object].pose).collect()),
             targets: kept().map(|frame| target(&frame.command)).collect(),
             widths_m: kept().map(|frame| frame.command.last().copied().unwrap_or_default().into()).collect(),
             mark: mark / every + 1,
@@ -78,8 +122,8 @@ impl Source {
 }
 
 impl MimicGen {
-    /// Policy that moves an object, by its index, as the sources do.
-    pub fn new(sources: Vec<Source>, object: usize) -> Self {
+    /// Policy that moves as the sources do, relative to the object of each subtask, by its index.
+    pub fn new(sources: Vec<Source>, objects: [usize; 2]) -> Self {
         let action = ActionSpec {
             space: ActionSpace::EePose,
             delta_from: Default::default(),
@@ -89,11 +133,28 @@ impl MimicGen {
             between: Interpolation::Linear,
         };
         let spec = PolicySpec { privileged: true, action, ..PolicySpec::native("mimicgen", RATE_HZ) };
-        Self { sources, spec, object, rng: Seed::new(0).rng(), subtask: 0, left: Vec::new(), last: None }
+        Self {
+            sources,
+            bridge: None,
+            spec,
+            objects,
+            rng: Seed::new(0).rng(),
+            subtask: 0,
+            chosen: None,
+            left: Vec::new(),
+            last: None,
+        }
+    }
+
+    /// The same with planned motions between the segments.
+    #[must_use]
+    pub fn with_planned_bridges(self, bridge: PlannedBridge) -> Self {
+        Self { bridge: Some(bridge), ..self }
     }
 
     /// Fills `left` with the next subtask's segment, from the source whose object pose is near that of now.
-    fn begin(&mut self, world_from_object: &Pose, tool: &Pose) {
+    fn begin(&mut self, truth: &PrivilegedState, state: &[f64], tool: &Pose) {
+        let world_from_object = &truth.objects[self.objects[self.subtask]].pose;
         let subtask = self.subtask;
         self.subtask += 1;
         let marks: Vec<usize> = self
@@ -103,22 +164,28 @@ impl MimicGen {
             .collect();
         let start = |index: usize| if subtask == 0 { 0 } else { marks[index] };
         let distance = |index: usize| {
-            let pose = &self.sources[index].objects[start(index)];
+            let pose = &self.sources[index].objects[subtask][start(index)];
             WEIGHTS[0] * pose.position.distance(world_from_object.position)
                 + WEIGHTS[1] * pose.angle_to(world_from_object)
         };
         let mut order: Vec<usize> = (0..self.sources.len()).collect();
         order.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)));
-        let chosen = order[self.rng.random_range(0..order.len().min(NEAREST))];
+        let drawn = order[self.rng.random_range(0..order.len().min(NEAREST))];
+        let chosen = *self.chosen.get_or_insert(drawn);
         let source = &self.sources[chosen];
         let (from, to) = (start(chosen), if subtask == 0 { marks[chosen] } else { source.targets.len() });
-        let moved = *world_from_object * source.objects[from].inverse();
+        let moved = *world_from_object * source.objects[subtask][from].inverse();
         let segment: Vec<(Pose, f64, bool)> =
             (from..to).map(|step| (moved * source.targets[step], source.widths_m[step], true)).collect();
         let Some((first, width_m, _)) = segment.first().copied() else { return };
         let last = self.last.unwrap_or(*tool);
-        let bridge = (1..=BRIDGE).map(|step| (last.interpolate(&first, step as f64 / BRIDGE as f64), width_m, false));
-        let mut left: Vec<_> = bridge.chain(segment).collect();
+        let planned = self.bridge.as_ref().and_then(|bridge| {
+            let (arm, width) = state.split_at(bridge.stage.robot.arm_dof().min(state.len()));
+            bridge.poses(truth, arm, width.iter().sum(), &first, Seed::new(subtask as u64))
+        });
+        let steps = || (1..=BRIDGE).map(|step| last.interpolate(&first, step as f64 / BRIDGE as f64)).collect();
+        let bridge: Vec<Pose> = planned.unwrap_or_else(steps);
+        let mut left: Vec<_> = bridge.into_iter().map(|pose| (pose, width_m, false)).chain(segment).collect();
         self.last = left.last().map(|(pose, ..)| *pose);
         left.reverse();
         self.left = left;
@@ -152,7 +219,7 @@ impl Policy for MimicGen {
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
         self.rng = start.seed.fork("mimicgen").rng();
-        (self.subtask, self.last) = (0, None);
+        (self.subtask, self.last, self.chosen) = (0, None, None);
         self.left.clear();
         Ok(())
     }
@@ -164,7 +231,8 @@ impl Policy for MimicGen {
         let tool = Pose::from_wxyz_array([x, y, z], [qw, qx, qy, qz]);
         if self.left.is_empty() && self.subtask < 2 {
             let truth = observation.privileged.as_ref().ok_or_else(|| unsuited("simulator truth"))?;
-            self.begin(&truth.objects[self.object].pose.clone(), &tool);
+            let state = observation.state.get(Observation::STATE).cloned().unwrap_or_default();
+            self.begin(truth, &state, &tool);
         }
         let Some((target, width_m, is_noisy)) = self.left.pop() else {
             return Ok(ActionChunk { actions: Vec::new(), finished: true });

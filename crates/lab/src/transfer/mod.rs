@@ -13,9 +13,10 @@ use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
 use genmanip_assets::worlds::default_world;
-use genmanip_core::{Episode, EpisodeSource, Policy, Pose, Seed};
+use genmanip_core::{Atom, Episode, EpisodeSource, Frame, Policy, Pose, Seed};
 use genmanip_data::EpisodeStore;
 use genmanip_layout::articulation::joint_changes;
+use genmanip_relations::judge_atom;
 use genmanip_rollout::collect::{PipelineSettings, Resources};
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::{Environment, RolloutError, RolloutSettings, Stage, replay, run_episode};
@@ -24,7 +25,7 @@ use genmanip_skills::{Skill, Transfer, TransferSettings, Verb};
 use genmanip_workspace::{Progress, text_table, worlds};
 use serde::Serialize;
 
-use self::mimicgen::{MimicGen, Source};
+use self::mimicgen::{MimicGen, PlannedBridge, Source};
 use self::resets::{CASES, RANGES, ResetRange, SkillCase, base, reset};
 use self::sources::{Demonstration, Takes, demonstrations};
 use crate::LabError;
@@ -103,6 +104,10 @@ pub struct Details {
     pub failures: BTreeMap<String, usize>,
     /// Episodes of MimicGen whose goal holds after settling, and those whose goal held at any step.
     pub mimicgen_settled_and_any_step: [usize; 2],
+    /// Reasons why the goal of MimicGen's episodes does not hold after settling, with their number.
+    pub mimicgen_failures: BTreeMap<String, usize>,
+    /// Episodes of MimicGen with planned motions between its segments, as SkillGen, counted in the same way; zeros unless ablations are asked for.
+    pub skillgen_settled_and_any_step: [usize; 2],
     /// Scenes in which the transfer succeeded and MimicGen by its own criterion did not, and the reverse.
     pub transfer_only_and_mimicgen_only: [usize; 2],
     /// Scenes in which the transfer succeeded and the analytic skill did not, and the reverse.
@@ -123,7 +128,7 @@ const ABLATIONS: [&str; 4] = ["no_planner", "body_frame", "no_waiting", "any_ste
 const NOTES: [&str; 4] = [
     "the operator is scripted: virtual devices with reaction time, tremor, overshoot and pauses; it reads poses from the simulator (oracle)",
     "all arms read object poses from the simulator (oracle)",
-    "each scene has one object, alone on the table",
+    "each scene has one object, alone on the table; pick_and_place has a plate, which moves by a quarter of the offsets",
     "mimicgen is written from the published description: marks from the segments of each source, two subtasks, body frame, 20 Hz",
 ];
 
@@ -218,9 +223,20 @@ impl Bench<'_> {
             if self.arguments.ablate {
                 self.ablate(&stage, &found, &episode, own_seed, &mut ablated)?;
             }
-            let mut published = MimicGen::new(sources.clone(), 0);
+            if self.arguments.ablate {
+                let bridge = PlannedBridge { planner: Arc::clone(self.resources.planner), stage: stage.clone() };
+                let mut planned = MimicGen::new(sources.clone(), self.objects()).with_planned_bridges(bridge);
+                let planned = self.run(&stage, &mut planned, &format!("{id}-skillgen"), own_seed)?;
+                let any_step = self.held_at_any_step(&stage, &planned);
+                detail.skillgen_settled_and_any_step[0] += usize::from(planned.result.success);
+                detail.skillgen_settled_and_any_step[1] += usize::from(any_step);
+            }
+            let mut published = MimicGen::new(sources.clone(), self.objects());
             let published = self.run(&stage, &mut published, &format!("{id}-mimicgen"), own_seed)?;
             let any_step = self.held_at_any_step(&stage, &published);
+            if let Some(failure) = published.result.failure() {
+                *detail.mimicgen_failures.entry(format!("{id}: {}", failure.evidence)).or_default() += 1;
+            }
             detail.mimicgen_settled_and_any_step[0] += usize::from(published.result.success);
             detail.mimicgen_settled_and_any_step[1] += usize::from(any_step);
             tally(&mut detail.transfer_only_and_mimicgen_only, is_kept, any_step);
@@ -258,6 +274,11 @@ impl Bench<'_> {
             .map_err(|error| LabError::broken(format!("episode {id} broke"), error))
     }
 
+    /// Indices of the objects of MimicGen's subtasks.
+    fn objects(&self) -> [usize; 2] {
+        if self.case.under.is_empty() { [0, 0] } else { [0, 1] }
+    }
+
     /// A demonstration as a source of MimicGen.
     fn source(&self, demonstration: &Demonstration) -> Source {
         let Demonstration { stage, episode, skill } = demonstration;
@@ -265,7 +286,8 @@ impl Bench<'_> {
             let arm: Vec<f64> = command[..stage.robot.arm_dof()].iter().copied().map(f64::from).collect();
             self.resources.planner.tcp_pose(&arm)
         };
-        Source::of(&episode.frames, episode.result.control_rate_hz, 0, skill.segments.manipulate[0], target)
+        let mark = skill.segments.manipulate[0];
+        Source::of(&episode.frames, episode.result.control_rate_hz, self.objects(), mark, target)
     }
 
     /// Transfers without each ingredient, in the order of [`ABLATIONS`]; `whole` is the episode with all of them.
@@ -306,8 +328,17 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// True if the goal state held at any step, whatever moved or was held.
+    /// True if the goal held at any step (of a relation, at 20 Hz), whatever moved or was held.
     fn held_at_any_step(&self, stage: &Stage, episode: &Episode) -> bool {
+        if !self.case.under.is_empty() {
+            let holds = |frame: &Frame| {
+                let scene = stage.posed(&frame.objects);
+                let is_met =
+                    |atoms: &Vec<Atom>| atoms.iter().all(|atom| judge_atom(&scene, atom, &stage.relations).holds);
+                stage.goal.alternatives.iter().any(is_met)
+            };
+            return episode.frames.iter().step_by(3).any(holds);
+        }
         let model = &stage.models[0];
         let Some(wanted) = model.joint_states.iter().find(|state| state.name == self.case.states[1]) else {
             return false;
@@ -326,7 +357,9 @@ impl Bench<'_> {
 /// A skill as if it were relative to the body of the object: its poses for a scene, written in the frame of that scene's
 /// handle. `None` if nothing is to be moved.
 fn in_body_frame(source: &Demonstration, stage: &Stage) -> Option<Skill> {
-    let goal = &source.skill.motion.states[1];
+    // The frame of a carried object is that of its body.
+    let Some(moved) = &source.skill.motion else { return Some(source.skill.clone()) };
+    let goal = &moved.states[1];
     let there = joint_changes(source.stage.start(), 0, goal).into_iter().next()?;
     let here = joint_changes(stage.start(), 0, goal).into_iter().next()?;
     let (model, own_model) = (&source.stage.models[0], &stage.models[0]);
@@ -340,7 +373,7 @@ fn in_body_frame(source: &Demonstration, stage: &Stage) -> Option<Skill> {
         own.world_pose(own_model, &Pose::IDENTITY, positions, position).inverse()
     };
     let mut skill = source.skill.clone();
-    let motion = &mut skill.motion;
+    let motion = skill.motion.as_mut()?;
     let [from, to] = motion.from_to;
     let end = here.from + (here.targets.first()? - here.from) * motion.travelled();
     let moved = |poses: &mut [Pose], share: &dyn Fn(usize) -> f64| {

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{JointState, Pose, Scenario, Seed};
+use genmanip_core::{JointState, Pose, Relation, Scenario, Seed};
 use genmanip_rollout::Stage;
 use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources};
 use genmanip_skills::Verb;
-use genmanip_skills::tasks::state_task;
+use genmanip_skills::tasks::{place_task, state_task};
 use rand::RngExt;
 use serde::Serialize;
 
@@ -46,16 +46,24 @@ pub struct SkillCase {
     pub states: [&'static str; 2],
     /// Nominal distance of the object from the robot's base, m.
     pub distance_m: f64,
+    /// Object on which the manipulated one is placed, by its uid; empty for a change of state.
+    pub under: &'static str,
 }
 
+/// Nominal places of the carried object and of the one beneath, to the left of the robot, m.
+const SIDES_M: [f64; 2] = [0.2, -0.22];
+/// Share of a range's offsets by which the object beneath moves.
+const UNDER_SHARE: f64 = 0.25;
+
 /// The families of each skill.
-pub const CASES: [SkillCase; 5] = [
+pub const CASES: [SkillCase; 6] = [
     SkillCase {
         verb: Verb::Pull,
         family: "drawer-cabinet",
         instances: &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10],
         states: ["closed", "top_open"],
         distance_m: 0.6,
+        under: "",
     },
     SkillCase {
         verb: Verb::Push,
@@ -63,6 +71,7 @@ pub const CASES: [SkillCase; 5] = [
         instances: &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10],
         states: ["top_open", "closed"],
         distance_m: 0.6,
+        under: "",
     },
     SkillCase {
         verb: Verb::Turn,
@@ -70,6 +79,7 @@ pub const CASES: [SkillCase; 5] = [
         instances: &[1, 2, 3, 4, 5, 6, 7, 8, 9],
         states: ["off", "low"],
         distance_m: 0.5,
+        under: "",
     },
     SkillCase {
         verb: Verb::Lift,
@@ -77,6 +87,7 @@ pub const CASES: [SkillCase; 5] = [
         instances: &[1, 2, 3, 4, 5, 6, 7, 8, 9],
         states: ["closed", "open"],
         distance_m: 0.5,
+        under: "",
     },
     SkillCase {
         verb: Verb::Press,
@@ -84,10 +95,19 @@ pub const CASES: [SkillCase; 5] = [
         instances: &[1, 2, 3, 4, 5, 6, 7, 8, 9],
         states: ["released", "pressed"],
         distance_m: 0.5,
+        under: "",
+    },
+    SkillCase {
+        verb: Verb::PickAndPlace,
+        family: "mug",
+        instances: &[1, 2, 3, 4, 5, 6, 7, 8, 9],
+        states: ["", ""],
+        distance_m: 0.5,
+        under: "008",
     },
 ];
 
-/// Layout of an instance alone on the table; resets move it.
+/// Layout of an instance, alone on the table or with the object that it is placed on; resets move them.
 pub fn base(
     case: &SkillCase,
     instance: u32,
@@ -95,9 +115,14 @@ pub fn base(
     settings: &PipelineSettings,
 ) -> Result<Scenario, LabError> {
     let uid = format!("{}-{instance}", case.family);
-    let card = resources.catalogue.cards().iter().find(|card| card.uid.to_string() == uid);
-    let card = card.ok_or_else(|| LabError::input(format!("the catalogue has no object {uid}")))?;
-    let task = state_task(card, case.states[0], case.states[1]);
+    let card = |uid: &str| {
+        let card = resources.catalogue.cards().iter().find(|card| card.uid.to_string() == uid);
+        card.ok_or_else(|| LabError::input(format!("the catalogue has no object {uid}")))
+    };
+    let task = match case.under {
+        "" => state_task(card(&uid)?, case.states[0], case.states[1]),
+        under => place_task(card(&uid)?, Relation::On, card(under)?),
+    };
     let attempt = Attempt { task: &task, number: 0, seed: Seed::new(0).fork(&uid) };
     attempt
         .scenario(resources, &settings.world, &settings.layout)
@@ -116,10 +141,15 @@ pub fn reset(
     let mut rng = seed.fork("reset").rng();
     let mut draw = |most: f64| rng.random_range(-1.0..=1.0) * most;
     let [dx, dy] = range.offset_m;
-    let (x, y) = (case.distance_m + draw(dx), draw(dy));
+    let side_m = if case.under.is_empty() { 0.0 } else { SIDES_M[0] };
+    let (x, y) = (case.distance_m + draw(dx), side_m + draw(dy));
     let yaw = y.atan2(x) + draw(range.yaw_rad);
+    let (under_x, under_y) = (case.distance_m + draw(dx) * UNDER_SHARE, SIDES_M[1] + draw(dy) * UNDER_SHARE);
     let share = if range.joint_varies { 0.5 + draw(0.5) } else { f64::NAN };
     let mut scenario = Scenario { id, seed, ..base.clone() };
+    if let Some(under) = scenario.objects.get_mut(1) {
+        under.pose.position = DVec3::new(under_x, under_y, under.pose.position.z);
+    }
     let placed = &mut scenario.objects[0];
     placed.pose = Pose::new(DVec3::new(x, y, placed.pose.position.z), DQuat::from_rotation_z(yaw));
     let model =

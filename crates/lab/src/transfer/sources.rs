@@ -1,5 +1,6 @@
 //! Source demonstrations: takes of the scripted operator through the input path, and the skills cut from them.
 
+use genmanip_assets::GraspLibrary;
 use genmanip_core::{Episode, Scenario, Seed};
 use genmanip_data::EpisodeStore;
 use genmanip_layout::articulation::joint_changes;
@@ -8,12 +9,13 @@ use genmanip_rollout::{RolloutError, RolloutSettings, Stage};
 use genmanip_skills::operator::{joint_script, squeeze_m};
 use genmanip_skills::{Skill, record};
 use genmanip_studio::teleop::Take;
-use genmanip_teleop::scripted::{Habits, ScriptedOperator, VirtualKind};
+use genmanip_teleop::scripted::{Habits, ScriptedOperator, VirtualKind, Waypoint};
 use genmanip_teleop::{TeleopSettings, Teleoperation};
 use serde::Serialize;
 
 use super::resets::{RANGES, SkillCase, reset};
 use crate::LabError;
+use crate::teleop::script::script;
 
 /// Time limit of a take, s.
 const HORIZON_S: f64 = 60.0;
@@ -59,7 +61,7 @@ pub fn demonstrations(
         let stage = reset(base, case, &RANGES[1], id.clone(), own, resources)?;
         let kind = VirtualKind::ALL[number % VirtualKind::ALL.len()];
         takes.made += 1;
-        let episode = take(&stage, case, kind, &id, own, store)?;
+        let episode = take(&stage, case, kind, &id, own, resources.grasps, store)?;
         takes.succeeded += usize::from(episode.result.success);
         let hash = store.record_hash(&id).map_err(|error| LabError::broken("a take cannot be read back", error))?;
         match record(&stage, &episode, &id, &hash) {
@@ -70,6 +72,17 @@ pub fn demonstrations(
     Ok((found, takes))
 }
 
+/// Poses that the scripted operator wants to reach.
+fn waypoints(stage: &Stage, case: &SkillCase, grasps: &GraspLibrary) -> Option<Vec<Waypoint>> {
+    if !case.under.is_empty() {
+        return Some(script(stage, grasps)?.waypoints);
+    }
+    let change = joint_changes(stage.start(), 0, case.states[1]).into_iter().next()?;
+    let placed = &stage.scenario.objects[0];
+    let tcp = stage.robot.tcp_pose(&stage.scenario.world.robot.home);
+    joint_script(&stage.models[0], &placed.pose, &placed.joint_positions, &change, &tcp)
+}
+
 /// Runs and stores a take of the scripted operator.
 fn take(
     stage: &Stage,
@@ -77,18 +90,15 @@ fn take(
     kind: VirtualKind,
     id: &str,
     seed: Seed,
+    grasps: &GraspLibrary,
     store: &EpisodeStore,
 ) -> Result<Episode, LabError> {
     let mut settings = TeleopSettings::default();
     if let Some(gentle_m) = squeeze_m(case.verb) {
         settings.input.squeeze_m = gentle_m;
     }
-    let change = joint_changes(stage.start(), 0, case.states[1]).into_iter().next();
-    let change = change.ok_or_else(|| LabError::input(format!("{id}: nothing is to be moved")))?;
-    let placed = &stage.scenario.objects[0];
-    let tcp = stage.robot.tcp_pose(&stage.scenario.world.robot.home);
-    let script = joint_script(&stage.models[0], &placed.pose, &placed.joint_positions, &change, &tcp);
-    let script = script.ok_or_else(|| LabError::input(format!("{id}: the object has no such link")))?;
+    let script =
+        waypoints(stage, case, grasps).ok_or_else(|| LabError::input(format!("{id}: nothing can be moved")))?;
     let period_s = 1.0 / stage.control_rate_hz();
     let operator = ScriptedOperator::new(kind, script, Habits::default(), settings.mapping.clone(), period_s);
     let mut policy = Teleoperation::new(settings, Box::new(operator), &stage.robot, &stage.scenario.world)

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use genmanip_assets::GraspLibrary;
+use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_benchmark::Outcome;
 use genmanip_core::{NotRun, Policy, TaskKind};
 use genmanip_data::lerobot::{self, LerobotSettings};
@@ -92,6 +92,7 @@ pub fn collect(
 ) -> Result<Collected, WorkspaceError> {
     let grasps = demonstration_grasps::choice(&run.settings.grasps)?;
     let corrected = run.settings.corrects.as_deref().map(corrected).transpose()?;
+    let skills = crate::skills::of_run(&run.settings.skills, &run.tasks, Catalogue::builtin())?;
     let begin = if options.shard.is_some() { RunFolder::begin_shard } else { RunFolder::begin };
     let folder = begin(path, &run)?;
     folder.claim(options.shard)?;
@@ -109,6 +110,7 @@ pub fn collect(
     let resources = Resources {
         grasp_proposer: proposer.as_ref(),
         corrected: make_corrected.as_ref().map(|make| make as &MakeCorrected),
+        skills: skills.as_ref(),
         ..Resources::builtin(&planner)
     };
     let runner = Runner {

@@ -32,7 +32,7 @@ pub fn check(
     stop: &AtomicBool,
 ) -> Result<Option<Checked>, WorkspaceError> {
     let preset = without_images(settings(options.preset, false));
-    let Some(read) = demonstrations::read(&options.run, &preset, options.workers, progress, stop)? else {
+    let Some(read) = demonstrations::read(&options.run, &[], &preset, options.workers, progress, stop)? else {
         return Ok(None);
     };
     let recorded = Arc::new(Recorded::of(options.preset, preset, &read));

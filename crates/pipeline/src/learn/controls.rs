@@ -54,7 +54,7 @@ pub fn controls(
             rgb: grey.clone(),
             ..seen.clone()
         })?);
-        let Some(read) = demonstrations::read(run, &settings(description.preset, false), workers, progress, stop)?
+        let Some(read) = demonstrations::read(run, &[], &settings(description.preset, false), workers, progress, stop)?
         else {
             return Ok(None);
         };
@@ -69,7 +69,7 @@ pub fn controls(
         })?);
     }
     let state = || settings(Preset::State, false);
-    let Some(read) = demonstrations::read(run, &state(), workers, progress, stop)? else { return Ok(None) };
+    let Some(read) = demonstrations::read(run, &[], &state(), workers, progress, stop)? else { return Ok(None) };
     let recorded = Arc::new(Recorded::of(Preset::State, state(), &read));
     all.push(PolicyFactory::of("nearest_replay", move |episode: &PolicyContext| {
         let predict = recorded.lookup(|recorded, seen| {

@@ -9,12 +9,13 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{ActionContract, Camera, Episode, Frame, Projection, RobotModel};
 use genmanip_data::export::features::{Feature, Values};
 use genmanip_data::export::{Source, rows, sampling};
-use genmanip_data::{DataError, Selection};
+use genmanip_data::{DataError, Provenance, Selection};
 use genmanip_policy::{Demonstration, Demonstrations, Inputs, instruction_words, normalised_pixel};
 use genmanip_rollout::collect::in_parallel;
 use genmanip_workspace::{Progress, WorkspaceError, worlds};
 
 use super::presets::{LABELLED_POINTS, PresetSettings};
+use crate::export::only_from;
 use crate::folder::RunFolder;
 use crate::learned::inputs::{Moment, Observer};
 
@@ -38,12 +39,13 @@ pub(super) struct RunDemonstrations {
     pub frames: Vec<Vec<usize>>,
 }
 
-/// Reads all verified episodes of a run; `None` if interrupted.
+/// Reads all verified episodes of a run from some sources, or from all if none is named; `None` if interrupted.
 ///
 /// # Errors
 /// When there is no run, it has no verified episode, or an episode does not fit the preset's inputs.
 pub(super) fn read(
     path: &Path,
+    sources: &[Provenance],
     preset: &PresetSettings,
     workers: usize,
     progress: &dyn Progress,
@@ -53,7 +55,7 @@ pub(super) fn read(
     let (folder, run) = RunFolder::open(path)?;
     let (store, robot) = (folder.store()?, worlds::robot(&run.settings.world)?);
     let unreadable = |error: DataError| WorkspaceError::broken("cannot read the demonstrations", error);
-    let ids = Selection::Verified.ids(&store).map_err(unreadable)?;
+    let ids = Selection::of(sources, false).ids(&store).map_err(unreadable)?;
     progress.begin("reading demonstrations", ids.len());
     let read = in_parallel(&ids, workers, stop, &|id| {
         let episode = match store.read(id) {
@@ -74,7 +76,8 @@ pub(super) fn read(
     let (ids, read): (Vec<String>, Vec<_>) = read.into_iter().flatten().unzip();
     let (episodes, frames): (Vec<Demonstration>, Vec<_>) = read.into_iter().unzip();
     if ids.is_empty() {
-        return Err(WorkspaceError::input(format!("{} has no verified demonstration to learn from", path.display()))
+        let what = format!("{} has no verified demonstration{} to learn from", path.display(), only_from(sources));
+        return Err(WorkspaceError::input(what)
             .with_hint("collect some first: genmanip collect TASKS --verified 300 --no-dataset --out RUN"));
     }
     let contract = settings.contract(&robot);

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use genmanip_benchmark::statistics::Rate;
 use genmanip_core::Seed;
+use genmanip_data::Provenance;
 use genmanip_policy::Preset;
 use serde::{Deserialize, Serialize};
 
@@ -26,6 +27,8 @@ pub enum Length {
 pub struct TrainOptions {
     /// Folder of the run with the demonstrations.
     pub run: PathBuf,
+    /// Only demonstrations whose commands came from one of these; empty for all.
+    pub sources: Vec<Provenance>,
     /// Preset of inputs and network size.
     pub preset: Preset,
     /// Number of steps, or time.

@@ -42,6 +42,7 @@ impl Recorded {
             execute,
             contract,
             training: TrainingFacts {
+                sources: Vec::new(),
                 run: read.run.clone(),
                 demonstrations: read.ids.len(),
                 rows: arrays.total_rows(),

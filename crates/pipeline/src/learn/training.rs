@@ -50,6 +50,8 @@ const FINAL_BATCHES: u64 = 16;
 struct Identity {
     preset: Preset,
     run: String,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    sources: Vec<String>,
     demonstrations: usize,
     rows: usize,
     seed: Seed,
@@ -71,7 +73,8 @@ pub fn train(
     stop: &AtomicBool,
 ) -> Result<Option<Trained>, WorkspaceError> {
     let preset = settings(options.preset, options.labels);
-    let Some(read) = demonstrations::read(&options.run, &preset, options.threads, progress, stop)? else {
+    let TrainOptions { run, sources, threads, .. } = options;
+    let Some(read) = demonstrations::read(run, sources, &preset, *threads, progress, stop)? else {
         return Ok(None);
     };
     let PresetSettings { model, execute, training, privileged, .. } = preset;
@@ -79,6 +82,7 @@ pub fn train(
     let identity = Identity {
         preset: options.preset,
         run: read.run.clone(),
+        sources: sources.iter().map(|source| source.name().to_owned()).collect(),
         demonstrations: arrays.episodes.len(),
         rows: arrays.total_rows(),
         seed: options.seed,
@@ -111,6 +115,7 @@ pub fn train(
         normalisation: trainer.normalisation().clone(),
         training: TrainingFacts {
             run: identity.run.clone(),
+            sources: identity.sources.clone(),
             demonstrations: identity.demonstrations,
             rows: identity.rows,
             seed: identity.seed,
@@ -302,6 +307,7 @@ impl Finished {
         let known = Identity {
             preset: description.preset,
             run: description.training.run.clone(),
+            sources: description.training.sources.clone(),
             demonstrations: description.training.demonstrations,
             rows: description.training.rows,
             seed: description.training.seed,

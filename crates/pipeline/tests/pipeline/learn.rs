@@ -16,6 +16,7 @@ use super::*;
 fn options(run: &Path, out: &str, steps: u64) -> TrainOptions {
     let out = run.with_file_name(out);
     TrainOptions {
+        sources: Vec::new(),
         run: run.into(),
         preset: Preset::State,
         length: Length::Steps(steps),

@@ -6,11 +6,14 @@
 //! the expert gives up with the cause and its evidence.
 
 mod joint;
+mod move_skills;
 mod pick;
 mod place;
 mod seen;
 mod settings;
+mod skills;
 
+pub use move_skills::MoveSkills;
 pub use seen::{GraspProposer, ObservedObject};
 pub use settings::ExpertSettings;
 
@@ -45,6 +48,10 @@ pub struct Expert {
     precomputed: Vec<Vec<VerifiedGrasp>>,
     /// Grasp proposals from images, instead of geometry. `None` for geometry.
     grasp_proposer: Option<Arc<dyn GraspProposer>>,
+    /// Skills for the moves that they serve; `None` for the expert's own motions alone.
+    skills: Option<Arc<dyn MoveSkills>>,
+    /// True if a skill carried out a move in this episode.
+    has_used_skill: bool,
     settings: ExpertSettings,
     seed: Seed,
     /// Remaining alternatives of the goal, the current one last.
@@ -70,6 +77,8 @@ enum Phase {
     Picked { step: Move, open_width: f64, hold_width: f64, taken_from: GoalPose },
     /// The gripper is moving a joint's link.
     Turning(Box<Turning>),
+    /// A skill carries out the move.
+    Skill(Box<dyn Policy>),
     /// The arm was sent home.
     Home,
 }
@@ -113,6 +122,8 @@ impl Expert {
             precomputed: tried.collect::<Result<_, AssetError>>()?,
             planner,
             grasp_proposer: None,
+            skills: None,
+            has_used_skill: false,
             stage: stage.clone(),
             settings,
             seed: Seed::new(0),
@@ -142,7 +153,7 @@ impl Expert {
     pub(crate) fn activity(&self) -> Activity {
         match self.phase {
             Phase::Picked { .. } => Activity::Picking,
-            Phase::Turning(_) => Activity::Turning,
+            Phase::Turning(_) | Phase::Skill(_) => Activity::Turning,
             Phase::Beginning | Phase::Free | Phase::Home => Activity::Other,
         }
     }
@@ -252,6 +263,9 @@ impl Expert {
             let seed = self.seed.fork("pick").fork_index(self.picks);
             let failure = if self.tries > self.settings.tries_per_move {
                 self.last_failure.clone()
+            } else if let Some(skill) = self.skill_for(scene, &step, seed) {
+                self.has_used_skill = true;
+                return self.follow_skill(skill, observation, scene, (arm, width));
             } else {
                 let seen =
                     if step.state().is_some() { None } else { self.proposed_grasps(observation, scene, step.object)? };
@@ -391,6 +405,7 @@ impl Policy for Expert {
         }
         self.upright = scenario.objects.iter().map(|object| object.pose.rotation).collect();
         (self.picks, self.tries, self.waits, self.phase, self.last_failure) = (0, 0, 0, Phase::Beginning, None);
+        self.has_used_skill = false;
         if self.plans.is_empty() {
             return Err(PolicyError::Unsuited("no alternative of the goal can be served".into()));
         }
@@ -425,6 +440,7 @@ impl Policy for Expert {
                 let hand = ArmState { arm: arm.to_vec(), width, open_width, hold_width };
                 self.place(&scene, &truth, &hand, &step, &taken_from)
             }
+            Phase::Skill(skill) => self.follow_skill(skill, observation, &scene, (arm, width)),
             Phase::Turning(mut turning) => {
                 let actions = joint::next(self, &mut turning, arm);
                 let finished = false;

@@ -210,6 +210,7 @@ fn filter_and_delete_equal_an_export_of_the_remaining_episodes() {
         // Every second scenario has a second object.
         (&["object=uid-1", "success=true"], &[1, 5]),
         (&["store_id=scenario-4-a0", "kind=pick_and_place"], &[4]),
+        (&["source=expert,teleop", "success=false"], &[3]),
     ]
     .into_iter()
     .enumerate()

@@ -1,6 +1,9 @@
 //! The policy that transfers skills: the planner brings the hand to the start of the skill that fits best, the hand
 //! follows it, and the gripper acts only once the hand has arrived.
 
+mod active;
+mod carry;
+
 use std::sync::Arc;
 
 use genmanip_core::glam::DVec3;
@@ -14,8 +17,9 @@ use genmanip_motion::{AllowedCollisions, Path, Planner, PlanningScene, commands}
 use genmanip_relations::{PosedScene, judge_atom};
 use genmanip_rollout::Stage;
 
+use self::active::{Active, Look, Phase};
 use crate::TransferSettings;
-use crate::fit::{JointFit, fit_joint};
+use crate::fit::{Fit, fit_joint};
 use crate::handle::verb;
 use crate::skill::{Grip, Skill};
 use crate::timing::{Pace, paced};
@@ -36,34 +40,6 @@ pub struct Transfer {
     used: Option<String>,
 }
 
-/// Stage of a transfer.
-enum Phase {
-    /// Looks for the next move.
-    Free,
-    /// Waits until the hand has arrived at the contact: looks so far, and the hand's pose at the last one.
-    Arriving(Box<Active>, usize, Option<Pose>),
-    /// Closes the gripper: control steps so far, and for how many of them it has pressed.
-    Closing(Box<Active>, usize, usize),
-    /// Moves the joint: commands, and how many have been given.
-    Moving(Box<Active>, Vec<Vec<f32>>, usize),
-    /// Waits until the hand is at rest before it lets go, as in `Arriving`.
-    Stopping(Box<Active>, usize, Option<Pose>),
-    /// Has returned its last commands.
-    Done,
-}
-
-/// The skill in use.
-#[derive(Clone)]
-struct Active {
-    object: usize,
-    fit: JointFit,
-    grip: Grip,
-    /// Opening commanded while holding, m.
-    held_m: f64,
-    /// Arm configuration that was commanded last, rad.
-    commanded: Vec<f64>,
-}
-
 impl Transfer {
     /// Policy for the episodes of a stage, with skills to choose from.
     pub fn new(stage: &Stage, planner: &Arc<Planner>, skills: Arc<[Skill]>, settings: TransferSettings) -> Self {
@@ -79,6 +55,12 @@ impl Transfer {
             last_failure: None,
             used: None,
         }
+    }
+
+    /// The policy for a single move, already reset; it need not be reset before an episode.
+    #[must_use]
+    pub fn of_move(self, step: Move, seed: Seed) -> Self {
+        Self { plan: vec![step], seed, ..self }
     }
 
     /// Name of the skill that was used last in this episode; `None` before the first one.
@@ -98,10 +80,14 @@ impl Transfer {
             return Err(self.give_up());
         }
         self.tries += 1;
-        let state = step.state().unwrap_or_default();
-        let change = joint_changes(scene, step.object, state).into_iter().next();
-        let Some(change) = change else { return Err(self.give_up()) };
-        match self.start(scene, &change, arm, width) {
+        let started = match step.state() {
+            None => self.start_carry(scene, &step, arm, width),
+            Some(state) => match joint_changes(scene, step.object, state).first() {
+                Some(change) => self.start(scene, change, arm, width),
+                None => return Err(self.give_up()),
+            },
+        };
+        match started {
             Ok((actions, active)) => {
                 self.phase = Phase::Arriving(Box::new(active), 0, None);
                 Ok(ActionChunk { actions, finished: false })
@@ -129,8 +115,8 @@ impl Transfer {
             .skills
             .iter()
             .enumerate()
-            .filter(|(_, skill)| skill.verb == wanted && Some(skill.motion.joint) == kind)
-            .map(|(index, skill)| (index, (&skill.motion, skill.grip)))
+            .filter(|(_, skill)| skill.serves_joint(wanted, kind))
+            .filter_map(|(index, skill)| Some((index, (skill.motion.as_ref()?, skill.grip))))
             .unzip();
         if candidates.is_empty() {
             let evidence = format!("no skill to {} the {} of {name}", wanted.name(), model.links[change.link].name);
@@ -158,7 +144,7 @@ impl Transfer {
             let held_m = fit.open_width_m;
             return Ok((
                 actions,
-                Active { object: change.object, fit: fit.clone(), grip: skill.grip, held_m, commanded },
+                Active { object: change.object, fit: fit.clone(), grip: skill.grip, held_m, commanded, carry: None },
             ));
         }
         let evidence = format!("no free motion of the arm to any of {tried} skills that fit {name}");
@@ -166,7 +152,7 @@ impl Transfer {
     }
 
     /// Commands from the arm's configuration to the start of a skill's approach; `None` if the planner finds no way.
-    fn reach(&self, scene: &PosedScene, fit: &JointFit, arm: &[f64], width: f64) -> Option<Vec<Vec<f32>>> {
+    fn reach(&self, scene: &PosedScene, fit: &Fit, arm: &[f64], width: f64) -> Option<Vec<Vec<f32>>> {
         let start = fit.approach.first()?;
         if !self.settings.plans_approach {
             let (from, to) = (self.planner.tcp_pose(arm), self.planner.tcp_pose(start));
@@ -294,9 +280,10 @@ impl Transfer {
         active: Box<Active>,
         looks: usize,
         before: Option<Pose>,
-        arm: &[f64],
+        look: Look,
         scene: &PosedScene,
     ) -> ActionChunk {
+        let arm = look.arm;
         let is_late = looks >= self.settings.max_looks;
         let is_waiting = self.settings.waits_for_hand && !is_late && !self.has_arrived(&active, arm, before);
         // A hand that was blocked does not arrive, but comes to rest.
@@ -306,6 +293,10 @@ impl Transfer {
             let chunk = self.hold(&active);
             self.phase = Phase::Stopping(active, looks + 1, Some(self.planner.tcp_pose(arm)));
             return chunk;
+        }
+        let mut active = active;
+        if let Some(carry) = active.carry.take() {
+            return self.place(active, &carry, look, scene);
         }
         let actions = self.release(&active, arm, scene);
         self.phase = Phase::Free;
@@ -369,7 +360,8 @@ impl Policy for Transfer {
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
         self.seed = start.seed;
-        let served = |alternative: &Vec<Move>| alternative.iter().all(|step| step.state().is_some());
+        let carries = self.skills.iter().any(|skill| skill.carry.is_some());
+        let served = |alternative: &Vec<Move>| alternative.iter().all(|step| carries || step.state().is_some());
         let plan = moves(&self.stage.goal, self.stage.start()).into_iter().find(served);
         self.plan = plan.ok_or_else(|| PolicyError::Unsuited("no skill serves the kind of its goal".into()))?;
         (self.tries, self.phase, self.last_failure, self.used) = (0, Phase::Free, None, None);
@@ -396,7 +388,8 @@ impl Policy for Transfer {
             }
             Phase::Moving(active, commands, given) => self.moving(active, commands, given, Some(arm)),
             Phase::Stopping(active, looks, before) => {
-                self.stopping(active, looks, before, arm, &self.stage.posed(&truth.objects))
+                let look = Look { arm, width, grasped: truth.grasped };
+                self.stopping(active, looks, before, look, &self.stage.posed(&truth.objects))
             }
             Phase::Done => ActionChunk { actions: Vec::new(), finished: true },
         })
