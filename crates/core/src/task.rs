@@ -27,7 +27,7 @@ pub struct Task {
     pub scene_graph: SceneGraph,
     /// Cards of the instances, one per node of the graph and in its order; see [`SharedCards`].
     pub objects: Vec<Arc<ObjectCard>>,
-    /// Support surfaces of the world, other than the table, to which goal or graph refer.
+    /// Support surfaces of the world to which goal or graph refer; the table only if the goal names it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<NamedSurface>,
     /// Groups of interchangeable instances of one asset: the goal holds if it holds for any permutation.
