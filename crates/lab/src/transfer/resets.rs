@@ -100,7 +100,7 @@ pub const CASES: [SkillCase; 6] = [
     SkillCase {
         verb: Verb::PickAndPlace,
         family: "mug",
-        instances: &[1, 2, 3, 4, 5, 6, 7, 8, 9],
+        instances: &[1, 2, 3, 4, 5, 7, 8, 9, 10],
         states: ["", ""],
         distance_m: 0.5,
         under: "008",
