@@ -77,6 +77,13 @@ class Editor {
   }
 }
 
+/** Runs in each page before its own scripts: its author, and nothing is drawn, since nobody looks. */
+function prepare(author) {
+  if (location.protocol !== "http:") return;
+  localStorage.setItem("genmanip.studio.author", author);
+  for (const draw of ["drawArrays", "drawElements"]) WebGL2RenderingContext.prototype[draw] = () => undefined;
+}
+
 /** The state without what depends on who asks. */
 const shared = ({ can_undo: _undo, can_redo: _redo, key: _key, ...state }) => state;
 
@@ -96,9 +103,8 @@ export async function withstand(browser, server, key, { count, seed, kinds = CON
   };
   const editors = [];
   for (const [index, name] of ["ada", "bo"].entries()) {
-    // Few pixels: nobody looks.
-    const script = [(author) => localStorage.setItem("genmanip.studio.author", author), name];
-    editors.push(new Editor(await openPage(browser, address(server.token), { script, patience_s: 120, deviceScaleFactor: 0.5 }), index));
+    const script = [prepare, name];
+    editors.push(new Editor(await openPage(browser, address(server.token), { script, patience_s: 120 }), index));
     await editors[index].take();
   }
   const start = await Promise.all(editors.map((editor) => editor.height_m()));
