@@ -1,4 +1,4 @@
-//! Who gave the commands of an episode.
+//! Source of the commands of an episode.
 
 use genmanip_core::{EpisodeResult, EpisodeSource, named_enum};
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 const EXPERT: &str = "expert";
 
 named_enum! {
-    /// Who gave the commands of an episode; data sets are selected by it.
+    /// Source of the commands of an episode; data sets are selected by it.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
     #[serde(rename_all = "snake_case")]
     pub enum Provenance {
@@ -27,7 +27,7 @@ named_enum! {
 }
 
 impl Provenance {
-    /// Who gave the commands of an episode with this result.
+    /// Source of the commands of an episode with this result.
     pub fn of(result: &EpisodeResult) -> Self {
         match result.source {
             Some(EpisodeSource::Teleop) => Self::Teleop,

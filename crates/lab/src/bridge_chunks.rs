@@ -175,7 +175,7 @@ impl Chunks {
     }
 }
 
-/// Policy that moves every joint to and fro. As learned ones, each chunk begins where the arm was measured, and disagrees
+/// Policy that moves every joint back and forth. As learned ones, each chunk begins where the arm was measured, and disagrees
 /// with the one before.
 struct Wanderer {
     spec: PolicySpec,

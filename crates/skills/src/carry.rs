@@ -185,7 +185,7 @@ impl<'a> Carrying<'a> {
         let moved = dense(&motion.lower, SPACING_M);
         let lower: Vec<Pose> = moved.iter().map(|moved| world_from_center * *moved * center_from_tcp).collect();
         let (release, dropped) = (*lower.last()?, *moved.last()?);
-        // The hand leaves as in the source, relative to where it let go.
+        // The hand leaves as in the source, relative to its pose at the release.
         let from_release = |pose: &Pose| {
             let left = motion.retreat.first().map_or(Pose::IDENTITY, |first| first.inverse() * *pose);
             if turned { conjugated(&left) } else { left }

@@ -75,7 +75,7 @@ fn only_move(stage: &Stage) -> Option<Move> {
     moves.next().filter(|_| moves.next().is_none())
 }
 
-/// What is cut from an episode, see [`Skill`].
+/// Parts that are cut from an episode, see [`Skill`].
 pub(crate) struct Cut {
     pub segments: Segments,
     pub grip: Grip,

@@ -25,7 +25,7 @@ impl Take<'_> {
         let (object_from_center, object_half_m) = center_of(model, self.joints(0));
         let center = |step: usize| frames[step].objects[self.object].pose * object_from_center;
         let contact: Vec<bool> = self.touched.iter().map(|links| *links != 0).collect();
-        // The hand lets go when the fingers no longer press; what falls or rolls on afterwards is not the hand's.
+        // The hand releases the object when the fingers no longer press; what falls or rolls on afterwards is not the hand's.
         let holds = |frame: &genmanip_core::Frame| frame.grasped == Some(self.object);
         let let_go = frames.iter().rposition(holds).ok_or(SkillError::NoContact { step: 0 })?;
         let mut way_m = vec![0.0; count];

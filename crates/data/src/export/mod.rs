@@ -153,7 +153,7 @@ pub enum Selection {
     Recorded,
     /// Episodes whose commands came from one of these, successful ones only unless `failed`.
     From {
-        /// Who gave the commands.
+        /// Sources of the commands.
         sources: Vec<Provenance>,
         /// Failed episodes too.
         failed: bool,

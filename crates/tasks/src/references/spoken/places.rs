@@ -139,7 +139,7 @@ impl Listener {
         goes_on.then_some(end - index)
     }
 
-    /// Where an object stands; `Some(None)` for the table, where it stands unless something else is said.
+    /// Place at which an object stands; `Some(None)` for the table, where it stands unless something else is said.
     pub(super) fn standing(&mut self) -> Option<Option<Place>> {
         if let Some(length) = self.table_at(self.mind.next) {
             self.mind.next += length;
