@@ -37,6 +37,8 @@ pub struct ExportArguments {
     pub out: Option<PathBuf>,
     #[command(flatten)]
     pub dataset: DatasetArguments,
+    #[command(flatten)]
+    pub sources: SourceArguments,
 }
 
 /// Contents of a dataset.
@@ -69,8 +71,6 @@ pub struct DatasetArguments {
     /// Also export recorded failed attempts, labelled as such
     #[arg(long)]
     pub keep_failed: bool,
-    #[command(flatten)]
-    pub sources: SourceArguments,
     /// Worker threads; the result does not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,

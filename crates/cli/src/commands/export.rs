@@ -31,7 +31,7 @@ pub fn run(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus,
         format: arguments.to.as_deref().and_then(Format::named).unwrap_or_default(),
         rows: rows(dataset)?,
         keep_failed: dataset.keep_failed,
-        sources: dataset.sources.names.clone(),
+        sources: arguments.sources.names.clone(),
         out: arguments.out.clone(),
         workers: workers::workers(dataset.workers),
     };

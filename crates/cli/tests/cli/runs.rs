@@ -273,6 +273,7 @@ fn a_run_exports_with_any_action_and_plays_it_back() {
         &["export", "run"][..],
         &["export", "run", "--mjcf", "--to", "lerobot"],
         &["export", "run", "--mjcf", "--rate", "15"],
+        &["export", "run", "--mjcf", "--source", "expert"],
     ] {
         assert_eq!(genmanip(here, arguments).code, Some(2), "{arguments:?}");
     }

@@ -225,15 +225,15 @@ impl<'a> PointJudge<'a> {
             object.is_some_and(|object| moved.contains(&object))
         };
         for (view, image) in last.images.iter().enumerate() {
-            for at in 0..image.depth_m.len() {
+            for (at, change) in changes[view].iter().enumerate() {
                 // An object that moved by less than its size is seen behind its own place, too.
-                let is_candidate = match changes[view][at] {
+                let is_candidate = match change {
                     Change::Nearer => true,
                     Change::Farther | Change::Same => was_moved(view, at),
                     Change::Unknown => false,
                 };
                 let Some(point) = image.point(at).filter(|_| is_candidate) else { continue };
-                if changes[view][at] != Change::Nearer && point.z < CHANGE_M {
+                if *change != Change::Nearer && point.z < CHANGE_M {
                     continue;
                 }
                 cells
