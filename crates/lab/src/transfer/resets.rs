@@ -116,7 +116,7 @@ pub fn base(
 ) -> Result<Scenario, LabError> {
     let uid = format!("{}-{instance}", case.family);
     let card = |uid: &str| {
-        let card = resources.catalogue.cards().iter().find(|card| card.uid.to_string() == uid);
+        let card = resources.catalogue.cards().iter().find(|card| card.uid == *uid);
         card.ok_or_else(|| LabError::input(format!("the catalogue has no object {uid}")))
     };
     let task = match case.under {
