@@ -81,20 +81,21 @@ function Active() {
       <p role="status" aria-live="polite">
         {status ? statusWords(status, teleop.hasFocus.value || teleop.device.value !== "keyboard") : "The simulation starts"}
       </p>
-      {status && (
-        <>
-          <p>
-            {status.conditions[0]} of {status.conditions[1]} conditions hold
-            {status.next && `; next: ${status.next.text}${distance(status.next)}`}
-          </p>
-          <p class="muted">
+      {/* Both lines keep their place while the simulation starts: the controls below must not move under the pointer. */}
+      <p>
+        {status ? `${status.conditions[0]} of ${status.conditions[1]} conditions hold` : "\u00a0"}
+        {status?.next && `; next: ${status.next.text}${distance(status.next)}`}
+      </p>
+      <p class="muted two-lines">
+        {status && (
+          <>
             take {status.take}, {status.time_s.toFixed(1)} s, {status.late_steps} of {status.steps} steps late; gripper {status.closed ? "closed" : "open"}
             {status.grasped && `, holds ${status.grasped}`}
             {status.contact_n > 2 && `, contact of ${status.contact_n.toFixed(0)} N`}; frame: {status.frame}
             {undoneWords(status.undone)}
-          </p>
-        </>
-      )}
+          </>
+        )}
+      </p>
       <label class="field">
         <span>Device</span>
         <select value={String(teleop.device.value)} onChange={({ currentTarget: { value } }) => teleop.choose(value === "keyboard" || value === "space_mouse" ? value : Number(value))}>

@@ -40,6 +40,8 @@ export const hasHid = hid !== undefined;
 let socket: WebSocket | null = null;
 let sequence = 0;
 let queue: object[] = [];
+/** Codes of the arm's keys that were pressed on the pad and are still down. */
+const pressed = new Set<string>();
 let ticker: ReturnType<typeof setInterval> | undefined;
 let scene: Parameters<typeof posedAt>[0] | null = null;
 let tries = 0;
@@ -148,7 +150,11 @@ export function key(event: KeyboardEvent, down: boolean): boolean {
   if ("command" in meant) {
     if (down && !event.repeat) command(meant.command);
   } else if (device.peek() === "keyboard" && !event.repeat) {
-    queue.push({ type: "key", code: meant.arm, down });
+    // A key that was down before the pad had the focus, such as that of the shortcut which opened it, moves nothing.
+    const counts = down || pressed.has(meant.arm);
+    if (down) pressed.add(meant.arm);
+    else pressed.delete(meant.arm);
+    if (counts) queue.push({ type: "key", code: meant.arm, down });
   }
   return true;
 }
@@ -156,6 +162,7 @@ export function key(event: KeyboardEvent, down: boolean): boolean {
 /** The pad got or lost the focus, or the page became visible or hidden: lost keys count as released at once. */
 export function focus(has: boolean): void {
   if (!has && hasFocus.peek()) {
+    pressed.clear();
     queue.push({ type: "blurred" });
     if (isActive.peek()) send();
   }
@@ -177,6 +184,7 @@ function connectDevice(): void {
       ? { kind: "space_mouse", name: name(mouse.productName), descriptor: hexadecimal(descriptor(mouse.collections)) }
       : { kind: "keyboard" };
   queue = [{ type: "connected", device: connected }];
+  pressed.clear();
 }
 
 /** Asks the browser for a SpaceMouse and moves the arm with it; needs a click or a key, and shows the browser's dialogue. */
