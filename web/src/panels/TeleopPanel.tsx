@@ -82,8 +82,8 @@ function Active() {
         {status ? statusWords(status, teleop.hasFocus.value || teleop.device.value !== "keyboard") : "The simulation starts"}
       </p>
       {/* Both lines keep their place while the simulation starts: the controls below must not move under the pointer. */}
-      <p>
-        {status ? `${status.conditions[0]} of ${status.conditions[1]} conditions hold` : "\u00a0"}
+      <p class="two-lines">
+        {status ? `${status.conditions[0]} of ${status.conditions[1]} conditions hold` : ""}
         {status?.next && `; next: ${status.next.text}${distance(status.next)}`}
       </p>
       <p class="muted two-lines">
