@@ -16,9 +16,11 @@ use genmanip_lab::agent::AgentArguments;
 use genmanip_lab::answers::Amount;
 use genmanip_lab::batch::BatchArguments;
 use genmanip_lab::blame::BlameArguments;
-use genmanip_lab::bridge::Motions;
-use genmanip_lab::bridge_chunks::Chunks;
-use genmanip_lab::bridge_drills::Drills;
+use genmanip_lab::bridge::chunks::{self, Chunks};
+use genmanip_lab::bridge::drills::{self, Drills};
+use genmanip_lab::bridge::motions::{self, Motions};
+use genmanip_lab::bridge::paired::{self, Paired};
+use genmanip_lab::bridge::streams::{self, Streams};
 use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::hostile::HostileArguments;
 use genmanip_lab::learn::LearnArguments;
@@ -29,9 +31,9 @@ use genmanip_lab::studio::StudioArguments;
 use genmanip_lab::teleop::TeleopArguments;
 use genmanip_lab::transfer::TransferArguments;
 use genmanip_lab::{
-    agent, answers, assets, batch, blame, bridge, bridge_chunks, bridge_drills, data, design, environment, expert, fit,
-    grasp, hand_eye, hostile, identification, layout, learn, learned_controls, matching, motion, readers, relations,
-    render, rendered, scale, segment, statistics, strangers, studio, suite, teleop, transfer, wording,
+    agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hand_eye, hostile,
+    identification, layout, learn, learned_controls, matching, motion, readers, relations, render, rendered, scale,
+    segment, statistics, strangers, studio, suite, teleop, transfer, wording,
 };
 use genmanip_workspace::WorkspaceError;
 
@@ -102,23 +104,26 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
         }
         LabCommand::Bridge(arguments) => {
             let seed = Seed::new(arguments.seed);
-            let streams = (arguments.count > 0).then(|| bridge::streams(arguments.count, seed)).transpose()?;
+            let streams = (arguments.count > 0).then(|| streams::measure(arguments.count, seed)).transpose()?;
             let policies = arguments.policies.iter().map(|text| PolicyFactory::resolve(text));
             let policies = policies.collect::<Result<Vec<_>, _>>()?;
             let suite = arguments.suite.as_deref().map(Suite::at).transpose()?;
             let paired = suite.iter().flat_map(|suite| {
-                policies.iter().map(|policy| bridge::paired(suite, policy, arguments.scenes, arguments.points, printer))
+                policies
+                    .iter()
+                    .map(|policy| paired::measure(suite, policy, arguments.scenes, arguments.points, printer))
             });
             let paired = paired.collect::<Result<Vec<_>, _>>()?;
             let url = arguments.robot.as_deref();
             let moved = url.filter(|_| arguments.motions > 0);
-            let motions = moved.map(|url| bridge::motions(url, arguments.motions, seed)).transpose()?;
+            let motions = moved.map(|url| motions::measure(url, arguments.motions, seed)).transpose()?;
             let drills = url.zip(arguments.drills.as_deref());
-            let drills = drills.map(|(url, place)| bridge_drills::drill(url, place == "post")).transpose()?;
-            let chunks =
-                (arguments.chunks > 0 && url.is_none()).then(|| bridge_chunks::measure(arguments.chunks, seed));
+            let drills = drills.map(|(url, place)| drills::measure(url, place == "post")).transpose()?;
+            let chunks = (arguments.chunks > 0 && url.is_none()).then(|| chunks::measure(arguments.chunks, seed));
             let chunks = chunks.transpose()?;
-            let mut text = bridge::describe(streams.as_ref(), &paired, motions.as_ref());
+            let mut text = motions.as_ref().map(Motions::text).unwrap_or_default();
+            text += &streams.as_ref().map(Streams::text).unwrap_or_default();
+            text.extend(paired.iter().map(Paired::text));
             text += &chunks.as_ref().map(Chunks::text).unwrap_or_default();
             text += &drills.as_ref().map(Drills::text).unwrap_or_default();
             printer.data(&(&streams, &paired, &motions, &drills, &chunks), &text);

@@ -12,8 +12,6 @@ pub mod blame;
 mod board_images;
 mod board_sets;
 pub mod bridge;
-pub mod bridge_chunks;
-pub mod bridge_drills;
 pub mod calibration;
 mod clock;
 pub mod data;

@@ -22,7 +22,7 @@ use genmanip_workspace::{WorkspaceError, scenarios, worlds};
 use rand::RngExt;
 use serde::Serialize;
 
-use crate::bridge::LINK;
+use super::LINK;
 
 /// Time from a request to its answer, s.
 const DELAY_S: f64 = 0.08;

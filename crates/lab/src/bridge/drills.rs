@@ -67,7 +67,7 @@ pub struct Collision {
 ///
 /// # Errors
 /// If the bridge cannot be reached, its robot is not known, or the arm stops for good.
-pub fn drill(url: &str, post: bool) -> Result<Drills, WorkspaceError> {
+pub fn measure(url: &str, post: bool) -> Result<Drills, WorkspaceError> {
     let failed = |error: BridgeError| WorkspaceError::input(error.to_string());
     let connection = TcpConnection::open(url).map_err(failed)?;
     let held = Arc::new(AtomicBool::new(true));
