@@ -145,13 +145,14 @@ function AtomRow({ atom, state, label, onChange, onRemove }: RowProps<Atom> & { 
       </div>
     );
   }
-  return <RelationRow edge={atom} state={state} label={label} onChange={(edge) => onChange({ ...edge, test: "relation" } as RelationAtom)} onRemove={onRemove} before={test} />;
+  return <RelationRow edge={atom} state={state} label={label} onChange={(edge) => onChange({ ...edge, test: "relation" } as RelationAtom)} onRemove={onRemove} before={test} isGoal />;
 }
 
-function RelationRow({ edge, state, label, onChange, onRemove, before }: RowProps<GraphEdge> & { edge: GraphEdge; before?: preact.ComponentChildren }) {
+function RelationRow({ edge, state, label, onChange, onRemove, before, isGoal = false }: RowProps<GraphEdge> & { edge: GraphEdge; before?: preact.ComponentChildren; isGoal?: boolean }) {
   const objects: [string, string][] = state.objects.map((object) => [object.id, nameWithId(object, state)]);
-  // Other surfaces of the world can carry, too.
-  const others = (store.scene.value?.surfaces ?? []).slice(1).map((surface): [string, string] => [surface.id, surface.name ?? surface.id]);
+  // Other surfaces of the world can carry, too; the table, on which everything stands, only as a goal.
+  const isOnTable = isGoal && ["on", "top"].includes(edge.relation);
+  const others = (store.scene.value?.surfaces ?? []).slice(isOnTable ? 0 : 1).map((surface): [string, string] => [surface.id, surface.name ?? surface.id]);
   const setRelation = (relation: string) => {
     const { second_reference: _, ...rest } = edge;
     const third = state.objects.find((object) => object.id !== edge.subject && object.id !== edge.reference)?.id ?? "";

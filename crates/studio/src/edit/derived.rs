@@ -43,6 +43,6 @@ fn surfaces(scenario: &Scenario) -> Vec<NamedSurface> {
     let edges = task.scene_graph.edges.iter();
     let edges = edges.flat_map(|edge| [Some(&edge.reference), edge.second_reference.as_ref()]);
     let named: Vec<&ReferenceId> = goal.chain(edges.flatten()).collect();
-    let surfaces = scenario.world.named_surfaces().into_iter();
-    surfaces.filter(|surface| named.iter().any(|id| **id == *surface.id)).collect()
+    let surfaces = scenario.world.surfaces.iter().filter(|surface| named.iter().any(|id| surface.id == **id));
+    surfaces.map(|surface| NamedSurface { id: surface.id.clone(), name: surface.name.clone() }).collect()
 }

@@ -13,7 +13,7 @@ use genmanip_core::{
 use super::catalogue::{find, new_id, nominal_joints};
 use super::error::EditError;
 use super::operation::{ChosenAsset, Instance, NodeWithCard, Operation, Placement};
-use super::task_parts::check_atom;
+use super::task_parts::{check_condition, check_edge};
 
 /// Maximum distance from the world's origin along each axis, m; larger values suggest a wrong unit.
 const MAX_DISTANCE_M: f64 = 10.0;
@@ -226,7 +226,7 @@ pub(super) fn insert(scenario: &mut Scenario, instance: &Instance) -> Result<Ope
     }
     scenario.objects.insert(at.min(scenario.objects.len()), instance.object.clone());
     for (place, edge) in &instance.edges {
-        check_atom(scenario, &edge.atom(), "args.instance.edges")?;
+        check_edge(scenario, edge, "args.instance.edges")?;
         let edges = &mut scenario.task.scene_graph.edges;
         edges.insert((*place).min(edges.len()), edge.clone());
     }
@@ -304,7 +304,7 @@ pub(super) fn exchange(
     }
     let goal = &scenario.task.goal;
     for atom in goal.alternatives.iter().flatten().filter(|atom| atom.subject() == id) {
-        check_atom(scenario, atom, "task.goal").map_err(|error| match error {
+        check_condition(scenario, atom, "task.goal").map_err(|error| match error {
             EditError::Invalid { place, message, .. } => {
                 EditError::invalid(place, message, "choose an object with that state, or set another goal first")
             }

@@ -1,7 +1,7 @@
 //! Operations on the parts of a scenario other than objects: instruction, goal, edges and cameras.
 
 use genmanip_core::world::camera_faults;
-use genmanip_core::{Atom, Camera, Goal, GraphEdge, Scenario};
+use genmanip_core::{Atom, Camera, Goal, GraphEdge, Scenario, SupportSurface};
 
 use super::error::EditError;
 use super::operation::Operation;
@@ -31,7 +31,7 @@ pub(super) fn set_goal(scenario: &mut Scenario, goal: &Goal) -> Result<Operation
     }
     for (place, alternative) in goal.alternatives.iter().enumerate() {
         for (index, atom) in alternative.iter().enumerate() {
-            check_atom(scenario, atom, &format!("args.goal[{place}][{index}]"))?;
+            check_condition(scenario, atom, &format!("args.goal[{place}][{index}]"))?;
         }
     }
     let before = std::mem::replace(&mut scenario.task.goal, goal.clone());
@@ -49,7 +49,7 @@ pub(super) fn set_edges(
         return Err(EditError::invalid("args.edges", message, ""));
     }
     for (index, edge) in edges.iter().enumerate() {
-        check_atom(scenario, &edge.atom(), &format!("args.edges[{index}]"))?;
+        check_edge(scenario, edge, &format!("args.edges[{index}]"))?;
     }
     let graph = &mut scenario.task.scene_graph;
     let before = std::mem::replace(&mut graph.edges, edges.to_vec());
@@ -103,11 +103,23 @@ pub(super) fn remove_camera(scenario: &mut Scenario, name: &str) -> Result<Opera
     Ok(Operation::Camera { camera: Box::new(cameras.remove(index)), index: Some(index) })
 }
 
-/// Checks that a condition refers to nodes, surfaces and states that exist in the scenario.
-pub(super) fn check_atom(scenario: &Scenario, atom: &Atom, place: &str) -> Result<(), EditError> {
+/// Checks that an edge of the scene graph refers to nodes and to surfaces other than the table, on which every other
+/// object stands anyway.
+pub(super) fn check_edge(scenario: &Scenario, edge: &GraphEdge, place: &str) -> Result<(), EditError> {
+    check_atom(scenario, &edge.atom(), &scenario.world.surfaces[1..], place)
+}
+
+/// Checks that a condition of a goal refers to nodes, surfaces and states that exist in the scenario; objects can be put
+/// on the table, but nothing lies beside or in it.
+pub(super) fn check_condition(scenario: &Scenario, atom: &Atom, place: &str) -> Result<(), EditError> {
+    let is_on = matches!(atom, Atom::Relation { relation, .. } if relation.is_support() && !relation.is_inside());
+    check_atom(scenario, atom, &scenario.world.surfaces[usize::from(!is_on)..], place)
+}
+
+fn check_atom(scenario: &Scenario, atom: &Atom, surfaces: &[SupportSurface], place: &str) -> Result<(), EditError> {
     let task = &scenario.task;
     for (position, id) in atom.ids().enumerate() {
-        let is_surface = position > 0 && scenario.world.further_surface(id).is_some();
+        let is_surface = position > 0 && surfaces.iter().any(|surface| surface.id == *id);
         if task.scene_graph.index_of(id).is_some() || is_surface {
             continue;
         }

@@ -90,6 +90,26 @@ fn names_follow_a_swap_and_a_removal() {
 }
 
 #[test]
+fn a_goal_puts_an_object_on_the_table() {
+    let goal = |relation: &str| {
+        let atom = json!({"test": "relation", "subject": "020", "relation": relation, "reference": "table"});
+        json!({"op": "goal", "args": {"goal": [[atom]]}})
+    };
+    let cans = scenario(CANS);
+    assert!(cans.task.surfaces.is_empty());
+    let after = check(&cans, goal("on"));
+    assert_eq!(after.task.goal.alternatives[0][0].to_string(), "020 on table");
+    assert_eq!(after.task.surfaces.iter().map(|surface| &*surface.name).collect::<Vec<_>>(), ["table"]);
+    for relation in ["in", "left", "near"] {
+        let error = operation(goal(relation)).apply(&cans, Catalogue::all()).expect_err(relation);
+        assert!(error.to_string().contains("got \"table\""), "{error}");
+    }
+    let edge = json!({"subject": "020", "relation": "on", "reference": "table"});
+    let edges = json!({"op": "edges", "args": {"edges": [edge]}});
+    assert!(operation(edges).apply(&cans, Catalogue::all()).is_err(), "every object stands on the table anyway");
+}
+
+#[test]
 fn what_does_not_fit_is_refused_with_its_place() {
     let cans = scenario(CANS);
     for (value, place, message, hint) in [
