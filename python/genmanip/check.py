@@ -20,7 +20,7 @@ class PolicyCheck:
 
     #: Mistakes with their place and remedy; an evaluation does not run an episode with one.
     mistakes: list[str] = dataclasses.field(default_factory=list)
-    #: What is no mistake, but rarely meant.
+    #: Settings that are no mistake, but rarely meant.
     notes: list[str] = dataclasses.field(default_factory=list)
     #: Calls of act().
     turns: int = 0

@@ -37,7 +37,7 @@ class Step(NamedTuple):
     reward: float
     #: Share of the goal's conditions that hold, 0 to 1, when it was judged last.
     score: float
-    #: Whether all of them held then.
+    #: True if all of them held then.
     success: bool
     #: The goal has held for a second, where the settings say to stop then. The episode is over, and was judged.
     terminated: bool

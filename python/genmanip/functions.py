@@ -195,7 +195,7 @@ def train(
 
     preset: "state" sees true object poses, "tiny" sees two cameras and reads the instruction; with labels it also
     learns to predict where the goal's objects are. Its length is that many optimiser steps, or that much wall-clock
-    time. What was stopped continues from its checkpoint. evaluate() takes the policy as f"learned:{out}".
+    time. A stopped training continues from its checkpoint. evaluate() takes the policy as f"learned:{out}".
     """
     length = (arguments.count_or_none("steps", steps), arguments.count_or_none("budget_s", budget_s))
     given = (*length, arguments.count("seed", seed), labels, *_running(workers, progress))
@@ -260,7 +260,7 @@ class Dataset:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         contract, rows = _genmanip.dataset(folder)
-        #: What the numbers of an action mean, and their rate.
+        #: Meaning of the numbers of an action, and their rate.
         self.contract: dict[str, Any] = json.loads(contract)
         keys = ("index", "scenario_id", "success", "first_row", "end_row")
         #: Its episodes.

@@ -59,7 +59,7 @@ class _Setup:
         else:
             self.scenes = Scenes.tasks(_known(paths("tasks", tasks)), keep=keep)
         self.has_layouts, self.layouts = suite is None, count("layouts", layouts, 1)
-        #: Whether episodes end in success before the goal of their task is reached.
+        #: True if episodes end in success before the goal of their task is reached.
         self.is_part = tasks in (*PARTS, *([part] for part in PARTS))
         self.ids = self.scenes.ids()
         if index is not None:

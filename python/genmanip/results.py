@@ -38,7 +38,7 @@ class DesignedTask(Record):
     #: Id of the task.
     task: str
     kind: str
-    #: What the robot is told to do, and the file, if there is a task.
+    #: The instruction, and the file, if there is a task.
     instruction: str | None
     file: str | None
     #: Why there is none.
@@ -92,7 +92,7 @@ class Trained(Record):
     #: Folder of the policy.
     policy: str
     preset: str
-    #: Whether the policy reads simulator truth, and whether it was trained with labels of the simulator.
+    #: True if the policy reads simulator truth; true if it was trained with labels of the simulator.
     privileged: bool
     labels: bool
     demonstrations: int
@@ -154,7 +154,7 @@ class Evaluation(Record):
     episodes: int
     #: Episodes whose policy could not be reached or made a mistake.
     not_run: list[dict[str, Any]]
-    #: Whether the policy read simulator truth.
+    #: True if the policy read simulator truth.
     oracle: bool
     #: A dictionary per episode, as in the file of the evaluation.
     results: list[dict[str, Any]] = dataclasses.field(repr=False)

@@ -25,7 +25,7 @@ _LIBERO = {
     "rotation": "axis_angle",
     "gripper": {"encoding": "plus_one_closed", "binary_threshold": 0.0},
 }
-#: What 1 means in such an action: 5 cm, 0.5 rad.
+#: Step of such an action at 1: 5 cm, 0.5 rad.
 _SCALE = np.array([0.05] * 3 + [0.5] * 3, np.float32)
 
 

@@ -218,7 +218,7 @@ export interface PhraseChoice {
   candidates: { uid: string; name: string }[];
 }
 
-/** What two revisions differ in. */
+/** Differences of two revisions. */
 export interface Difference {
   moved: { id: string; distance_m: number }[];
   turned: { id: string; angle_rad: number }[];

@@ -173,7 +173,7 @@ export async function withstand(browser, server, key, { count, seed, kinds = CON
         await until("the fault happens", () => proxy.struck > struck, PATIENCE_MS);
       }
       await everybody((editor) => editor.settled());
-      // What is undone was acknowledged: an edit that still waits would be withdrawn instead.
+      // The undone edit was acknowledged: one that still waits would be withdrawn instead.
       for (const editor of editors) {
         if (server.again && random(3) === 0 && (await editor.step(random(2) === 0))) await editor.settled();
       }

@@ -273,7 +273,7 @@ mod tests {
         fs::File::open(&path).unwrap().set_modified(SystemTime::now() - Duration::from_secs(120)).unwrap();
         let survey = made.survey();
         assert_eq!((survey.looked_at, &survey.sound, made.index()), (4, &sound, bytes));
-        // What is unfinished is not taken for known.
+        // Unfinished results do not count.
         fs::write(made.at("a/.group.partial-cc-b1-9-90-3"), b"").unwrap();
         assert_eq!((made.survey().looked_at, made.survey().looked_at), (1, 1));
         assert!(!made.survey().sound[0].is_settled());

@@ -1,7 +1,7 @@
 """A policy server made of the published openpi-client package: its packer, its picture resizing, its wire.
 
 Usage: openpi_server.py PORT-FILE. Writes its port into the file, answers eight actions of joint speed zero, and ends with
-the process that started it. What it is shown is printed as one line of JSON per question.
+the process that started it. Its inputs are printed as one line of JSON per question.
 """
 
 import asyncio

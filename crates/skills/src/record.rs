@@ -119,7 +119,7 @@ impl<'a> Take<'a> {
         let position = |step: usize| self.joints(step).get(change.joint).copied().unwrap_or_default();
         let count = self.episode.frames.len();
         let contact: Vec<bool> = self.touched.iter().map(|links| links >> change.link.min(63) & 1 == 1).collect();
-        // What falls or swings on afterwards is not the hand's.
+        // The hand is not the cause of later falls and swings.
         let last = contact.iter().rposition(|touches| *touches).ok_or(SkillError::NoContact { step: 0 })?;
         let (from, to) = (position(0), position(last));
         let travel: Vec<f64> = (0..count).map(|step| (position(step) - from) / (to - from)).collect();

@@ -164,7 +164,7 @@ impl EpisodeLog {
     }
 
     /// Marks the log as that of an episode whose idle ends were cut: `before` is the log of the whole episode, `cut` the
-    /// number of control steps cut from its start and from its end. What was undone in it is taken over.
+    /// number of control steps cut from its start and from its end. Undone parts are taken over.
     pub fn trimmed_from(&mut self, before: &Self, cut: [usize; 2]) {
         let head = cut[0];
         self.record.trimmed = cut;

@@ -6,8 +6,8 @@
 //! ```
 //!
 //! [`match_workspace`] takes photographs from the world's calibrated cameras and writes what it finds into
-//! `World::appearance`: response of each camera, light, table colour and photographs. What the photographs do not tell
-//! is named ([`Unidentified`]), and left as it is by default. Images are compared by [`compare`], ΔE2000 and FLIP.
+//! `World::appearance`: response of each camera, light, table colour and photographs. Quantities
+//! that the photographs do not determine are named ([`Unidentified`]) and keep their defaults. Images are compared by [`compare`], ΔE2000 and FLIP.
 
 mod cameras;
 pub mod chart;

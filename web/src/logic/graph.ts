@@ -139,7 +139,7 @@ function cost(cells: Map<string, Cell>, arrows: Arrow[]): number {
     const [from, to] = [cells.get(arrow.from)!, cells.get(arrow.to)!];
     sum += Math.hypot((from.column - to.column) * 1.1, from.row - to.row) ** 1.5;
     if (between(from, to, cells)) sum += 1.5;
-    // What carries lies beneath; a goal says less about the drawing than the scene does.
+    // Supports lie beneath; a goal says less about the drawing than the scene does.
     if (SUPPORTS.includes(arrow.label)) sum += 0.4 * (from.row - to.row + 1) * (arrow.isGoal ? 0.5 : 1);
     // Left of it is drawn left of it where that costs nothing.
     if (arrow.label === "left" && !arrow.isGoal) sum += 0.15 * (from.column - to.column);

@@ -46,7 +46,7 @@ export interface ReviewState extends ReviewRow {
   trials: { episodes: number; verified: number } | null;
 }
 
-/** What is marked: criteria that do not hold, further reasons, and a note. */
+/** The marks of a review: criteria that do not hold, further reasons, and a note. */
 export interface Marks {
   failed: Criterion[];
   further: Further[];

@@ -85,7 +85,7 @@ const PHASES = {
   failed: "Failed",
 };
 
-/** What the arm does and why, for the status line. */
+/** Motion of the arm and its reason, for the status line. */
 export function statusWords(status: TeleopStatus, hasFocus: boolean): string {
   if (status.phase === "judged" && status.success !== null) return `${status.success ? "Success" : "Goal missed"}: ${PHASES.judged}`;
   if (status.phase === "paused" && status.note) return `Paused: ${status.note}`;
@@ -103,7 +103,7 @@ export function message(command: Command, status: TeleopStatus | null, policy: s
   return { type: command === "pause" && status?.phase === "paused" ? "resume" : command };
 }
 
-/** What was undone, as an addition to a sentence. */
+/** The undone seconds, as an addition to a sentence. */
 export const undoneWords = ([times, seconds]: [number, number]): string => (times > 0 ? `; went back ${times}×, ${seconds.toFixed(1)} s cut` : "");
 
 /** Number of kept takes by skill; empty without any. */

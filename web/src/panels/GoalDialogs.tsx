@@ -70,7 +70,7 @@ export function EdgesDialog({ onClose }: Props) {
   return (
     <Dialog title="Scene graph" wide onClose={onClose}>
       <form onSubmit={(event) => (event.preventDefault(), save())}>
-        <p class="muted">Relations that hold before the robot moves. What stands on nothing else stands on the table.</p>
+        <p class="muted">Relations that hold before the robot moves. Objects without a support here stand on the table.</p>
         <div class="alternative">
           {edges.value.map((edge, index) => (
             <RelationRow

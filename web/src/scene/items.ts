@@ -94,7 +94,7 @@ export class Item {
     const link = this.links.get(name)!;
     this.links.delete(name);
     link.group.removeFromParent();
-    // What is still loading gives its mesh back when it arrives.
+    // A mesh that is still loading is given back when it arrives.
     if (link.group.userData["loaded"]) this.cache.release(link.path);
   }
 

@@ -41,7 +41,7 @@ const VIEWS: Record<string, { from: Vector; distance: number }> = {
   robot: { from: [-0.75, 0.02, 0.75], distance: 1.9 },
 };
 
-/** What is dragged: an object with what stands on it, or a camera. */
+/** The dragged thing: an object with those that stand on it, or a camera. */
 interface Target {
   object?: SceneObject;
   camera?: Camera;
@@ -408,7 +408,7 @@ export class View {
     this.request();
   }
 
-  /** What the handles move: the selected object, else the selected camera while the cameras are listed. */
+  /** The thing that the handles move: the selected object, else the selected camera while the cameras are listed. */
   private target(): Target | null {
     if (!store.isEditable.peek()) return null;
     const object = store.selected.peek();

@@ -14,7 +14,7 @@ const checked = signal<ReadonlyMap<string, Checked>>(new Map());
 /** Number of scenarios that are still to be checked; null unless that is under way. */
 export const left = signal<number | null>(null);
 
-/** What the verdict on the present revision of a listed scenario said; undefined before it is checked. */
+/** Verdict on the present revision of a listed scenario; undefined before it is checked. */
 export function known(key: string, revision: number): Checked | undefined {
   const found = checked.value.get(key);
   return found?.revision === revision ? found : undefined;

@@ -17,7 +17,7 @@ interface Compared {
 
 const known = signal<Compared | null>(null);
 
-/** What differs; null while nothing is compared, or the answer is not there yet. */
+/** The differences; null while nothing is compared, or the answer is not there yet. */
 export const compared = computed(() => (difference.value === null || known.value?.from !== difference.value ? null : known.value));
 
 /** Objects that stood elsewhere or are gone, as they were. */

@@ -60,7 +60,7 @@ export async function loadEpisodes(): Promise<void> {
   }
 }
 
-/** What the server says about the newest job. */
+/** State of the newest job, as the server says. */
 export function hear(told: Run): void {
   const known = run.peek();
   run.value = told;

@@ -1,4 +1,4 @@
-// What the page knows: one signal per thing that changes by itself.
+// The state of the page: one signal per thing that changes by itself.
 
 import { batch, computed, effect, signal } from "@preact/signals";
 import type { Camera, Problem, Scene, SceneObject, ScenarioRow, ScenarioState } from "../contract.ts";

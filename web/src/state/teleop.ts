@@ -133,7 +133,7 @@ function say(message: object): void {
 }
 
 export function command(what: Command): void {
-  // What was pressed before comes first.
+  // Keys pressed before come first.
   send();
   say(message(what, status.peek(), policy.peek()));
 }

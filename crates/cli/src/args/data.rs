@@ -71,7 +71,7 @@ pub enum DataCommand {
     /// Upload a folder, such as a run or a dataset, to S3 storage; only files that are missing or different there
     #[command(after_help = "Example:\n  genmanip data push out/run s3://my-bucket/runs/monday\n\n\
                       Keys, region and server: AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_SESSION_TOKEN, AWS_REGION,\n\
-                      AWS_ENDPOINT_URL. What fails is tried again for about a minute; the same call goes on where it\n\
+                      AWS_ENDPOINT_URL. A failed transfer is repeated for about a minute; the same call goes on where it\n\
                       stopped, also while the run still grows. A list of all files is written last.")]
     Push(DataPushArguments),
     /// Download a folder that was pushed to S3 storage; only files that are missing or different here

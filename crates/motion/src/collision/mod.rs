@@ -35,7 +35,7 @@
 //!    body's cover; most pairs are clear here.
 //! 3. Narrow phase for the rest: skeletons against bounding primitives, by a few Frank-Wolfe steps. A certain contact
 //!    ends the query.
-//! 4. What remains is `Unresolved`: a pair and its lanes. Obstacles are then checked exactly, one state at a time; a
+//! 4. The remaining pairs are `Unresolved`, each with its lanes. Obstacles are then checked exactly, one state at a time; a
 //!    path first subdivides the segment into steps of `spacing` and repeats 1 to 3 for that pair alone.
 //! 5. Unresolved pairs of bodies come last and are followed along the whole edge by conservative advancement: the
 //!    table's bound or the exact distance at one state limits how far the pair can move before it may touch.

@@ -149,7 +149,7 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     let ids = [format!("{TASK}-000"), format!("{TASK}-001")];
     remote::a_server_leads_the_arm(&folder, ids.each_ref().map(String::as_str));
 
-    // What is answered is kept, and given again: the same verdicts, byte for byte. A lost answer is named.
+    // Answers are kept and given again: the same verdicts, byte for byte. A lost answer is named.
     let answers = folder.with_file_name("answers");
     let nowhere = EvaluateOptions { out: None, ..options.clone() };
     let agent = |model: &str| {
