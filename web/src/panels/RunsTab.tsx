@@ -42,7 +42,7 @@ export function RunsTab() {
           </li>
         ))}
       </ul>
-      {rows?.length === 0 && <p class="muted hint">No episode of this scenario yet.</p>}
+      {rows?.length === 0 && <p class="muted hint">No recorded episode: press Run, or open the folder of a run.</p>}
       {open && <Details key={open.episode.episode} episode={open} />}
     </>
   );
