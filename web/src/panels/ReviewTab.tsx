@@ -82,7 +82,7 @@ function Queue() {
         ))}
       </select>
       <span class="muted" aria-label="Number">
-        {reviews.listed.value.length}
+        {reviews.isLoaded.value ? reviews.listed.value.length : "…"}
       </span>
     </div>
   );

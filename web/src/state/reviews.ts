@@ -7,6 +7,8 @@ import { json } from "./requests.ts";
 import * as store from "./store.ts";
 
 export const rows = signal<ReviewRow[]>([]);
+/** True once the queue has been read. */
+export const isLoaded = signal(false);
 export const kind = signal("");
 /** Filter by what is missing; `mine` is all that the reviewer can do. */
 export const missing = signal("mine");
@@ -31,7 +33,11 @@ function told<T>(promise: Promise<T>): Promise<T | null> {
 
 export async function loadQueue(): Promise<void> {
   const queue = await told(json<{ scenarios: ReviewRow[] }>(`/api/reviews${who()}`));
-  if (queue) rows.value = queue.scenarios;
+  if (!queue) return;
+  batch(() => {
+    rows.value = queue.scenarios;
+    isLoaded.value = true;
+  });
 }
 
 /** Reads the reviews of a scenario; another scenario or reviewer begins without marks. */
