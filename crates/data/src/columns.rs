@@ -6,8 +6,17 @@ use arrow_array::cast::AsArray;
 use arrow_array::types::{
     Float16Type, Float32Type, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, UInt8Type, UInt16Type, UInt32Type,
 };
-use arrow_array::{Array, RecordBatch};
+use arrow_array::{Array, GenericListArray, OffsetSizeTrait, RecordBatch};
 use arrow_schema::DataType;
+
+/// Image files in a column, `None` where a row has none: in the field `bytes` of a structure, or the column itself.
+/// `None` for a column of another type.
+pub fn image_files(column: &dyn Array) -> Option<Vec<Option<&[u8]>>> {
+    let within = column.as_struct_opt().and_then(|fields| fields.column_by_name("bytes"));
+    let files: &dyn Array = within.map_or(column, |files| files);
+    let small = files.as_binary_opt::<i32>().map(|files| files.iter().collect());
+    small.or_else(|| Some(files.as_binary_opt::<i64>()?.iter().collect()))
+}
 
 /// Numeric columns of one episode by name.
 pub type Rows = BTreeMap<String, Column>;
@@ -26,7 +35,6 @@ pub struct Column {
 impl Column {
     /// Column of an Arrow array; `None` if the array is not numeric or its rows differ in length.
     pub fn of(array: &dyn Array) -> Option<Self> {
-        let rows = array.len();
         if array.null_count() > 0 {
             return None;
         }
@@ -69,17 +77,19 @@ impl Column {
                 let inner = Self::of(lists.values())?;
                 Some(Self { width: width * inner.width, ..inner })
             }
-            DataType::List(_) => {
-                let lists = array.as_list::<i32>();
-                let width = if rows == 0 { 0 } else { usize::try_from(lists.value_length(0)).ok()? };
-                let is_even = (0..rows).all(|row| usize::try_from(lists.value_length(row)).ok() == Some(width));
-                let (from, to) = (*lists.value_offsets().first()?, *lists.value_offsets().last()?);
-                let inner =
-                    Self::of(&lists.values().slice(usize::try_from(from).ok()?, usize::try_from(to - from).ok()?))?;
-                is_even.then_some(Self { width: width * inner.width, ..inner })
-            }
+            DataType::List(_) => Self::of_lists(array.as_list::<i32>()),
+            DataType::LargeList(_) => Self::of_lists(array.as_list::<i64>()),
             _ => None,
         }
+    }
+
+    fn of_lists<Offset: OffsetSizeTrait>(lists: &GenericListArray<Offset>) -> Option<Self> {
+        let rows = lists.len();
+        let width = if rows == 0 { 0 } else { lists.value_length(0).as_usize() };
+        let is_even = (0..rows).all(|row| lists.value_length(row).as_usize() == width);
+        let (from, to) = (lists.value_offsets().first()?.as_usize(), lists.value_offsets().last()?.as_usize());
+        let inner = Self::of(&lists.values().slice(from, to - from))?;
+        is_even.then_some(Self { width: width * inner.width, ..inner })
     }
 
     /// Elements of one row.

@@ -136,6 +136,9 @@ pub enum DataError {
     Png(String),
 }
 
+/// What stands in place of a large file that a repository holds elsewhere.
+pub const LFS: &str = "a pointer of Git LFS";
+
 impl DataError {
     /// Advice on how to fix the error; `None` where the message says all.
     pub fn hint(&self) -> Option<String> {
@@ -147,6 +150,7 @@ impl DataError {
                 std::io::ErrorKind::NotFound => "check the path".into(),
                 _ => return None,
             },
+            Self::NotAFile { found: LFS, .. } => "fetch the file itself: `git lfs pull` in its repository".into(),
             Self::NotAFile { .. } => "links, pipes and devices are not read; give a regular file".into(),
             Self::TooLarge { limit, .. } => format!("expected {}; is this the right file?", limit.what),
             Self::NotOurs { .. } => "move it elsewhere; the run writes its own data set to this path".into(),
@@ -155,6 +159,11 @@ impl DataError {
             Self::NotRecorded { .. } => "collect again and keep failed episodes".into(),
             Self::NoAttachment { .. } => {
                 "render the images of these episodes first, at the rate of the data set".into()
+            }
+            Self::Table { source, .. } if source.to_string().contains("Disabled feature") => {
+                "tables are read uncompressed or with Snappy; write it again, in Python: pyarrow.parquet.write_table(\
+                 pyarrow.parquet.read_table(FILE), FILE)"
+                    .into()
             }
             Self::Damaged { path, .. } => {
                 let episode = path.parent().unwrap_or(path);

@@ -4,13 +4,14 @@
 //! no more is read than a [`Limit`] allows, regardless of the size the file reports.
 
 use std::fs::{self, File, Metadata, OpenOptions};
-use std::io::{BufRead, BufReader, BufWriter, ErrorKind, Read, Write};
+use std::io::{BufRead, BufReader, BufWriter, ErrorKind, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use genmanip_core::limits::Limit;
 
 use crate::DataError;
+use crate::error::LFS;
 use crate::partial::{self, is_abandoned, temporary_path};
 
 /// Reads a file given by the user; symbolic links are followed.
@@ -51,12 +52,25 @@ pub fn open_list(path: &Path) -> Result<impl BufRead + use<>, DataError> {
 /// Buffer size for streaming, bytes. Chosen by hand.
 const BUFFER_BYTES: usize = 256 << 10;
 
-/// Opens a regular file for streaming; symbolic links are followed.
+/// First bytes of what a repository holds in place of a large file that was not fetched, and (`LFS_BYTES`) the size that
+/// such a pointer stays below.
+const LFS_POINTER: &[u8] = b"version https://git-lfs.github.com/spec/";
+const LFS_BYTES: u64 = 1024;
+
+/// Opens a regular file for streaming; symbolic links are followed, pointers of Git LFS refused.
 pub fn open(path: &Path) -> Result<File, DataError> {
     check_is_file(path, &fs::metadata(path).map_err(DataError::io("read", path))?)?;
-    let file = File::open(path).map_err(DataError::io("read", path))?;
+    let mut file = File::open(path).map_err(DataError::io("read", path))?;
     // The file may have been replaced between the two calls.
-    check_is_file(path, &file.metadata().map_err(DataError::io("read", path))?)?;
+    let about = file.metadata().map_err(DataError::io("read", path))?;
+    check_is_file(path, &about)?;
+    if (LFS_POINTER.len() as u64..LFS_BYTES).contains(&about.len()) {
+        let mut start = [0; LFS_POINTER.len()];
+        file.read_exact(&mut start).and_then(|()| file.rewind()).map_err(DataError::io("read", path))?;
+        if start == LFS_POINTER {
+            return Err(DataError::NotAFile { path: path.to_owned(), found: LFS });
+        }
+    }
     Ok(file)
 }
 

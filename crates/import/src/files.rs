@@ -11,6 +11,9 @@ use sha2::{Digest, Sha256};
 use crate::raw::MAX_TRIANGLES;
 use crate::{ImportError, image};
 
+/// Hint on expressions of xacro, the macro language of ROS, in a file that should have none left.
+pub const XACRO: &str = "expand the file first: `xacro FILE > robot.urdf`, with ROS or after `pip install xacro`";
+
 /// Version of the pipeline, part of the hash: versions may build different objects from the same files.
 const PIPELINE: &str = "genmanip.import/1";
 /// Maximum number of files of one object. Bounds time and memory for hostile files.
@@ -99,6 +102,10 @@ impl<'a> Files<'a> {
             return found.map_or(plain, Ok);
         };
         let plain = named.strip_prefix("file://").unwrap_or(&named);
+        if named.contains("$(") || named.contains("${") {
+            let message = format!("refers to the mesh `{}`, an expression of xacro", shortened(&named));
+            return Err(ImportError::new(file, message).hint(XACRO));
+        }
         if plain.is_empty() || plain.contains(['\0', '\n']) {
             return Err(ImportError::new(file, format!("refers to the file `{}`, which is no path", shortened(plain))));
         }
@@ -116,10 +123,15 @@ impl<'a> Files<'a> {
                 candidates.extend(Path::new(file).ancestors().skip(2).map(|folder| folder.join(plain)));
             }
         }
+        // A blank or another special character of a URI may be written as its code.
+        candidates.extend(candidates.iter().filter_map(|path| decoded(path.to_str()?)).collect::<Vec<_>>());
         if let Some(found) = candidates.iter().find(|path| path.is_file()) {
             return Ok(found.display().to_string());
         }
         let error = ImportError::new(file, format!("refers to the mesh `{}`: no such file", shortened(&named)));
+        if let Some(other) = candidates.iter().find_map(|path| in_another_case(path)) {
+            return Err(error.hint(format!("{other} differs from it in upper and lower case only: rename one of them")));
+        }
         Err(match in_package.map(|rest| rest.split('/').next().unwrap_or_default()) {
             Some(package) => error.hint(format!(
                 "name the package's folder: --package {}=DIR; or set ROS_PACKAGE_PATH to the folder that contains it",
@@ -162,12 +174,22 @@ impl<'a> Files<'a> {
         Ok(bytes)
     }
 
-    /// The text of a file; invalid UTF-8 is replaced, because it can only occur in names and comments.
+    /// The text of a file in UTF-8, or in UTF-16 with a byte order mark; invalid characters are replaced, because they
+    /// can only occur in names and comments.
     ///
     /// # Errors
     /// As [`Files::bytes`].
     pub fn text(&mut self, path: &str, limit: Limit) -> Result<String, ImportError> {
-        Ok(String::from_utf8_lossy(&self.bytes(path, limit)?).trim_start_matches('\u{feff}').to_owned())
+        let bytes = self.bytes(path, limit)?;
+        let wide = |unit: fn([u8; 2]) -> u16| {
+            let units: Vec<u16> = bytes[2..].chunks_exact(2).map(|pair| unit([pair[0], pair[1]])).collect();
+            String::from_utf16_lossy(&units)
+        };
+        Ok(match bytes[..] {
+            [0xff, 0xfe, ..] => wide(u16::from_le_bytes),
+            [0xfe, 0xff, ..] => wide(u16::from_be_bytes),
+            _ => String::from_utf8_lossy(&bytes).trim_start_matches('\u{feff}').to_owned(),
+        })
     }
 
     /// An image, decoded once, with a note if it was downscaled.
@@ -272,6 +294,25 @@ fn in_folders_above(file: &str, rest: &str) -> Vec<String> {
         deeper.extend(inner.map(within));
     }
     named.into_iter().chain(any).chain(deeper).filter(|path| !path.split('/').any(|part| part == "..")).collect()
+}
+
+/// Path with every `%20` and the like replaced by its character; `None` if there is none.
+fn decoded(path: &str) -> Option<PathBuf> {
+    let mut parts = path.split('%');
+    let mut plain = parts.next()?.to_owned();
+    for part in parts {
+        let code = part.get(..2).and_then(|digits| u8::from_str_radix(digits, 16).ok());
+        plain.push(char::from(code.filter(u8::is_ascii_graphic).or(code.filter(|code| *code == b' '))?));
+        plain.push_str(&part[2..]);
+    }
+    (plain != path).then(|| plain.into())
+}
+
+/// Name of a file beside a missing one that differs from it in case only.
+fn in_another_case(missing: &Path) -> Option<String> {
+    let wanted = missing.file_name()?;
+    let mut beside = std::fs::read_dir(missing.parent()?).ok()?.filter_map(|entry| Some(entry.ok()?.file_name()));
+    beside.find(|name| name.eq_ignore_ascii_case(wanted)).map(|name| shortened(&name.to_string_lossy()))
 }
 
 /// True if a folder has a `package.xml` with this name.

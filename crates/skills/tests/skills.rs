@@ -103,26 +103,7 @@ fn a_take_becomes_a_skill_and_a_verified_episode() {
 }
 
 /// A minimal valid skill.
-const SKILL: &str = r#"{
-  "schema": "genmanip.skill/1", "name": "press-1", "verb": "press",
-  "source": {
-    "episode": "take", "record_hash": "00", "scenario": "s", "policy": "teleoperation", "seed": 1,
-    "object": {"source": "generated", "family": "push button", "params": {}, "seed": 1, "version": 1},
-    "family": "push button", "control_rate_hz": 60.0, "genmanip_version": "0.2.0"
-  },
-  "segments": {"approach": [0, 10], "contact": [10, 11], "manipulate": [11, 20], "release": [20, 25], "retreat": [25, 30]},
-  "grip": {"kind": "fixed", "width_m": 0.0},
-  "motion": {
-    "joint": "prismatic", "states": ["released", "pressed"], "from_to": [0.0, 0.0075], "nominal": 0.0075,
-    "handle_half_m": [0.03, 0.03, 0.015],
-    "approach": [{"position_m": [0, 0, 0.1], "orientation_wxyz": [0, 1, 0, 0]}],
-    "along": [
-      {"position_m": [0, 0, 0.02], "orientation_wxyz": [0, 1, 0, 0]},
-      {"position_m": [0, 0, 0.02], "orientation_wxyz": [0, 1, 0, 0]}
-    ],
-    "retreat": []
-  }
-}"#;
+const SKILL: &str = include_str!("../testdata/press.json");
 
 #[test]
 fn files_are_refused_with_the_place() {

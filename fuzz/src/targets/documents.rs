@@ -5,12 +5,14 @@ use std::path::Path;
 
 use genmanip_assets::{Catalogue, GraspFile};
 use genmanip_benchmark::EvaluationReport;
-use genmanip_core::{Document, DocumentError, EpisodeResult, Scenario, Task, World};
+use genmanip_core::{Document, DocumentError, EpisodeResult, Scenario, Seed, Task, World};
 use genmanip_import::packs::PackList;
 use genmanip_llm::Cassette;
 use genmanip_pipeline::folder::RunRecord;
+use genmanip_skills::Skill;
 use genmanip_tasks::answer::hostile::inconsistency;
 use genmanip_tasks::answer::{RecordedAnswer, TaskRequest, check_answer};
+use genmanip_tasks::designer::{DesignSettings, task_from_sentence};
 use genmanip_workspace::worlds;
 
 use super::{Opened, message};
@@ -47,7 +49,7 @@ pub fn documents(_: &str, repository: &Path) -> Result<Opened, Failure> {
     }
     /// `None` if the bytes are a document of another kind.
     type ReadKind = fn(&[u8]) -> Option<Result<(), String>>;
-    const KINDS: [ReadKind; 9] = [
+    const KINDS: [ReadKind; 10] = [
         read::<Task>,
         read::<Scenario>,
         read::<World>,
@@ -57,8 +59,14 @@ pub fn documents(_: &str, repository: &Path) -> Result<Opened, Failure> {
         read::<GraspFile>,
         read::<PackList>,
         read::<Cassette>,
+        read::<Skill>,
     ];
-    let folders = ["crates/core/testdata", "crates/cli/testdata/version_1", "crates/task-writer/testdata/cassettes"];
+    let folders = [
+        "crates/core/testdata",
+        "crates/cli/testdata/version_1",
+        "crates/task-writer/testdata/cassettes",
+        "crates/skills/testdata",
+    ];
     let mut corpus = Vec::new();
     for folder in folders {
         corpus.extend(Input::each_of_folder(&repository.join(folder))?);
@@ -68,6 +76,23 @@ pub fn documents(_: &str, repository: &Path) -> Result<Opened, Failure> {
         KINDS.iter().find_map(|read| read(bytes)).unwrap_or_else(|| Err("unknown schema".into()))
     };
     // Records and hashes of the store are the target `episodes`.
+    corpus.retain(|input| read(input).is_ok());
+    Ok(Opened { corpus, read: Box::new(read) })
+}
+
+/// Sentences of people that become tasks.
+pub fn sentences(_: &str, repository: &Path) -> Result<Opened, Failure> {
+    let table = std::fs::read_to_string(repository.join("crates/tasks/testdata/sentences.txt"))?;
+    let sentences = table.lines().filter(|line| !line.starts_with('#')).filter_map(|line| line.split_once(" => "));
+    let clear = sentences.filter(|(_, expected)| !expected.starts_with('?'));
+    let mut corpus: Vec<Input> = clear.map(|(sentence, _)| Input::file("sentence.txt", sentence)).collect();
+    // A few draws find most scenes; more would only search longer.
+    let settings = DesignSettings { max_draws: 4, ..DesignSettings::default() };
+    let cards = Catalogue::builtin().cards();
+    let read = move |input: &Input| {
+        let sentence = String::from_utf8_lossy(&input.files[0].1);
+        task_from_sentence(&sentence, cards, Seed::new(1), "fuzz", &settings).map(drop).map_err(message)
+    };
     corpus.retain(|input| read(input).is_ok());
     Ok(Opened { corpus, read: Box::new(read) })
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use genmanip_agent::image::RgbImage;
+use genmanip_assets::robots::{self as built_in, PartKind, compose};
 use genmanip_data::{depth, genmanip_format};
 use genmanip_import::{Given, image, robots};
 use genmanip_lab::hostile::imports::{FORMATS, valid};
@@ -36,6 +37,25 @@ pub fn robots(_: &str, _: &Path) -> Result<Opened, Failure> {
         robots::read(folder.path(), &robots::Settings::default()).map(drop).map_err(message)
     };
     Ok(Opened { corpus: vec![Input { files: genmanip_lab::hostile::robot() }], read: Box::new(read) })
+}
+
+/// Robot files: the built-in robots and the examples, each with the arm and the gripper that it names.
+pub fn robot_files(_: &str, repository: &Path) -> Result<Opened, Failure> {
+    let parts = |input: &Input, kind: PartKind, name: &str| {
+        let path = format!("{}s/{name}.json", kind.word());
+        let found = input.files.iter().find(|(known, _)| *known == path);
+        found.map(|(_, bytes)| String::from_utf8_lossy(bytes).into_owned())
+    };
+    let read = move |input: &Input| {
+        let (name, bytes) = &input.files[0];
+        let find = |kind: PartKind, part: &str| parts(input, kind, part).map_or_else(|| built_in::find(kind, part), Ok);
+        compose(name, &String::from_utf8_lossy(bytes), &find).map(drop).map_err(message)
+    };
+    let folder = repository.join("crates/assets/data/robots");
+    let all = Input::of_folder(&folder)?.files;
+    let (parts, robots): (Vec<_>, Vec<_>) = all.into_iter().partition(|(name, _)| name.contains('/'));
+    let corpus = robots.into_iter().map(|robot| Input { files: [vec![robot], parts.clone()].concat() }).collect();
+    Ok(Opened { corpus, read: Box::new(read) })
 }
 
 /// Textures, depth images and images of the agent.

@@ -127,7 +127,7 @@ fn taken_over(
     let settings = ImportSettings { ffmpeg: ffmpeg.clone(), ..ImportSettings::default() };
     let taken = take(&settings, &mut counted(&format!("{what}ing episodes"), printer));
     let made = taken.map_err(|error| {
-        let is_of_video = ffmpeg.is_none() && error.to_string().contains("video");
+        let is_of_video = ffmpeg.is_none() && error.to_string().starts_with("video");
         let hint = match is_of_video {
             true => "nothing was written; --ffmpeg PROGRAM decodes what is not plain H.264",
             false => "nothing was written; genmanip data check says more of a LeRobot dataset",

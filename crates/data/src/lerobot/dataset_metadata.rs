@@ -1,6 +1,7 @@
 //! Metadata accumulated while episodes are written, common to all versions of the format: features, instructions,
 //! indices and statistics.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use serde_json::Value;
@@ -87,8 +88,15 @@ impl DatasetMetadata {
         let described = Value::Object(described);
         match &self.features {
             Some(first) if *first != described => {
-                let what = format!("features of episode {}", rows.metadata.name());
-                Err(DataError::mismatch(what, first, described))
+                let none = serde_json::Map::new();
+                let keys =
+                    |features: &Value| features.as_object().unwrap_or(&none).keys().cloned().collect::<BTreeSet<_>>();
+                let is_other = |key: &String| first.get(key) != described.get(key);
+                let key = keys(first).union(&keys(&described)).find(|key| is_other(key)).cloned().unwrap_or_default();
+                let what = format!("feature {key} of episode {}", rows.metadata.name());
+                let shown = |features: &Value| features.get(&key).map_or("none".to_owned(), Value::to_string);
+                let expected = format!("{}, as in the first episode", shown(first));
+                Err(DataError::mismatch(what, expected, shown(&described)))
             }
             Some(_) => Ok(()),
             None => {

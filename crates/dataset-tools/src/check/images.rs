@@ -2,12 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use arrow_array::cast::AsArray;
-use arrow_array::{Array, BinaryArray, RecordBatch};
-
 use super::findings::Findings;
 use super::metadata::{Feature, Metadata};
 use genmanip_data::DataError;
+use genmanip_data::columns::image_files;
 use genmanip_data::depth::decode_depth_png;
 use genmanip_data::table::Table;
 
@@ -42,16 +40,16 @@ fn check_file(
         // A struct of bytes and path has two leaves under one name.
         for batch in Table::open(&path)?.columns(&[&feature.key])? {
             let batch = batch?;
-            let Some(images) = bytes(&batch, &feature.key) else {
+            let Some(images) = batch.column_by_name(&feature.key).and_then(|column| image_files(column)) else {
                 findings.add("features", file, format!("column {}", feature.key), "image bytes", "another type");
                 break;
             };
-            for index in 0..images.len() {
-                let wrong = if images.is_null(index) {
-                    Some("nothing".to_owned())
-                } else {
-                    let rgb = feature.rgb_size().map(|[height, width]| vec![height, width, 3]);
-                    flaw(images.value(index), rgb.as_ref().unwrap_or(&feature.shape), row % DECODED_EVERY == 0)
+            for image in images {
+                let rgb = feature.rgb_size().map(|[height, width]| vec![height, width, 3]);
+                let shape = rgb.as_ref().unwrap_or(&feature.shape);
+                let wrong = match image {
+                    None => Some("nothing".to_owned()),
+                    Some(file) => flaw(file, shape, row % DECODED_EVERY == 0),
                 };
                 if let Some(found) = wrong {
                     let expected = format!("a PNG image of shape {:?}", feature.shape);
@@ -62,10 +60,6 @@ fn check_file(
         }
     }
     Ok(())
-}
-
-fn bytes<'a>(batch: &'a RecordBatch, key: &str) -> Option<&'a BinaryArray> {
-    batch.column_by_name(key)?.as_struct_opt()?.column_by_name("bytes")?.as_binary_opt::<i32>()
 }
 
 /// Description of the first flaw of a PNG file; `None` if it is valid.

@@ -202,7 +202,7 @@ fn feature(key: &str, about: &Value) -> Feature {
 /// JSON file relative to the data set; null if it is missing or invalid, and errors become findings.
 pub(crate) fn read_json(root: &Path, name: &str, findings: &mut Findings) -> Value {
     match files::read(&root.join(name), limits::EVALUATION) {
-        Ok(bytes) => serde_json::from_slice(&bytes).unwrap_or_else(|error| {
+        Ok(bytes) => serde_json::from_slice(without_mark(&bytes)).unwrap_or_else(|error| {
             findings.add("info", name, "", "JSON", error);
             Value::Null
         }),
@@ -213,6 +213,11 @@ pub(crate) fn read_json(root: &Path, name: &str, findings: &mut Findings) -> Val
             Value::Null
         }
     }
+}
+
+/// Bytes of a text without the mark that editors of other systems put before it.
+pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
 }
 
 /// Reads the action contract, if there is one. `None` if it is missing or invalid; an invalid one becomes a finding.

@@ -40,14 +40,11 @@ pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings:
     let has_statistics = info.version == Version::V21;
     let statistics = if has_statistics { lines(root, STATISTICS, findings) } else { Vec::new() };
     for (row, line) in statistics.iter().enumerate() {
-        let expected = i64::try_from(row).ok();
-        findings.require(
-            "statistics",
-            STATISTICS,
-            &format!("line {}", row + 1),
-            &expected,
-            &line["episode_index"].as_i64(),
-        );
+        let place = format!("line {}, episode_index", row + 1);
+        let (expected, found) = (Value::from(row), &line["episode_index"]);
+        if expected != *found {
+            findings.add("statistics", STATISTICS, place, expected, found);
+        }
     }
     if has_statistics {
         findings.require("statistics", STATISTICS, "lines", &episodes.len(), &statistics.len());
@@ -122,7 +119,9 @@ fn lines(root: &Path, name: &str, findings: &mut Findings) -> Vec<Value> {
         }
     };
     let mut documents = Vec::new();
-    for (number, line) in bytes.split(|byte| *byte == b'\n').enumerate().filter(|(_, line)| !line.is_empty()) {
+    let is_blank = |line: &[u8]| line.trim_ascii().is_empty();
+    let lines = metadata::without_mark(&bytes).split(|byte| *byte == b'\n').enumerate();
+    for (number, line) in lines.filter(|(_, line)| !is_blank(line)) {
         match serde_json::from_slice(line).or_else(|error| without_nan(line).ok_or(error)) {
             Ok(document) => documents.push(document),
             // A null keeps the line numbers of later lines.

@@ -3,15 +3,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use arrow_array::cast::AsArray;
-use arrow_array::{Array, RecordBatch};
+use arrow_array::RecordBatch;
 
 use super::image_file;
 use super::metadata::{self, ImportedMetadata};
 use super::videos::{FrameRequest, VideoReader};
 use super::{ImportSettings, Importer, OnEpisode, SourceInfo};
 use crate::check::{self, EpisodeEntry, Metadata, Version, VideoSpan};
-use genmanip_data::columns::{Column, Rows};
+use genmanip_data::columns::{Column, Rows, image_files};
 use genmanip_data::export::EpisodeRows;
 use genmanip_data::export::features::{Feature, ImageFeature, Values, VideoFeature};
 use genmanip_data::lerobot::RECORD;
@@ -120,8 +119,14 @@ impl Lerobot {
                 self.notes.insert(format!("images of {key} in tables were encoded as H.264"));
                 colors.push(key.clone());
             } else if !feature.is_video() {
-                self.notes.insert(format!("column {key} of {} is left out", feature.dtype));
+                let kind = if feature.dtype.is_empty() { "unstated type" } else { &feature.dtype };
+                self.notes.insert(format!("column {key} of {kind} is left out"));
             }
+        }
+        for unlisted in
+            known.iter().filter(|name| !self.metadata.info.features.iter().any(|feature| feature.key == **name))
+        {
+            self.notes.insert(format!("column {unlisted} is left out, since info.json does not list it"));
         }
         Ok(Wanted { numbers, depths, colors })
     }
@@ -446,12 +451,9 @@ fn append(path: &Path, batch: &RecordBatch, keys: &[String], rows: &mut Rows) ->
 
 /// Encoded image files in a column, one per row.
 fn bytes(path: &Path, batch: &RecordBatch, key: &str) -> Result<Vec<Vec<u8>>, DataError> {
-    let structs = batch.column_by_name(key).and_then(|column| column.as_struct_opt());
-    let files =
-        structs.and_then(|structs| structs.column_by_name("bytes")).and_then(|files| files.as_binary_opt::<i32>());
-    let files = files.filter(|files| files.null_count() == 0);
-    let files = files.ok_or_else(|| DataError::table(path, format!("column `{key}` does not hold image files")))?;
-    Ok(files.iter().flatten().map(<[u8]>::to_vec).collect())
+    let files = batch.column_by_name(key).and_then(|column| image_files(column));
+    let all = files.and_then(|files| files.into_iter().map(|file| file.map(<[u8]>::to_vec)).collect());
+    all.ok_or_else(|| DataError::table(path, format!("column `{key}` does not hold an image file in every row")))
 }
 
 fn images(files: BTreeMap<String, Vec<Vec<u8>>>) -> Result<Vec<ImageFeature>, DataError> {

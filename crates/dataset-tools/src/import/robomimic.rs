@@ -152,7 +152,16 @@ impl Robomimic {
         let mut features: Vec<Feature> = columns.numbers("action", &actions)?.into_iter().collect();
         let mut videos = Vec::new();
         let observed = match demonstration.group("obs") {
-            Ok(observed) => observed.datasets().map_err(|error| damaged(path, &error))?,
+            Ok(observed) => {
+                let datasets = observed.datasets().map_err(|error| damaged(path, &error))?;
+                let (groups, others) = observed.member_names().map_err(|error| damaged(path, &error))?;
+                // Groups, and links that lead nowhere.
+                let is_read = |name: &String| datasets.iter().any(|dataset| dataset.name() == name.as_str());
+                for name in groups.iter().chain(&others).filter(|name| !is_read(name)) {
+                    columns.notes.insert(format!("`obs/{name}` of the demonstrations is left out"));
+                }
+                datasets
+            }
             Err(_) => {
                 columns
                     .notes

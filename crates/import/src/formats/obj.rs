@@ -1,6 +1,7 @@
 //! Wavefront OBJ with its materials and textures.
 
-use std::collections::{BTreeMap, HashMap};
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 
 use genmanip_core::Material;
@@ -42,8 +43,8 @@ pub fn vertices(path: &str, files: &mut Files<'_>) -> Result<Vec<DVec3>, ImportE
     let bytes = files.bytes(path, IMPORTED_MESH)?;
     let text = String::from_utf8_lossy(&bytes);
     let mut reader = Reader { path, ..Reader::default() };
-    for (index, line) in text.lines().enumerate() {
-        reader.line = index + 1;
+    for (number, line) in lines(&text) {
+        reader.line = number;
         let mut words = line.split_whitespace();
         if words.next() == Some("v") {
             reader.corner(words)?;
@@ -61,8 +62,8 @@ pub fn surfaces(path: &str, files: &mut Files<'_>, notes: &mut Vec<String>) -> R
     let text = String::from_utf8_lossy(&bytes);
     let mut reader = Reader { path, max_triangles: files.max_triangles, ..Reader::default() };
     let mut materials = BTreeMap::new();
-    for (index, line) in text.lines().enumerate() {
-        reader.line = index + 1;
+    for (number, line) in lines(&text) {
+        reader.line = number;
         let mut words = line.split_whitespace();
         match words.next().unwrap_or_default() {
             "v" => reader.corner(words)?,
@@ -71,10 +72,7 @@ pub fn surfaces(path: &str, files: &mut Files<'_>, notes: &mut Vec<String>) -> R
             "o" | "g" => reader.group = words.collect::<Vec<_>>().join(" "),
             "usemtl" => reader.material = words.collect::<Vec<_>>().join(" "),
             "mtllib" if files.geometry_only => {}
-            "mtllib" => match library(path, line.trim_start()[6..].trim(), files, notes) {
-                Ok(found) => materials.extend(found),
-                Err(error) => notes.push(format!("materials ignored: {error}")),
-            },
+            "mtllib" => materials.extend(libraries(path, line.trim_start()[6..].trim(), files, notes)),
             _ => {}
         }
     }
@@ -97,6 +95,22 @@ pub fn surfaces(path: &str, files: &mut Files<'_>, notes: &mut Vec<String>) -> R
         return Err(ImportError::new(path, "contains no faces").hint("expected an OBJ with lines `f 1 2 3`"));
     }
     Ok(surfaces)
+}
+
+/// Lines with their numbers; one that ends with a backslash goes on in the next.
+fn lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
+    let mut rest = text.lines().enumerate();
+    std::iter::from_fn(move || {
+        let (index, first) = rest.next()?;
+        let mut line = Cow::Borrowed(first);
+        while line.ends_with('\\') {
+            let joined = line.to_mut();
+            joined.pop();
+            joined.push(' ');
+            joined.push_str(rest.next().map_or("", |(_, next)| next));
+        }
+        Some((index + 1, line))
+    })
 }
 
 /// State of the parser.
@@ -209,10 +223,29 @@ struct Mtl {
     color: Option<[f32; 3]>,
     shininess: Option<f32>,
     opacity: Option<f32>,
+    roughness: Option<f32>,
+    metallic: Option<f32>,
     texture: Option<String>,
 }
 
-/// Materials of a library by name; unreadable properties are ignored.
+/// Textures of a material that are not used.
+const UNUSED: [&str; 9] = ["map_Ka", "map_Ks", "map_Ns", "map_d", "map_Bump", "map_bump", "bump", "norm", "disp"];
+
+/// Materials of the libraries that a line names: one file whose name may contain blanks, or several files.
+fn libraries(path: &str, named: &str, files: &mut Files<'_>, notes: &mut Vec<String>) -> BTreeMap<String, Material> {
+    match library(path, named, files, notes) {
+        Ok(found) => found,
+        Err(_) if named.contains(char::is_whitespace) => {
+            named.split_whitespace().flat_map(|one| libraries(path, one, files, notes)).collect()
+        }
+        Err(error) => {
+            notes.push(format!("materials ignored: {error}"));
+            BTreeMap::new()
+        }
+    }
+}
+
+/// Materials of a library by name; unreadable properties are ignored, other textures than that of the colour noted.
 fn library(
     path: &str,
     named: &str,
@@ -223,6 +256,7 @@ fn library(
     let text = files.text(&mtl, IMPORTED_DESCRIPTION)?;
     let mut read: BTreeMap<String, Mtl> = BTreeMap::new();
     let mut current: Option<&mut Mtl> = None;
+    let mut unused = BTreeSet::new();
     for line in text.lines() {
         let (key, rest) = line.trim().split_once(char::is_whitespace).unwrap_or((line.trim(), ""));
         if key == "newmtl" {
@@ -237,9 +271,15 @@ fn library(
             ("Ns", &[n]) => material.shininess = Some(n),
             ("d", &[opacity]) => material.opacity = Some(opacity),
             ("Tr", &[transparency]) => material.opacity = Some(1.0 - transparency),
+            ("Pr", &[roughness]) => material.roughness = Some(roughness),
+            ("Pm", &[metallic]) => material.metallic = Some(metallic),
             ("map_Kd", _) => material.texture = Some(rest.trim().to_owned()),
+            _ if UNUSED.contains(&key) => unused.extend([key]),
             _ => {}
         }
+    }
+    if !unused.is_empty() {
+        notes.push(format!("{mtl}: not used: {}", unused.into_iter().collect::<Vec<_>>().join(", ")));
     }
     Ok(read.into_iter().map(|(name, material)| (name, finish(&mtl, &material, files, notes))).collect())
 }
@@ -257,9 +297,11 @@ fn finish(mtl: &str, material: &Mtl, files: &mut Files<'_>, notes: &mut Vec<Stri
         color = [1.0; 3];
     }
     // Conversion of the Phong exponent to roughness, after Walter et al. 2007: alpha = sqrt(2 / (n + 2)).
-    let roughness = material.shininess.filter(|n| *n >= 0.0).map_or(0.5, |n| (2.0 / (n + 2.0)).sqrt());
+    let alpha = material.shininess.filter(|n| *n >= 0.0).map_or(0.5, |n| (2.0 / (n + 2.0)).sqrt());
+    let roughness = material.roughness.unwrap_or(alpha.sqrt()).clamp(0.15, 0.95);
     let opacity = material.opacity.unwrap_or(1.0).clamp(0.05, 1.0);
-    Material { opacity, texture, ..Material::plain(color, roughness.sqrt().clamp(0.15, 0.95)) }
+    let metallic = material.metallic.unwrap_or(0.0).clamp(0.0, 1.0);
+    Material { opacity, metallic, texture, ..Material::plain(color, roughness) }
 }
 
 /// Texture that a file refers to by name; `None` with a note if it is unavailable.

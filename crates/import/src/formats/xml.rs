@@ -6,7 +6,7 @@ use genmanip_core::limits::IMPORTED_DESCRIPTION;
 use roxmltree::{Document, Node, ParsingOptions};
 
 use crate::ImportError;
-use crate::files::{Files, shortened};
+use crate::files::{Files, XACRO, shortened};
 
 /// Maximum number of elements and attributes, and (`MAX_DEPTH`) maximum nesting depth. Bounds time and memory for
 /// hostile files.
@@ -36,7 +36,7 @@ pub struct Element {
 /// # Errors
 /// With line and column of a syntax error.
 pub fn parse(path: &str, files: &mut Files<'_>) -> Result<Element, ImportError> {
-    let mut text = without_doctype(files.text(path, IMPORTED_DESCRIPTION)?);
+    let mut text = without_doctype(without_declaration(files.text(path, IMPORTED_DESCRIPTION)?));
     for _ in 0..MAX_PREFIXES {
         let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
         match Document::parse_with_options(&text, options) {
@@ -53,6 +53,26 @@ pub fn parse(path: &str, files: &mut Files<'_>) -> Result<Element, ImportError> 
     Err(ImportError::new(path, format!("more than {MAX_PREFIXES} undeclared prefixes")))
 }
 
+/// Text with its XML declaration blanked: XML wants it at the very beginning, but files often start with blank lines or
+/// a comment.
+fn without_declaration(text: String) -> String {
+    let Some(start) = text.find("<?xml ") else { return text };
+    let mut before = text[..start].trim_start();
+    while let Some(comment) = before.strip_prefix("<!--") {
+        before = comment.split_once("-->").map_or(comment, |(_, after)| after.trim_start());
+    }
+    match text[start..].find("?>") {
+        Some(end) if before.is_empty() => blanked(&text, start..start + end + 2),
+        _ => text,
+    }
+}
+
+/// Text with a part replaced by blanks; lines keep their numbers.
+fn blanked(text: &str, part: std::ops::Range<usize>) -> String {
+    let blank: String = text[part.clone()].chars().map(|c| if c == '\n' { '\n' } else { ' ' }).collect();
+    format!("{}{blank}{}", &text[..part.start], &text[part.end..])
+}
+
 /// Text with its document type declaration blanked; a declaration that defines entities is kept, and then rejected by
 /// the parser.
 fn without_doctype(text: String) -> String {
@@ -62,8 +82,7 @@ fn without_doctype(text: String) -> String {
     if declared.contains('[') || text[..start].contains("<!--") {
         return text;
     }
-    let blank: String = declared.chars().map(|c| if c == '\n' { '\n' } else { ' ' }).collect();
-    format!("{}{blank}{}", &text[..start], &text[end..])
+    blanked(&text, start..end)
 }
 
 /// Text with a namespace prefix declared at the first element that uses it; `None` if none does.
@@ -128,28 +147,37 @@ impl Element {
     /// # Errors
     /// If one is not a finite number.
     pub fn numbers(&self, name: &str) -> Result<Option<Vec<f64>>, ImportError> {
-        self.numbers_below(name, MAX_NUMBER)
+        self.numbers_where(name, |value| value.abs() < MAX_NUMBER)
     }
 
-    /// One number of an attribute, 0 if it is absent; one of an enormous size, as files write for "unlimited", becomes
-    /// the largest that other attributes may have.
+    /// One number of an attribute; an infinite or enormous one, as files write for "unlimited", becomes the largest that
+    /// other attributes may have. `None` if it is absent.
     ///
     /// # Errors
-    /// If there are several, or it is not a finite number.
-    pub fn bounded(&self, name: &str) -> Result<f64, ImportError> {
-        match self.numbers_below(name, f64::INFINITY)?.as_deref() {
-            None => Ok(0.0),
-            Some([value]) => Ok(value.clamp(-MAX_NUMBER, MAX_NUMBER)),
+    /// If there are several, or it is not a number.
+    pub fn bounded(&self, name: &str) -> Result<Option<f64>, ImportError> {
+        match self.numbers_where(name, |value| !value.is_nan())?.as_deref() {
+            None => Ok(None),
+            Some([value]) => Ok(Some(value.clamp(-MAX_NUMBER, MAX_NUMBER))),
             Some(several) => Err(self.wrong(format!("{name}: expected 1 number, got {}", several.len()))),
         }
     }
 
-    fn numbers_below(&self, name: &str, most: f64) -> Result<Option<Vec<f64>>, ImportError> {
+    fn numbers_where(&self, name: &str, accepted: impl Fn(f64) -> bool) -> Result<Option<Vec<f64>>, ImportError> {
         let Some(text) = self.attribute(name) else { return Ok(None) };
-        let number = |word: &str| word.parse().ok().filter(|value: &f64| value.is_finite() && value.abs() < most);
+        let number = |word: &str| word.parse().ok().filter(|value: &f64| accepted(*value));
         match text.split_whitespace().map(number).collect() {
             Some(values) => Ok(Some(values)),
-            None => Err(self.wrong(format!("{name}=\"{}\": expected numbers", shortened(text)))),
+            None => {
+                let error = self.wrong(format!("{name}=\"{}\": expected numbers", shortened(text)));
+                Err(match text {
+                    text if text.contains("${") || text.contains("$(") => error.hint(XACRO),
+                    text if text.contains(',') => {
+                        error.hint("numbers are separated by blanks; decimals follow a point")
+                    }
+                    _ => error,
+                })
+            }
         }
     }
 

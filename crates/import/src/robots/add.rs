@@ -22,6 +22,10 @@ const SMALL_M: f64 = 0.6;
 /// Distance of the tool frame from the link that carries the fingers, along the approach, above which it is taken to
 /// lie between the fingertips, m. Chosen by hand.
 const FINGERTIPS_M: f64 = 0.02;
+/// Distance by which shapes may reach beyond the tool frame with the gripper still mounted at the frame, m, and (`AROUND`)
+/// number of directions in which a shape is compared with the tool's axis. Chosen by hand.
+const FLANGE_M: f64 = 0.01;
+const AROUND: u32 = 16;
 /// Density of a link that states no mass, over the volume of its hulls, kg/m³. Chosen by hand.
 const DENSITY: f64 = 800.0;
 /// Minimum mass of a link, kg, and (`LEAST_INERTIA`) minimum moment of inertia, kg·m². Chosen by hand.
@@ -114,14 +118,13 @@ pub fn propose(read: PlannedRobot, name: &str, gripper: Option<&str>) -> Result<
              a tool frame before that joint",
         ));
     }
-    let mount = mount(&described, own_hand, gripper)?;
+    let mut mount = mount(&described, own_hand, gripper)?;
     let arm = Arm { described: &described, kept: &kept, name };
     let dynamics = arm.dynamics(&mut notes);
     let mut home: Vec<f64> = arm.joints().map(|link| arm.middle(link)).collect();
     let mut reach = None;
-    let mut never: Vec<[String; 2]> = Vec::new();
-    let written = |home: &[f64], reach: Option<[f64; 3]>, never: &[[String; 2]]| {
-        (arm.file(&dynamics, home, reach), robot_file(name, gripper, &mount, never))
+    let written = |home: &[f64], reach: Option<[f64; 3]>, never: &[[String; 2]], mount: &Pose| {
+        (arm.file(&dynamics, home, reach), robot_file(name, gripper, mount, never))
     };
     let composed = |files: &(Value, Value)| {
         let find = |kind: PartKind, wanted: &str| match (kind, wanted == name) {
@@ -132,13 +135,24 @@ pub fn propose(read: PlannedRobot, name: &str, gripper: Option<&str>) -> Result<
     };
     // First composed with a home at the middle of the joint ranges, to find the link pairs to exclude, then with the
     // home and reach found.
-    let first = composed(&written(&home, reach, &never))?;
-    let near = genmanip_motion::always_near(&first, 2.0 * NEAR_M)
-        .map_err(|error| WorkspaceError::broken("the robot's shapes cannot be compiled", error))?;
-    never.extend(near.iter().map(|&(a, b)| [first.links[a].name.clone(), first.links[b].name.clone()]));
-    let files = written(&home, reach, &never);
-    let planner = planner(composed(&files)?)?;
-    let found = Reached::of(&planner);
+    let reached = |mount: &Pose| {
+        let first = composed(&written(&home, None, &[], mount))?;
+        let near = genmanip_motion::always_near(&first, 2.0 * NEAR_M)
+            .map_err(|error| WorkspaceError::broken("the robot's shapes cannot be compiled", error))?;
+        let never: Vec<[String; 2]> =
+            near.iter().map(|&(a, b)| [first.links[a].name.clone(), first.links[b].name.clone()]).collect();
+        let planner = planner(composed(&written(&home, None, &never, mount))?)?;
+        Ok::<_, WorkspaceError>((never, Reached::of(&planner)))
+    };
+    let (mut never, mut found) = reached(&mount)?;
+    if found.is_none() && ends_in_slide(&described) {
+        // Where a slide carries the tool, its place does not tell which way it points.
+        let over = Pose::new(-mount.position, mount.rotation * DQuat::from_rotation_x(std::f64::consts::PI));
+        let (other_never, other) = reached(&over)?;
+        if other.is_some() {
+            (mount, never, found) = (over, other_never, other);
+        }
+    }
     if let Some(found) = &found {
         home.clone_from(&found.home);
         reach = Some([found.farthest_m, found.from_above_m[0], found.from_above_m[1]]);
@@ -149,12 +163,12 @@ pub fn propose(read: PlannedRobot, name: &str, gripper: Option<&str>) -> Result<
                 .into(),
         );
     }
-    let (arm_file, robot) = written(&home, reach, &never);
+    let (arm_file, robot) = written(&home, reach, &never, &mount);
     let model = composed(&(arm_file.clone(), robot.clone()))?;
     let rounded = |values: &[f64]| values.iter().map(|value| format!("{value:.3}")).collect::<Vec<_>>().join(", ");
     let mut proposals = vec![
         ["tool frame".into(), described.links[described.hand].name.clone()],
-        ["gripper".into(), format!("{gripper}, turned by {:?} deg", rpy_deg(mount.rotation).map(f64::round))],
+        ["gripper".into(), mounted(gripper, &mount)],
         ["joints".into(), arm.joints().map(|link| arm.joint(link).name.as_str()).collect::<Vec<_>>().join(", ")],
         ["home, rad".into(), rounded(&home)],
         ["kp, N·m/rad".into(), rounded(&dynamics.iter().map(|joint| joint.kp).collect::<Vec<_>>())],
@@ -230,7 +244,7 @@ fn is_fixed_to(robot: &RobotModel, mut link: usize, ancestor: usize) -> bool {
 
 /// Pose of the gripper's hand frame in the tool frame: the hand's z axis is the axis of the tool frame that points away
 /// from the arm. If the tool frame lies between the tips of the fingers that the gripper replaces, so does the gripper's
-/// tool centre point.
+/// tool centre point; without such fingers, the gripper stands on the shapes that reach beyond the tool frame.
 ///
 /// # Errors
 /// If there is no such gripper.
@@ -243,8 +257,51 @@ fn mount(robot: &RobotModel, own_hand: Option<usize>, gripper: &str) -> Result<P
     let tool = poses[robot.hand];
     let ahead =
         own_hand.map_or(0.0, |hand| (tool.position - poses[hand].position).dot(tool.rotation * turn * DVec3::Z));
-    let back = if ahead > FINGERTIPS_M { length } else { 0.0 };
-    Ok(Pose::new(turn * DVec3::NEG_Z * back, turn))
+    let forward = match own_hand {
+        Some(_) if ahead > FINGERTIPS_M => -length,
+        Some(_) => 0.0,
+        None => Some(shapes_ahead_m(robot, turn * DVec3::Z)).filter(|ahead| *ahead > FLANGE_M).unwrap_or(0.0),
+    };
+    Ok(Pose::new(turn * DVec3::Z * forward, turn))
+}
+
+/// Distance by which the shapes that move with the tool frame reach beyond it on its axis, m: that of the farthest corner
+/// of a shape that the axis, a unit vector in the tool frame, passes through.
+fn shapes_ahead_m(robot: &RobotModel, axis: DVec3) -> f64 {
+    let carrier = |mut link: usize| {
+        while let (None, Some(parent)) = (&robot.links[link].joint, robot.links[link].parent) {
+            link = parent;
+        }
+        link
+    };
+    let poses = robot.link_poses(&robot.home, 0.0);
+    let (first, second) = axis.any_orthonormal_pair();
+    let mut ahead: f64 = 0.0;
+    for (index, link) in robot.links.iter().enumerate().filter(|(index, _)| carrier(*index) == carrier(robot.hand)) {
+        let tool_from_link = poses[robot.hand].inverse() * poses[index];
+        for (corners, _) in link.pieces.iter().filter_map(|piece| triangulate(piece).ok()) {
+            let corners: Vec<DVec3> = corners.iter().map(|corner| tool_from_link.transform_point(*corner)).collect();
+            let mut around = (0..AROUND).map(|side| f64::from(side) * std::f64::consts::TAU / f64::from(AROUND));
+            let is_on_axis = around.all(|angle| {
+                let outwards = first * angle.cos() + second * angle.sin();
+                corners.iter().any(|corner| corner.dot(outwards) >= 0.0)
+            });
+            let farthest = corners.iter().map(|corner| corner.dot(axis)).fold(0.0, f64::max);
+            ahead = ahead.max(if is_on_axis { farthest } else { 0.0 });
+        }
+    }
+    ahead
+}
+
+/// True if one of the last two joints before the tool frame is a slide.
+fn ends_in_slide(robot: &RobotModel) -> bool {
+    let mut kinds = Vec::new();
+    let mut link = Some(robot.hand);
+    while let Some(index) = link {
+        kinds.extend(robot.links[index].joint.as_ref().map(|joint| joint.kind));
+        link = robot.links[index].parent;
+    }
+    kinds.iter().take(2).any(|kind| *kind == JointKind::Prismatic)
 }
 
 /// Rotation `tool_from_hand` of the gripper.
@@ -280,6 +337,15 @@ fn turn(robot: &RobotModel) -> DQuat {
 fn rpy_deg(rotation: DQuat) -> [f64; 3] {
     let (yaw, pitch, roll) = rotation.to_euler(EulerRot::ZYX);
     [roll, pitch, yaw].map(f64::to_degrees).map(|angle| (angle * 1e6).round() / 1e6)
+}
+
+/// Description of a gripper's mount.
+fn mounted(gripper: &str, mount: &Pose) -> String {
+    let turned = format!("{gripper}, turned by {:?} deg", rpy_deg(mount.rotation).map(f64::round));
+    match mount.position.length() {
+        0.0 => turned,
+        away => format!("{turned}, {:.0} mm from the tool frame", away * 1e3),
+    }
 }
 
 fn robot_file(name: &str, gripper: &str, mount: &Pose, never: &[[String; 2]]) -> Value {

@@ -25,8 +25,6 @@ const JERK: f64 = 5000.0;
 /// Velocity [rad/s or m/s] and (`EFFORT`) effort [N·m or N] of a joint that states none, or 0. Chosen by hand.
 const VELOCITY: f64 = 1.0;
 const EFFORT: f64 = 1.0;
-/// Limit beyond which a revolute joint counts as continuous, rad: limits mistakenly given in degrees are smaller.
-const NO_LIMIT: f64 = 1000.0;
 /// Limit beyond which a slide counts as unlimited, m: limits mistakenly given in millimetres are smaller; and (`SLIDE_M`)
 /// the limit that is assumed then, either way.
 const UNLIMITED_M: f64 = 50_000.0;
@@ -76,7 +74,8 @@ pub fn build(
     let mut builder = Builder { path: &path, files, notes, hulls: BTreeMap::new(), simplified: Vec::new() };
     let mut links = builder.links(&described, choices)?;
     builder.follow(&described, &mut links)?;
-    let has_motion = described.iter().any(|link| link.joint.as_ref().is_some_and(|(_, joint)| joint.motion.is_some()));
+    let would_move = |joint: &urdf::Joint<'_>| joint.motion.is_some() || joint.held.is_some();
+    let has_motion = described.iter().any(|link| link.joint.as_ref().is_some_and(|(_, joint)| would_move(joint)));
     let Builder { mut notes, simplified, .. } = builder;
     if choices.visible {
         visual::add(robot, &described, &mut links, files, &mut notes)?;
@@ -238,11 +237,11 @@ impl Builder<'_, '_> {
     /// [`Self::follow`].
     fn joint(&mut self, name: &str, node: &Element, motion: &Motion<'_>) -> Result<Option<RobotJoint>, ImportError> {
         let coupled = motion.mimic.is_some();
-        let endless =
-            |[lower, upper]: &[f64; 2]| motion.kind == JointKind::Revolute && *lower < -NO_LIMIT && *upper > NO_LIMIT;
-        let continuous = motion.continuous || motion.range.as_ref().is_some_and(endless);
+        let is_endless = motion.kind == JointKind::Revolute && motion.range.is_some_and(urdf::is_endless);
+        let continuous = motion.continuous || is_endless;
         if continuous && !motion.continuous {
-            self.notes.push(format!("joint {name} has limits of more than {NO_LIMIT} rad: taken as continuous"));
+            self.notes
+                .push(format!("joint {name} has limits of more than {} rad: taken as continuous", urdf::NO_LIMIT));
         }
         let (lower, upper) = match (motion.range, motion.kind) {
             _ if continuous => (-MAX_ANGLE, MAX_ANGLE),
@@ -262,7 +261,7 @@ impl Builder<'_, '_> {
                 return Err(node.wrong("a slide needs limits").hint("add <limit lower=\"…\" upper=\"…\"/> in metres"));
             }
         };
-        if upper - lower < plausible::MIN_RANGE && !coupled {
+        if upper - lower < urdf::MIN_RANGE && !coupled {
             self.notes.push(format!("joint {name} has the empty range {lower}..{upper}: taken as fixed at 0"));
             return Ok(None);
         }
@@ -333,8 +332,15 @@ impl Builder<'_, '_> {
                     let [one, other] = limits.map(|limit| multiplier * limit + offset);
                     (joint.lower, joint.upper) = (one.min(other), one.max(other));
                 }
-                // A joint that follows a fixed joint is fixed as well.
-                (joint, _) => *joint = None,
+                // A joint that follows a fixed joint is fixed as well, where that one puts it.
+                (joint, _) => {
+                    let Some(own) = joint.take() else { continue };
+                    let led_by = described[at].joint.as_ref().and_then(|(_, leader)| leader.held).unwrap_or(0.0);
+                    let position = multiplier * led_by + offset;
+                    self.notes.push(format!("joint {} follows a fixed joint: it is fixed at {position}", own.name));
+                    let link = &mut links[link];
+                    link.parent_from_link = link.parent_from_link * own.kind.motion(own.axis, position);
+                }
             }
         }
         Ok(())
@@ -350,16 +356,9 @@ impl Builder<'_, '_> {
     /// Convex piece of a collision or visual element.
     fn piece(&mut self, element: &Element) -> Result<Option<Piece>, ImportError> {
         let link_from_piece = urdf::origin(element)?;
-        let shape = match urdf::form(self.path, element, self.files)? {
-            None => {
-                self.notes.push(format!("line {}: collision geometry of an unknown kind is left out", element.place.1));
-                return Ok(None);
-            }
+        let shape = match urdf::form(self.path, element, self.files, &mut self.notes)? {
+            None => return Ok(None),
             Some(Form::Shape(shape)) => shape,
-            Some(Form::Nothing) => {
-                self.notes.push(format!("line {}: geometry without extent is left out", element.place.1));
-                return Ok(None);
-            }
             Some(Form::Mesh(file, scale)) => match self.corners(&file, scale)? {
                 Some(points) => Shape::Hull { points },
                 None => return Ok(None),

@@ -6,6 +6,7 @@
 use genmanip_core::{JointKind, Piece, RobotLink, RobotModel, Shape, glam::DVec3};
 
 use crate::ImportError;
+use crate::formats::urdf::MIN_RANGE;
 use crate::formats::xml::Element;
 
 /// Maximum number of links of a robot.
@@ -20,8 +21,6 @@ pub const MAX_REACH_M: f64 = 10.0;
 const SIZES_M: [f64; 2] = [1e-6, 10.0];
 /// Maximum limit of a revolute joint [rad]: 16 turns either way.
 pub(super) const MAX_ANGLE: f64 = 100.0;
-/// Minimum range of a joint [rad or m].
-pub(super) const MIN_RANGE: f64 = 1e-6;
 /// Allowed joint velocities [rad/s or m/s].
 pub(super) const SPEEDS: [f64; 2] = [1e-4, 1e3];
 /// Maximum time from one joint limit to the other [s]: motions are sampled at the control rate.
@@ -149,7 +148,9 @@ fn check_joint(path: &str, link: &RobotLink) -> Result<(), ImportError> {
         ));
     }
     let [slowest, fastest] = SPEEDS;
-    let slowest = slowest.max(range / MAX_CROSSING_S);
+    // A joint without end stops crosses at most a turn.
+    let turn = if joint.continuous { range.min(std::f64::consts::TAU) } else { range };
+    let slowest = slowest.max(turn / MAX_CROSSING_S);
     if !(slowest..=fastest).contains(&joint.max_velocity) {
         let hint = "a joint must cross its range within 1000 s; velocities are in rad/s or m/s";
         return Err(implausible(

@@ -7,5 +7,6 @@ mod hostile;
 mod mjcf;
 mod rigid;
 mod robots;
+mod urdf_spellings;
 mod usd;
 mod usd_physics;

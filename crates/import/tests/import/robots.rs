@@ -10,7 +10,7 @@ use genmanip_import::robots::{self, Choices, MAX_LINKS, MAX_PIECES, PlannedRobot
 use genmanip_motion::{AllowedCollisions, Chain, CollisionWorld, Planner, PlannerSettings, PlanningScene};
 
 /// Six joints like those of many industrial arms, one with a different axis, plus a rail and a tool.
-const ARM: &str = r#"<robot name="six">
+pub const ARM: &str = r#"<robot name="six">
   <link name="world"/>
   <link name="base"><collision><geometry><cylinder radius="0.08" length="0.1"/></geometry></collision></link>
   <joint name="foot" type="fixed"><parent link="world"/><child link="base"/><origin xyz="0 0 0.05"/></joint>
@@ -37,7 +37,7 @@ const BRICK: &str = "v -0.15 -0.03 -0.03\nv 0.15 -0.03 -0.03\nv -0.15 0.03 -0.03
                      v -0.15 -0.03 0.03\nv 0.15 -0.03 0.03\nv -0.15 0.03 0.03\nv 0.15 0.03 0.03\nv 0 0 0\n";
 
 /// Reads a robot from files in a folder, the first of which is the URDF.
-fn read_files(files: &[(&str, &[u8])], choices: Choices) -> Result<PlannedRobot, String> {
+pub fn read_files(files: &[(&str, &[u8])], choices: Choices) -> Result<PlannedRobot, String> {
     let folder = tempfile::tempdir().unwrap();
     for (name, bytes) in files {
         let path = folder.path().join(name);
@@ -50,7 +50,7 @@ fn read_files(files: &[(&str, &[u8])], choices: Choices) -> Result<PlannedRobot,
     })
 }
 
-fn read(urdf: &str) -> Result<PlannedRobot, String> {
+pub fn read(urdf: &str) -> Result<PlannedRobot, String> {
     read_files(&[("arm.urdf", urdf.as_bytes()), ("fore.obj", BRICK.as_bytes())], Choices::default())
 }
 
@@ -58,7 +58,7 @@ fn six() -> RobotModel {
     read(ARM).unwrap().model
 }
 
-fn with(old: &str, new: &str) -> Result<PlannedRobot, String> {
+pub fn with(old: &str, new: &str) -> Result<PlannedRobot, String> {
     assert!(ARM.contains(old), "{old}");
     read(&ARM.replacen(old, new, 1))
 }
@@ -100,7 +100,7 @@ fn every_flaw_has_its_own_message() {
         ("<parent link=\"world\"/>", "<parent link=\"flange\"/>", "some links form a loop"),
         ("<child link=\"roll\"/>", "<child link=\"upper\"/>", "link `upper` has two parent joints"),
         ("xyz=\"0 0 0.4\"", "xyz=\"0 0 nan\"", "xyz=\"0 0 nan\": expected numbers"),
-        ("lower=\"-2.5\"", "lower=\"inf\"", "lower=\"inf\": expected numbers"),
+        ("lower=\"-2.5\"", "lower=\"nan\"", "lower=\"nan\": expected numbers"),
         ("lower=\"-2.5\"", "lower=\"2.6\"", "<joint \"j3\">: expected an increasing range, got 2.6 to 2.5"),
         ("xyz=\"0 2 0\"", "xyz=\"0 0 0\"", "<joint \"j3\">: its axis has no length"),
         ("fore.obj", "gone.obj", "`gone.obj`: no such file (paths are relative"),
@@ -179,7 +179,7 @@ fn common_flaws_are_read_and_noted() {
         ("velocity=\"2\"", "velocity=\"1e5\"", "joint j1 states the velocity 100000: 1000 is assumed"),
         ("radius=\"0.07\"", "radius=\"0\"", "geometry without extent is left out"),
         ("velocity=\"2\"", "velocity=\"2\" effort=\"0\"", "joint j1 states the effort 0: 1 is assumed"),
-        ("lower=\"-2.5\" upper=\"2.5\"", "lower=\"0\" upper=\"0\"", "joint j3 has the empty range 0..0"),
+        ("lower=\"-2.5\" upper=\"2.5\"", "lower=\"0\" upper=\"0\"", "joint j3 has an empty range: taken as fixed at 0"),
         ("<limit lower=\"-2.5\" upper=\"2.5\" velocity=\"2\"/>", "", "joint j3 states no limits"),
         ("type=\"continuous\"", "type=\"floating\"", "joint of type `floating` to roll treated as fixed"),
         (
@@ -518,9 +518,25 @@ fn a_gripper_takes_the_place_of_the_jaws() {
     assert!(flange.pieces.is_empty() && found.model.arm_dof() == 6);
     assert!(found.notes.iter().any(|note| note.ends_with("shapes are left out: flange")), "{:?}", found.notes);
     assert!(proposed(&whole, Some("robotiq_2f85")).1 < 1e-6);
-    // Without jaws, the gripper stands on the flange, whose shape stays.
+    // Without jaws, the gripper stands on the flange, whose shape stays, or at the tool frame if nothing is ahead of it.
+    let stands = |shape: &str| {
+        let (found, _) = proposed(&ARM.replace("<link name=\"flange\"/>", shape), None);
+        let position = &found.robot["mount"]["position"];
+        (position[0].as_f64().unwrap() * 1e3).round()
+    };
+    let block = |x: f64, y: f64| {
+        format!(
+            "<link name=\"flange\"><collision><origin xyz=\"{x} {y} 0\"/><geometry><box size=\"0.08 0.04 0.04\"/>\
+             </geometry></collision></link>"
+        )
+    };
+    let mounts = [shape, &block(0.05, 0.0), &block(0.05, 0.05), &block(-0.035, 0.0)].map(stands);
+    assert_eq!(
+        mounts,
+        [30.0, 90.0, 0.0, 0.0],
+        "a sphere, a block ahead, one beside the axis, one that ends at the frame"
+    );
     let (found, _) = proposed(&ARM.replace("<link name=\"flange\"/>", shape), None);
-    assert_eq!(found.robot["mount"]["position"], serde_json::json!([0.0, 0.0, 0.0]));
     assert!(found.model.links.iter().any(|link| link.name == "flange" && !link.pieces.is_empty()));
     let small = ARM.replace("xyz=\"0 0 0.4\"", "xyz=\"0 0 0.15\"").replace("xyz=\"0.4 0 0\"", "xyz=\"0.1 0 0\"");
     let small = small.replace("xyz=\"0 0 0.2\"/>\n    <axis", "xyz=\"0 0 0.05\"/>\n    <axis");

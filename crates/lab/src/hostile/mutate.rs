@@ -16,6 +16,7 @@ pub fn file(name: &str, bytes: &mut Vec<u8>, rng: &mut impl Rng) {
     match Path::new(name).extension().and_then(|ending| ending.to_str()) {
         Some("json" | "jsonl" | "gltf") if !is_blind => json(bytes, rng),
         Some("toml" | "urdf" | "srdf" | "obj" | "mtl" | "xml") if !is_blind => tokens(bytes, rng),
+        Some("txt") if !is_blind => words(bytes, rng),
         _ => blind(bytes, rng),
     }
 }
@@ -213,6 +214,28 @@ fn tokens(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
         }
     };
     *bytes = changed.into_bytes();
+}
+
+/// Leaves out, repeats, exchanges or replaces a word.
+fn words(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
+    let text = String::from_utf8_lossy(bytes).into_owned();
+    let mut words: Vec<&str> = text.split_whitespace().collect();
+    if words.is_empty() {
+        return blind(bytes, rng);
+    }
+    let [index, other] = [(); 2].map(|()| rng.random_range(0..words.len()));
+    let new = self::text(rng);
+    match rng.random_range(0..4) {
+        0 => drop(words.remove(index)),
+        1 => {
+            let copies = [1, 3, 600][rng.random_range(0..3)];
+            let word = words[index];
+            words.splice(index..index, std::iter::repeat_n(word, copies));
+        }
+        2 => words.swap(index, other),
+        _ => words[index] = &new,
+    }
+    *bytes = words.join(" ").into_bytes();
 }
 
 /// Replaces one random span (start and end, bytes) of a text; the text unchanged if there are none.

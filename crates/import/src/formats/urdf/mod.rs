@@ -21,7 +21,14 @@ use crate::units_and_frame::transformed_mass;
 pub fn robot(path: &str, files: &mut Files<'_>) -> Result<Element, ImportError> {
     let robot = xml::parse(path, files)?;
     if robot.tag != "robot" {
-        return Err(robot.wrong("expected <robot>"));
+        let error = robot.wrong("expected <robot>");
+        return Err(match robot.tag.as_str() {
+            "sdf" | "gazebo" => {
+                error.hint("this is SDF, of Gazebo: robots are read from URDF; its authors often have both")
+            }
+            "mujoco" => error.hint("this is MJCF, of MuJoCo: robots are read from URDF, objects also from MJCF"),
+            _ => error,
+        });
     }
     match first_macro(&robot).or_else(|| path.ends_with(".xacro").then_some(&robot)) {
         Some(found) => Err(found.wrong("a xacro file, which must be expanded first").hint(format!(
@@ -61,6 +68,8 @@ pub struct Joint<'x> {
     pub parent_from_joint: Pose,
     /// Motion; `None` for a fixed joint.
     pub motion: Option<Motion<'x>>,
+    /// Position of a joint with an empty range, which counts as fixed there, rad or m; `None` for any other joint.
+    pub held: Option<f64>,
 }
 
 /// Motion of a joint.
@@ -81,6 +90,30 @@ pub struct Motion<'x> {
     /// Mimic joint: name of the joint whose position this one follows, multiplier and offset. `None` for an independent
     /// joint.
     pub mimic: Option<(&'x str, f64, f64)>,
+}
+
+/// Minimum range of a joint that moves, rad or m.
+pub const MIN_RANGE: f64 = 1e-6;
+
+/// Limit beyond which a revolute joint counts as continuous, rad: limits mistakenly given in degrees are smaller.
+pub const NO_LIMIT: f64 = 1000.0;
+
+/// True if an angle is larger than two turns, which no joint and no frame of a robot needs.
+fn is_in_degrees<const N: usize>(angles: [f64; N]) -> bool {
+    angles.iter().any(|angle| angle.abs() > 2.0 * std::f64::consts::TAU + 0.01)
+}
+
+/// True if limits mean that there is none.
+pub fn is_endless([lower, upper]: [f64; 2]) -> bool {
+    lower < -NO_LIMIT && upper > NO_LIMIT
+}
+
+impl Motion<'_> {
+    /// The position of an independent joint with an empty range; `None` for a joint that moves.
+    fn only_position(&self) -> Option<f64> {
+        let [lower, upper] = self.range.filter(|_| self.mimic.is_none())?;
+        (upper - lower < MIN_RANGE).then_some(lower)
+    }
 }
 
 /// Links of a description, parents first; more than `most` are an error.
@@ -113,7 +146,20 @@ fn joint<'x>(node: &'x Element, notes: &mut Vec<String>) -> Result<Joint<'x>, Im
         }
     };
     let motion = kind.map(|kind| motion(node, kind)).transpose()?;
-    Ok(Joint { name, node, parent, child, parent_from_joint: origin(node)?, motion })
+    let parent_from_joint = origin(node)?;
+    if node.first("origin").map(|origin| origin.exactly::<3>("rpy")).transpose()?.flatten().is_some_and(is_in_degrees) {
+        notes.push(format!("joint {} is turned by more than two turns: is its rpy in degrees?", shortened(name)));
+    }
+    let turning = motion.as_ref().filter(|motion| motion.kind == JointKind::Revolute);
+    if turning.and_then(|motion| motion.range).is_some_and(|range| is_in_degrees(range) && !is_endless(range)) {
+        notes.push(format!("joint {} has limits of more than two turns: are its limits in degrees?", shortened(name)));
+    }
+    if let Some((motion, held)) = motion.as_ref().and_then(|motion| Some((motion, motion.only_position()?))) {
+        notes.push(format!("joint {} has an empty range: taken as fixed at {held}", shortened(name)));
+        let parent_from_joint = parent_from_joint * motion.kind.motion(motion.axis, held);
+        return Ok(Joint { name, node, parent, child, parent_from_joint, motion: None, held: Some(held) });
+    }
+    Ok(Joint { name, node, parent, child, parent_from_joint, motion, held: None })
 }
 
 fn motion(node: &Element, kind: JointKind) -> Result<Motion<'_>, ImportError> {
@@ -125,14 +171,16 @@ fn motion(node: &Element, kind: JointKind) -> Result<Motion<'_>, ImportError> {
     let axis = DVec3::from_array(axis).try_normalize().ok_or_else(|| node.wrong("its axis has no length"))?;
     let limit = node.first("limit");
     let range = match limit {
-        Some(limit) if !continuous => Some([limit.bounded("lower")?, limit.bounded("upper")?]),
+        Some(limit) if !continuous => {
+            Some([limit.bounded("lower")?.unwrap_or(0.0), limit.bounded("upper")?.unwrap_or(0.0)])
+        }
         Some(_) | None => None,
     };
     if let Some([lower, upper]) = range.filter(|[lower, upper]| lower > upper) {
         return Err(node.wrong(format!("expected an increasing range, got {lower} to {upper}")));
     }
     let stated = |name: &str| match limit {
-        Some(limit) => Ok(limit.exactly::<1>(name)?.map(|[value]| value)),
+        Some(limit) => limit.bounded(name),
         None => Ok(None),
     };
     let mimic = match node.first("mimic") {
@@ -184,17 +232,31 @@ pub enum Form {
     Shape(Shape),
     /// A mesh file, resolved, and its scale.
     Mesh(String, DVec3),
-    /// Primitive of size 0, which files use as a placeholder.
-    Nothing,
 }
 
-/// Geometry of a visual or collision element; `None` if it has none of a supported type.
+/// Tags of supported geometry.
+const FORMS: [&str; 5] = ["box", "sphere", "cylinder", "capsule", "mesh"];
+
+/// Geometry of a visual or collision element; `None`, with a note, if it has none of a supported type or its size is 0,
+/// as in placeholders.
 ///
 /// # Errors
 /// If a size is invalid or a mesh file is missing.
-pub fn form(path: &str, element: &Element, files: &mut Files<'_>) -> Result<Option<Form>, ImportError> {
-    let Some(geometry) = element.first("geometry") else { return Ok(None) };
-    let Some(node) = geometry.children.first() else { return Ok(None) };
+pub fn form(
+    path: &str,
+    element: &Element,
+    files: &mut Files<'_>,
+    notes: &mut Vec<String>,
+) -> Result<Option<Form>, ImportError> {
+    let line = element.place.1;
+    let parts = element.first("geometry").map_or(&[][..], |geometry| &geometry.children);
+    let Some(node) = parts.first().filter(|node| FORMS.contains(&node.tag.as_str())) else {
+        notes.push(format!("line {line}: {} geometry of an unknown kind is left out", element.tag));
+        return Ok(None);
+    };
+    if parts.len() > 1 {
+        notes.push(format!("line {line}: only the first of {} shapes of one <geometry> is used", parts.len()));
+    }
     let size = |name: &str| {
         let value = node.number(name, 0.0)?;
         if value > 0.0 { Ok(value) } else { Err(node.wrong(format!("{name}: expected a positive length"))) }
@@ -202,7 +264,8 @@ pub fn form(path: &str, element: &Element, files: &mut Files<'_>) -> Result<Opti
     let lengths = ["size", "radius", "length"].map(|name| node.numbers(name).ok().flatten().unwrap_or_default());
     let are_zero = |values: &Vec<f64>| !values.is_empty() && values.iter().all(|value| *value == 0.0);
     if lengths.iter().any(are_zero) {
-        return Ok(Some(Form::Nothing));
+        notes.push(format!("line {line}: geometry without extent is left out"));
+        return Ok(None);
     }
     let shape = match node.tag.as_str() {
         "box" => {
@@ -216,7 +279,6 @@ pub fn form(path: &str, element: &Element, files: &mut Files<'_>) -> Result<Opti
         "cylinder" => Shape::Cylinder { radius: size("radius")?, half_height: size("length")? / 2.0 },
         "capsule" => Shape::Capsule { radius: size("radius")?, half_length: size("length")? / 2.0 },
         _ => {
-            let Some(node) = geometry.first("mesh") else { return Ok(None) };
             let named = node.attribute("filename").ok_or_else(|| node.wrong("expected a filename"))?;
             let scale = match node.numbers("scale")?.as_deref() {
                 None => DVec3::ONE,
@@ -267,7 +329,10 @@ fn ordered<'x>(
     }
     let roots: Vec<&str> = nodes.keys().copied().filter(|name| !hung.contains(name)).collect();
     let [root] = roots.as_slice() else {
-        return Err(robot.wrong(format!("expected exactly one root link, got {}", roots.len())));
+        let names = roots.iter().map(|name| shortened(name)).collect::<Vec<_>>().join(", ");
+        return Err(robot
+            .wrong(format!("expected exactly one root link, got {}: {}", roots.len(), shortened(&names)))
+            .hint("attach the others to the first with fixed joints, or remove them"));
     };
     let mut order = vec![Link { name: root, node: nodes[root], joint: None }];
     let mut known = BTreeMap::from([(*root, 0_usize)]);

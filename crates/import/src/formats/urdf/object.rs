@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use genmanip_core::limits::{IMPORTED_MESH, SETTINGS};
-use genmanip_core::{Joint, MassProperties, Material, Piece, Pose};
+use genmanip_core::{Joint, JointKind, MassProperties, Material, Piece, Pose};
 use glam::{DMat3, DMat4, DVec3};
 
 use super::{Form, Motion, form, links, mass, origin, robot};
@@ -18,8 +18,9 @@ use crate::units_and_frame::transformed_mass;
 /// door or drawer in place when released.
 const DAMPING: f64 = 0.1;
 const FRICTION_LOSS: f64 = 0.05;
-/// Range assigned to a continuous joint, rad.
+/// Range assigned to a turning joint without limits, rad, and (`SLIDE`) to a slide without limits, m.
 const CONTINUOUS: [f64; 2] = [-std::f64::consts::PI, std::f64::consts::PI];
+const SLIDE: [f64; 2] = [-0.2, 0.2];
 
 /// Reads the object of a URDF; links with fixed joints are merged into their parents.
 ///
@@ -45,8 +46,8 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
             Some((parent, joint)) => {
                 let (parent, parent_from_fixed) = places[*parent];
                 let parent_from_joint = parent_from_fixed * joint.parent_from_joint;
-                let motion = joint.motion.as_ref().map(|motion| object_joint(joint.name, joint.node, motion));
-                match motion.transpose()?.flatten() {
+                let motion = joint.motion.as_ref().map(|motion| reader.joint(joint.name, joint.node, motion));
+                match motion.transpose()? {
                     None => (parent, parent_from_joint),
                     Some(moves) => {
                         made.push(moving(Some(Joint { parent, parent_from_joint, ..moves })));
@@ -87,26 +88,6 @@ fn partnet_category(path: &str, files: &mut Files<'_>) -> Option<String> {
     metadata["model_cat"].as_str().map(shortened)
 }
 
-/// Joint of an object; parent and frame are filled in later. `None` for a joint with an empty range, which counts as
-/// fixed.
-fn object_joint(name: &str, node: &Element, motion: &Motion<'_>) -> Result<Option<Joint>, ImportError> {
-    let dynamics = node.first("dynamics");
-    let number = |name, otherwise| dynamics.map_or(Ok(otherwise), |node| node.number(name, otherwise));
-    let range = motion.range.unwrap_or(CONTINUOUS);
-    Ok((range[1] - range[0] > 1e-6).then_some(Joint {
-        name: name.to_owned(),
-        parent: 0,
-        kind: motion.kind,
-        parent_from_joint: Pose::IDENTITY,
-        axis: motion.axis,
-        range,
-        damping: number("damping", DAMPING)?.max(0.0),
-        friction_loss: number("friction", FRICTION_LOSS)?.max(0.0),
-        stiffness: 0.0,
-        spring_reference: 0.0,
-    }))
-}
-
 /// Reader of the visual surfaces of a URDF's links.
 pub struct Surfaces<'a, 'b> {
     path: &'a str,
@@ -133,13 +114,41 @@ impl<'a, 'b> Surfaces<'a, 'b> {
         Ok(reader)
     }
 
+    /// Joint of an object; parent and frame are filled in later.
+    fn joint(&mut self, name: &str, node: &Element, motion: &Motion<'_>) -> Result<Joint, ImportError> {
+        let dynamics = node.first("dynamics");
+        let number = |name, otherwise| dynamics.map_or(Ok(otherwise), |node| node.number(name, otherwise));
+        let otherwise = if motion.kind == JointKind::Prismatic { SLIDE } else { CONTINUOUS };
+        if motion.range.is_none() && !motion.continuous {
+            let [lower, upper] = otherwise;
+            self.notes
+                .push(format!("joint {} states no limits: {lower:.2} to {upper:.2} are assumed", shortened(name)));
+        }
+        if let Some((leader, ..)) = motion.mimic {
+            let [name, leader] = [name, leader].map(shortened);
+            self.notes.push(format!("joint {name} should follow {leader}; joints of an object move by themselves"));
+        }
+        Ok(Joint {
+            name: name.to_owned(),
+            parent: 0,
+            kind: motion.kind,
+            parent_from_joint: Pose::IDENTITY,
+            axis: motion.axis,
+            range: motion.range.unwrap_or(otherwise),
+            damping: number("damping", DAMPING)?.max(0.0),
+            friction_loss: number("friction", FRICTION_LOSS)?.max(0.0),
+            stiffness: 0.0,
+            spring_reference: 0.0,
+        })
+    }
+
     /// Contents of a link, in its own frame.
     fn link(&mut self, node: &Element, name: &str) -> Result<RawLink, ImportError> {
         let mut link = RawLink { name: name.to_owned(), surfaces: self.visual(node, name)?, ..RawLink::default() };
         for collision in node.all("collision") {
             let link_from_piece = origin(collision)?;
-            match form(self.path, collision, self.files)? {
-                None | Some(Form::Nothing) => {}
+            match form(self.path, collision, self.files, &mut self.notes)? {
+                None => {}
                 Some(Form::Shape(shape)) => link.collision.push(RawCollision::Piece(Piece { shape, link_from_piece })),
                 Some(Form::Mesh(file, _)) if self.is_missing(&file) => {}
                 Some(Form::Mesh(file, scale)) => {
@@ -215,8 +224,8 @@ impl<'a, 'b> Surfaces<'a, 'b> {
 
     fn surfaces(&mut self, visual: &Element, material: Option<&Material>) -> Result<Vec<Surface>, ImportError> {
         let own = material.cloned().unwrap_or_else(|| Material::plain(formats::PLAIN, 0.5));
-        let (file, scale) = match form(self.path, visual, self.files)? {
-            None | Some(Form::Nothing) => return Ok(Vec::new()),
+        let (file, scale) = match form(self.path, visual, self.files, &mut self.notes)? {
+            None => return Ok(Vec::new()),
             Some(Form::Shape(shape)) => {
                 return Ok(vec![Surface { name: String::new(), mesh: solid::mesh(&shape), material: own }]);
             }

@@ -1,0 +1,93 @@
+//! URDFs of unusual spelling: encodings, unlimited values, joints that cannot move.
+
+use genmanip_core::{Pose, RobotModel};
+use genmanip_import::robots::Choices;
+
+use crate::robots::{ARM, read, read_files, with};
+
+/// XML in the encodings and with the beginnings that editors and generators leave.
+#[test]
+fn every_encoding_is_read() {
+    const DECLARED: &str = "<?xml version=\"1.0\" encoding=\"UTF-16\"?>\n";
+    let text = format!("{DECLARED}{ARM}");
+    let wide =
+        |unit: fn(u16) -> [u8; 2]| [0xfeff].into_iter().chain(text.encode_utf16()).flat_map(unit).collect::<Vec<u8>>();
+    let marked = [b"\xef\xbb\xbf", text.as_bytes()].concat();
+    let late = format!("\n\n{text}").into_bytes();
+    let commented = format!("<!-- made by hand --> <!-- twice -->\n{text}").into_bytes();
+    let latin = [b"<?xml version=\"1.0\" encoding=\"ISO-8859-1\"?><!-- Gr\xf6\xdfe -->", ARM.as_bytes()].concat();
+    for (name, bytes) in [
+        ("UTF-16 LE", wide(u16::to_le_bytes)),
+        ("UTF-16 BE", wide(u16::to_be_bytes)),
+        ("UTF-8 with a mark", marked),
+        ("blank lines before", late),
+        ("comments before", commented),
+        ("Latin-1", latin),
+    ] {
+        let files = [("arm.urdf", bytes.as_slice()), ("fore.obj", b"v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\n")];
+        let read = read_files(&files, Choices::default()).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!(read.model.arm_dof(), 6, "{name}");
+    }
+    let error = read(&format!("\n\n<?xml version=\"1.0\"?>\n{}", ARM.replace("0 0 0.4", "0 0 x"))).unwrap_err();
+    assert!(error.contains("line 15"), "lines keep their numbers: {error}");
+}
+
+/// Values that mean "unlimited", and a turntable that is slow but has no end stops.
+#[test]
+fn unlimited_values_are_read_with_a_note() {
+    let limits = "lower=\"-2.5\" upper=\"2.5\" velocity=\"2\"";
+    for (new, note) in [
+        ("lower=\"-2.5\" upper=\"2.5\" velocity=\"inf\"", "joint j3 states the velocity 1000000000: 1000 is assumed"),
+        ("lower=\"-2.5\" upper=\"2.5\" velocity=\"1e10\"", "joint j3 states the velocity 1000000000: 1000 is assumed"),
+        ("lower=\"-2.5\" upper=\"2.5\" velocity=\"2\" effort=\"inf\"", "joint j3 states the effort 1000000000"),
+        (
+            "lower=\"-inf\" upper=\"inf\" velocity=\"2\"",
+            "joint j3 has limits of more than 1000 rad: taken as continuous",
+        ),
+    ] {
+        let notes = with(limits, new).unwrap_or_else(|error| panic!("{new}: {error}")).notes;
+        assert!(notes.iter().any(|found| found.contains(note)), "{new}: {notes:?}");
+    }
+    with("<axis xyz=\"1 0 0\"/></joint>", "<axis xyz=\"1 0 0\"/><limit velocity=\"0.02\"/></joint>").unwrap();
+}
+
+/// Pose of the flange with j3 at a position and all other joints at 0; without j3 if it does not move.
+fn flange(robot: &RobotModel, j3: f64) -> Pose {
+    let config: Vec<f64> = robot.arm_joints().map(|joint| if joint.name == "j3" { j3 } else { 0.0 }).collect();
+    let flange = robot.links.iter().position(|link| link.name == "flange").unwrap();
+    robot.link_poses(&config, 0.0)[flange]
+}
+
+/// A joint with an empty range is held at its only position, and what follows it, or a fixed joint, stands where it is
+/// put.
+#[test]
+fn joints_that_cannot_move_are_held_where_they_are() {
+    let moving = read(ARM).unwrap().model;
+    let limits = "<limit lower=\"-2.5\" upper=\"2.5\" velocity=\"2\"/>";
+    let held = "<limit lower=\"0.5\" upper=\"0.5\" velocity=\"2\"/>";
+    let side = |limit: &str| {
+        format!(
+            "<link name=\"side\"/><joint name=\"side\" type=\"revolute\"><parent link=\"world\"/><child \
+             link=\"side\"/>{limit}</joint><link name=\"roll\"/>"
+        )
+    };
+    let follow = |leader: &str, side: &str| {
+        let follows = format!("{limits}<mimic joint=\"{leader}\" multiplier=\"2\" offset=\"-0.3\"/>");
+        read(&ARM.replace(limits, &follows).replace("<link name=\"roll\"/>", side)).unwrap()
+    };
+    for (name, robot, expected) in [
+        ("held", with(limits, held).unwrap(), 0.5),
+        ("follows a fixed joint", follow("foot", "<link name=\"roll\"/>"), -0.3),
+        ("follows a held joint", follow("side", &side(held)), 0.7),
+    ] {
+        assert_eq!(robot.model.arm_dof(), 5, "{name}");
+        let [found, wanted] = [flange(&robot.model, 0.0), flange(&moving, expected)];
+        let turn = found.rotation.angle_between(wanted.rotation);
+        assert!(found.position.distance(wanted.position) < 1e-9 && turn < 1e-7, "{name}: {found:?}, not {wanted:?}");
+        assert!(
+            robot.notes.iter().any(|note| note.contains(&format!("fixed at {expected}"))),
+            "{name}: {:?}",
+            robot.notes
+        );
+    }
+}
