@@ -3,6 +3,7 @@
 use super::super::command::{Command, Group, Number};
 use super::super::lexicon::lexicon;
 use super::listener::Listener;
+use super::nouns::is_number;
 use super::places::begins_at;
 use super::verbs::{Class, is_verb};
 use super::words::{is_boundary, is_mark, vocabulary};
@@ -41,6 +42,47 @@ impl Listener {
             listener.take(",").then_some(())
         });
         found.is_some()
+    }
+
+    /// Rejects distances and angles, which no goal can say; `the 30 cm ruler` is an object.
+    pub(super) fn check_measures(&self) -> Result<(), String> {
+        let units = [
+            "cm",
+            "mm",
+            "m",
+            "centimetres",
+            "centimeters",
+            "centimetre",
+            "centimeter",
+            "inches",
+            "inch",
+            "millimetres",
+            "millimeters",
+            "metres",
+            "meters",
+            "degrees",
+            "feet",
+            "foot",
+        ];
+        let is_count =
+            |word: &str| word.parse::<f64>().is_ok() || is_number(word) || ["a", "ten", "twenty"].contains(&word);
+        let amount = |word: &str| {
+            let glued =
+                units.iter().find_map(|unit| word.strip_suffix(unit)).is_some_and(|count| count.parse::<f64>().is_ok());
+            glued.then_some(0)
+        };
+        for index in 0..self.tokens.len() {
+            let word = self.token(index);
+            let length =
+                amount(word).or_else(|| (is_count(word) && units.contains(&self.token(index + 1))).then_some(1));
+            let Some(length) = length else { continue };
+            let is_named = index > 0 && vocabulary().articles.contains(&self.token(index - 1));
+            if !is_named {
+                let said = self.tokens[index..=index + length].join(" ");
+                return Err(format!("`{said}` is a measure, which no goal can say: only on which side or how near"));
+            }
+        }
+        Ok(())
     }
 
     /// Rejects prohibitions.
@@ -257,7 +299,10 @@ impl Listener {
             named.push((index, group));
             index = self.mind.next.max(index + 1);
         }
+        // `you will see two mugs; take the red one`
+        let noun = self.mind.noun.take().filter(|noun| lexicon().is_noun(noun)).map(|noun| lexicon().singular(&noun));
         self.mind = before;
+        self.mind.noun = self.mind.noun.take().or(noun);
         let is_subject = named.first().is_some_and(|(index, _)| *index == start);
         if named.len() == 1 || is_subject {
             self.mind.topic = vec![named.swap_remove(0).1];

@@ -25,6 +25,8 @@ pub(super) struct Mind {
     pub(super) wished: Option<usize>,
     /// Index at which noun phrases end.
     pub(super) stop: Option<usize>,
+    /// Objects of the request that is being read, beside which its place cannot be.
+    pub(super) subjects: Vec<Group>,
     /// Objects that were taken up, but not put anywhere yet.
     pub(super) pending: Vec<Group>,
     /// Those of them that were taken out of or off something.

@@ -27,6 +27,16 @@ pub(super) fn tokens(text: &str) -> Vec<String> {
             words.extend([noun, "is"].map(String::from));
             continue;
         }
+        // `the lemon's place is in the basket`
+        let mut ahead = rest.clone();
+        if let Some(noun) = word.strip_suffix("'s").filter(|noun| lexicon().is_noun(noun))
+            && ahead.next().is_some_and(|next| ["place", "home", "spot", "position"].contains(&next))
+            && ahead.next() == Some("is")
+        {
+            words.extend([noun, "belongs"].map(String::from));
+            rest = ahead;
+            continue;
+        }
         let word = &unstretched(word.trim_matches('\''));
         let plain = |table: &[(&'static str, &'static str)]| {
             table.iter().find(|(other, _)| *other == word).map(|(_, plain)| *plain)
@@ -84,6 +94,7 @@ mod tests {
                 "There's a dark-red mug; pop it in the gray bowl, please",
                 "there is a dark-red mug ; pop it in the grey bowl ,",
             ),
+            ("The lemon's place is in the bowl", "the lemon belongs in the bowl"),
             ("Put 2 eggs in the middle of the plate", "put two eggs in the plate"),
         ];
         for (said, expected) in cases {

@@ -8,6 +8,11 @@ use super::words::{is_boundary, is_mark, vocabulary};
 
 const NUMBERS: [(&str, usize); 6] = [("one", 1), ("two", 2), ("three", 3), ("four", 4), ("five", 5), ("six", 6)];
 
+/// True for a number in words.
+pub(super) fn is_number(word: &str) -> bool {
+    NUMBERS.iter().any(|(number, _)| *number == word)
+}
+
 impl Listener {
     /// True if a noun phrase can begin at an index without doubt.
     pub(super) fn is_determined(&self, index: usize) -> bool {
@@ -53,7 +58,7 @@ impl Listener {
         let ends = ends
             || vocabulary().particles.contains(&self.token(follows))
             || vocabulary().hedges.contains(&self.token(follows));
-        let ends = ends || super::places::is_source(self, follows) || said == "it" || said == "them";
+        let ends = ends || super::sources::is_source(self, follows) || said == "it" || said == "them";
         // Of several objects that were taken up one after another, `it` is the last one.
         let is_last = said == "it" && self.mind.pending.len() > 1 && self.mind.pending == self.mind.topic;
         let first = if is_last { self.mind.topic.len() - 1 } else { 0 };
@@ -83,7 +88,7 @@ impl Listener {
                 break;
             }
             let word = self.token(index);
-            let leads = super::places::begins_at(self, index + 1) || super::places::is_source(self, index + 1);
+            let leads = super::places::begins_at(self, index + 1) || super::sources::is_source(self, index + 1);
             let hedge = vocabulary().hedges.contains(&word) && leads;
             let next = self.token(index + 1);
             let ends = self.is_end(index + 1) || ["before", "after", "when", "while", "once", "until"].contains(&next);
@@ -99,9 +104,10 @@ impl Listener {
             let is_top = self.at_index(index, "on top").is_some() && self.token(index + 2) != "of";
             let is_unknown = vocabulary().unknown.contains(&word);
             let stops =
-                vocabulary().noun_ends.contains(&word) || super::places::is_source(self, index) || hedge || particle;
+                vocabulary().noun_ends.contains(&word) || super::sources::is_source(self, index) || hedge || particle;
             // `the spoon placed next to the bowl`
-            let is_participle = word.ends_with("ed") && super::verbs::Class::Carry.base(word).is_some();
+            let is_participle = (word.ends_with("ed") || ["put", "set", "laid"].contains(&word))
+                && super::verbs::Class::Carry.base(word).is_some();
             let is_told = !words.is_empty() && is_participle && super::places::begins_at(self, index + 1);
             // `from the tray take the mug`, `the light switched on`
             let class = super::verbs::Class::State;
@@ -142,6 +148,14 @@ impl Listener {
         };
         while words.len() > 1 && is_person(&words[0]) {
             words.remove(0);
+        }
+        // `cube red`
+        if let [noun, color] = words.as_mut_slice()
+            && is_color(color)
+            && !lexicon().is_noun(color)
+            && lexicon().is_noun(noun)
+        {
+            std::mem::swap(noun, color);
         }
         self.choose_among(&mut words);
         self.complete(&mut words);

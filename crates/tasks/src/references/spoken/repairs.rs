@@ -1,7 +1,9 @@
 //! Corrections, appositions and contrasts within a sentence: the later words hold.
 
+use super::super::lexicon::lexicon;
 use super::listener::Listener;
 use super::places::begins_at;
+use super::verbs::is_verb;
 use super::words::{is_mark, vocabulary};
 
 /// Prepositions of places that hold an object, of which it can have only one.
@@ -21,7 +23,8 @@ pub(super) fn repaired(tokens: Vec<String>) -> Result<Vec<String>, String> {
         listener.tokens.drain(from..to);
     }
     while let Some((from, to)) = contrast(&listener) {
-        listener.tokens.drain(from..to);
+        let dropped: Vec<String> = listener.tokens.drain(from..to).collect();
+        name_again(&mut listener.tokens[from..], &dropped);
     }
     Ok(listener.tokens)
 }
@@ -57,19 +60,26 @@ fn replaced(listener: &Listener, marker: usize) -> Option<(usize, usize)> {
 /// Range of the words that say what is not meant, where the rest of the sentence implies it: `on the book, not on the
 /// table`, `not the pepper, the salt`.
 fn contrast(listener: &Listener) -> Option<(usize, usize)> {
-    let not = (0..listener.tokens.len())
-        .find(|&index| listener.token(index) == "not" && (index == 0 || is_mark(listener.token(index - 1))))?;
+    let is_article = |index: usize| vocabulary().articles.contains(&listener.token(index));
+    let begins = |index: usize| index == 0 || is_mark(listener.token(index - 1)) || listener.token(index - 1) == "and";
+    let opens = |&index: &usize| listener.token(index) == "not" && (begins(index) || is_article(index + 1));
+    let not = (0..listener.tokens.len()).find(opens)?;
     let end = (not..listener.tokens.len()).find(|&index| is_mark(listener.token(index)));
     let end = end.unwrap_or(listener.tokens.len());
-    let is_article = |index: usize| vocabulary().articles.contains(&listener.token(index));
+    // `not the green apple but the red one`
+    let but = (not..end).find(|&index| listener.token(index) == "but" && is_article(index + 1));
+    if let Some(but) = but.filter(|&but| is_article(not + 1) && places(listener, not, but).is_empty()) {
+        return Some((not, but + 1));
+    }
     if not == 0 && is_article(1) && is_article(end + 1) && places(listener, 0, end).is_empty() {
         return Some((0, end + 1));
     }
-    (not > 0 && listener.token(not - 1) == ",").then_some(())?;
-    // `the cup, not the mug, goes there`
-    if is_article(not + 1) && listener.token(end) == "," && places(listener, not, end).is_empty() {
-        return Some((not - 1, end + 1));
+    (not > 0 && begins(not)).then_some(())?;
+    // `the cup, not the mug, goes there`, `the small bowl, not the large one`
+    if is_article(not + 1) && places(listener, not, end).is_empty() && !contains_verb(listener, not, end) {
+        return Some((not - 1, if listener.token(end) == "," { end + 1 } else { end }));
     }
+    (listener.token(not - 1) == ",").then_some(())?;
     let holds = |index: usize| HOLDING.iter().any(|word| listener.at_index(index, word).is_some());
     let [place] = places(listener, clause_start(listener, not - 1), not - 1)[..] else { return None };
     let [other] = places(listener, not + 1, end)[..] else { return None };
@@ -80,6 +90,20 @@ fn contrast(listener: &Listener) -> Option<(usize, usize)> {
     }
     let differs = listener.token(not - 2) != listener.token(end - 1);
     (other == not + 1 && end > not + 3 && holds(place) && holds(other) && differs).then_some((not - 1, end))
+}
+
+/// True if a verb of a request is among the words from one index to another.
+fn contains_verb(listener: &Listener, start: usize, end: usize) -> bool {
+    (start..end).any(|index| is_verb(listener.token(index)))
+}
+
+/// Replaces `one` in the rest of a clause by the noun of words that are left out: `not the green apple but the red one`.
+fn name_again(rest: &mut [String], dropped: &[String]) {
+    let noun = dropped.iter().rev().find(|word| lexicon().is_noun(word));
+    let one = rest.iter_mut().take_while(|word| !is_mark(word)).find(|word| *word == "one");
+    if let (Some(noun), Some(one), true) = (noun, one, dropped[0] == "not") {
+        one.clone_from(noun);
+    }
 }
 
 /// Range of the words that name what is not wanted: `instead of the apple, …`, `… rather than on the plate`.
@@ -122,6 +146,9 @@ mod tests {
             ("I want it on the book, not on the table", "i want it on the book"),
             ("Not the pepper, the salt: stand it there", "the salt , stand it there"),
             ("put it near the bowl, not on the plate", "put it near the bowl , not on the plate"),
+            ("take the small bowl, not the large one", "take the small bowl"),
+            ("take the small bowl and not the large one", "take the small bowl"),
+            ("Not the green apple but the red one goes in", "the red apple goes in"),
         ];
         for (said, expected) in cases {
             assert_eq!(repaired(tokens(said)).unwrap().join(" "), expected, "{said}");

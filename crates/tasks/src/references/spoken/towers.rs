@@ -35,7 +35,7 @@ impl Listener {
 
     /// Parses `build a tower with the blue cube at the bottom, …`.
     pub(super) fn tower(&mut self) -> Option<Vec<Command>> {
-        self.verb(Class::Build)?;
+        let is_stacked = ["stack", "stack up", "pile", "pile up"].contains(&self.verb(Class::Build)?);
         self.take_any(&["me", "us"]);
         let names =
             ["a tower", "a stack", "a pile", "a column", "one tower", "the tower", "a little tower", "a small tower"];
@@ -87,8 +87,26 @@ impl Listener {
             }
         }
         self.attempt(|listener| listener.order(&mut items, &[&lowest, &middle, &highest]));
-        let in_order = ["in this order", "in that order", "from bottom to top", "from the bottom up", "bottom to top"];
-        let is_stack = self.take_any(&ON_EACH_OTHER).is_some() | is_named;
+        let in_order = [
+            "in this order",
+            "in that order",
+            "from bottom to top",
+            "from the bottom up",
+            "bottom to top",
+            "in that order from the bottom",
+            "in this order from the bottom",
+            "in that order , from the bottom up",
+            "in that order from bottom to top",
+            "starting from the bottom",
+            "bottom first",
+        ];
+        self.attempt(|listener| {
+            listener.take(",").then_some(())?;
+            in_order.iter().any(|order| listener.at(order).is_some()).then_some(())
+        });
+        // `stack the books`
+        let is_free = is_stacked && items.len() == 1 && self.at_boundary();
+        let is_stack = self.take_any(&ON_EACH_OTHER).is_some() | is_named | is_free;
         if self.take_any(&["from top to bottom", "top to bottom"]).is_some() {
             items.reverse();
             items.iter_mut().for_each(|(level, _)| *level = Some(0));

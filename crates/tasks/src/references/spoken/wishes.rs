@@ -71,12 +71,21 @@ impl Listener {
     pub(super) fn statement(&mut self) -> Option<Vec<Command>> {
         let goes_on = self.goes_on_wishing();
         let commands = self.wanted(!goes_on)?;
-        self.mind.wished = Some(self.mind.next).filter(|_| goes_on);
+        self.mind.wished = Some(self.mind.next).filter(|_| goes_on || self.is_gapped());
         Some(commands)
     }
 
+    /// True if `and` comes next with a clause that shares its verb with this one: `… should be opened and the die put inside`.
+    fn is_gapped(&self) -> bool {
+        let start = self.mind.next + 1;
+        let end = (start..self.tokens.len()).find(|&index| is_mark(self.token(index))).unwrap_or(self.tokens.len());
+        let clause = &self.tokens[start.min(end)..end];
+        let states = |word: &String| ["is", "are", "was", "were", "has", "have"].contains(&word.as_str());
+        self.ahead(0) == "and" && !clause.iter().any(states)
+    }
+
     /// True if a word since an index makes a statement a request.
-    fn is_duty(&self, start: usize) -> bool {
+    pub(super) fn is_duty(&self, start: usize) -> bool {
         self.tokens[start..self.mind.next].iter().any(|word| vocabulary().duties.contains(&word.as_str()))
     }
 
@@ -102,6 +111,9 @@ impl Listener {
         }
         self.come_from(subjects)?;
         self.copula();
+        if self.attempt(|listener| listener.taken_first(subjects)).is_some() {
+            self.copula();
+        }
         if self.mind.source.is_some() && self.at_boundary() {
             return self.put(std::mem::take(subjects), vec![Place::table()]);
         }
@@ -114,6 +126,20 @@ impl Listener {
         let places = self.attempt(Self::places)?;
         self.come_from(subjects)?;
         self.put(std::mem::take(subjects), places)
+    }
+
+    /// Skips `picked up and` before the rest of what is to be done with an object.
+    fn taken_first(&mut self, subjects: &mut [Group]) -> Option<()> {
+        Class::Take.base(self.ahead(0)).filter(|_| !is_mark(self.ahead(1)))?;
+        self.mind.next += 1;
+        self.take_any(&["up", "from there"]);
+        self.come_from(subjects)?;
+        if super::places::begins(self) {
+            return Some(());
+        }
+        self.take_any(&["and then", "and", ", then", ","])?;
+        while self.take_any(&["is", "are", "to", "be", "should", "must"]).is_some() {}
+        Class::Carry.base(self.ahead(0)).map(|_| ())
     }
 
     /// Parses a fact about the initial scene: `the potato is already in the pot`, `I left the apple in the bowl`, `the
@@ -179,7 +205,7 @@ impl Listener {
     /// Parses a place before its object: `onto the tray goes the mug`, `in the bowl there is an apple`, `from the tray,
     /// take the mug`.
     pub(super) fn inverted(&mut self) -> Option<Vec<Command>> {
-        if super::places::is_source(self, self.mind.next) {
+        if super::sources::is_source(self, self.mind.next) {
             let source = self.source()?;
             self.take(",");
             self.mind.fronted = source;
