@@ -2,7 +2,7 @@
 
 use super::super::lexicon::lexicon;
 use super::listener::Listener;
-use super::verbs::{base_of_third_person, is_verb};
+use super::verbs::{Class, base_of_third_person, is_verb};
 use super::words::{is_boundary, is_mark, vocabulary};
 
 /// Words that open a clause about the robot: `have the robot put …`, `ask the arm to …`.
@@ -12,7 +12,7 @@ const LEADS: [&str; 13] =
 /// The tokens of a sentence with every clause about the robot as a request: `the robot takes the mug and puts it on the
 /// tray` becomes `take the mug and put it on the tray`.
 pub(super) fn addressed(tokens: Vec<String>) -> Vec<String> {
-    let listener = Listener::new(tokens);
+    let listener = Listener::new(obliged(tokens));
     let mut said: Vec<String> = Vec::with_capacity(listener.tokens.len());
     let mut is_about_robot = false;
     let mut next = 0;
@@ -32,6 +32,20 @@ pub(super) fn addressed(tokens: Vec<String>) -> Vec<String> {
         }
     }
     said
+}
+
+/// The tokens with `is picked up and placed` as `should be picked up and placed`: two steps are no state of the scene.
+fn obliged(mut tokens: Vec<String>) -> Vec<String> {
+    let is_taken = |word: &String| ["picked", "grasped", "lifted", "grabbed", "gripped"].contains(&word.as_str());
+    let passive = (1..tokens.len()).find(|&index| {
+        let rest = tokens[index..].iter().take_while(|word| !is_mark(word)).collect::<Vec<_>>();
+        let goes_on = rest.windows(2).any(|pair| pair[0] == "and" && Class::Carry.base(pair[1]).is_some());
+        ["is", "are", "gets"].contains(&tokens[index - 1].as_str()) && is_taken(&tokens[index]) && goes_on
+    });
+    if let Some(index) = passive {
+        tokens.splice(index - 1..index, ["should", "be"].map(String::from));
+    }
+    tokens
 }
 
 /// Index of the verb of a clause about the robot that begins at an index, and its base form.
@@ -75,6 +89,7 @@ mod tests {
             ("Have the robot arm place the mug there", "place the mug there"),
             ("The gripper is to carry it over", "carry it over"),
             ("Picks up the lemon, then drops it in the pot", "pick up the lemon , then drop it in the pot"),
+            ("The apple is picked up and placed there", "the apple should be picked up and placed there"),
             ("There is a mug. The robot moves it.", "there is a mug . move it ."),
             ("Take the mug nearest to the robot", "take the mug nearest to the robot"),
             ("The mug stands on the tray and goes in the box", "the mug stands on the tray and goes in the box"),

@@ -94,6 +94,9 @@ impl Listener {
         if let Some(word) = vocabulary().prohibitions.iter().find(|word| self.at(word).is_some()) {
             return Err(format!("`{word} …` forbids something, which no goal can say"));
         }
+        if self.token(self.mind.next.wrapping_sub(1)) == "only" && self.is_determined(self.mind.next) {
+            return Err("`only` forbids something, which no goal can say".into());
+        }
         let start = self.mind.next;
         let end = self.clause_end();
         let is_condition = |index: &usize| match self.token(*index) {
@@ -193,7 +196,9 @@ impl Listener {
         // `time to tidy up,`
         let is_idle = |word: &str| vocabulary().polite.contains(&word) || is_verb(word) || word == "up";
         let is_polite = !is_verb(first) && words.iter().all(|word| is_idle(word));
-        let is_interjection = words.len() == 1 && !is_verb(first) || is_polite;
+        // `switch it on and then off`
+        let is_state = ["on", "off", "open", "closed", "shut"].contains(&first);
+        let is_interjection = words.len() == 1 && !is_verb(first) && !is_state || is_polite;
         let addresses =
             ["if you", "you to", "you could", "you would", "you should", "you must", "could you", "you can"];
         let asks_robot = words.windows(2).any(|pair| addresses.contains(&format!("{} {}", pair[0], pair[1]).as_str()));

@@ -1,6 +1,7 @@
 //! Requests within words of politeness, or that somebody reports.
 
 use super::super::command::Command;
+use super::super::lexicon::lexicon;
 use super::listener::Listener;
 use super::requests::{OTHER, VERBAL};
 use super::words::vocabulary;
@@ -74,6 +75,8 @@ impl Listener {
             Some(listener.tokens[start..start + end].to_vec())
         });
         if let Some(among) = found {
+            // `of the two mugs, put the red one there`
+            self.mind.noun = among.last().map(|noun| lexicon().singular(noun));
             self.mind.among = among;
         }
     }

@@ -113,6 +113,15 @@ impl Listener {
         vec![Command::Put { subjects: one, places: vec![there] }, Command::Put { subjects: other, places: vec![here] }]
     }
 
+    /// Parses `leave the bowl where it is`, which names an object without a change.
+    pub(super) fn stay(&mut self) -> Option<Vec<Command>> {
+        self.take_any(&["leave", "keep", "let", "leaving", "keeping"])?;
+        let groups = self.noun_phrases()?;
+        self.take_any(&vocabulary().stays)?;
+        self.remember(groups);
+        Some(Vec::new())
+    }
+
     /// Parses a noun phrase with the place where its object is: `the apple on the plate`.
     pub(super) fn placed(&mut self) -> Option<Group> {
         let mut group = self.noun_phrase()?;

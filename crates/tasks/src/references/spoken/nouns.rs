@@ -62,6 +62,7 @@ impl Listener {
         // Of several objects that were taken up one after another, `it` is the last one.
         let is_last = said == "it" && self.mind.pending.len() > 1 && self.mind.pending == self.mind.topic;
         let first = if is_last { self.mind.topic.len() - 1 } else { 0 };
+        let ends = ends || said == "that" && self.is_determined(follows);
         ends.then(|| self.mind.topic[first..].to_vec())
     }
 
@@ -141,6 +142,18 @@ impl Listener {
         if words.is_empty() {
             return None;
         }
+        // `the tomato, currently on the tray, should …`
+        if at.is_none()
+            && let Some(place) = self.attempt(|listener| {
+                listener.take(",").then_some(())?;
+                let is_plain = super::places::begins(listener);
+                let place = if is_plain { listener.standing()? } else { listener.location()? };
+                let is_duty = vocabulary().duties.contains(&listener.ahead(1));
+                (listener.take(",") && (!is_plain || is_duty)).then_some(place)
+            })
+        {
+            at = place.map(Box::new);
+        }
         // `Daddy's mug`
         let is_person = |word: &str| {
             word.strip_suffix("'s")
@@ -159,6 +172,9 @@ impl Listener {
         }
         self.choose_among(&mut words);
         self.complete(&mut words);
+        if words.len() > 1 && words.last().is_some_and(|last| last == "one" || last == "ones") {
+            return self.blame(format!("`{}` names no object", words.join(" ")));
+        }
         outermost(&mut words);
         // `the open top drawer` is a place in a scene in which it is open.
         if words.last().is_some_and(|last| last == "drawer") {

@@ -11,7 +11,7 @@ use super::verbs::Class;
 use super::words::vocabulary;
 
 /// Prepositions that continue with another one or with nothing.
-const MORE: [(&str, &[Relation]); 12] = [
+const MORE: [(&str, &[Relation]); 13] = [
     ("towards", &[Relation::Near]),
     ("toward", &[Relation::Near]),
     ("besides", &[Relation::Near]),
@@ -20,6 +20,7 @@ const MORE: [(&str, &[Relation]); 12] = [
     ("at the rear of", &[Relation::Back]),
     ("to the top of", &[Relation::On, Relation::Top]),
     ("at the top of", &[Relation::On, Relation::Top]),
+    ("->", &[Relation::In, Relation::On, Relation::Top]),
     ("next", &[]),
     ("on top", &[Relation::On, Relation::Top]),
     ("somewhere around", &[Relation::Near]),
@@ -151,6 +152,8 @@ impl Listener {
         if relations.is_empty() {
             return None;
         }
+        // `on either the tray or the coaster`
+        self.take("either");
         // `drop the die inside`, `put the cube on top`
         let is_there = self.take_any(&["there", "here"]).is_some();
         if is_there || self.is_end(self.mind.next) {
@@ -231,7 +234,8 @@ impl Listener {
             return Some(source.objects.clone());
         }
         let place = self.mind.place.as_ref().filter(|place| place.relations.contains(&Relation::In));
-        if let Some(place) = place.filter(|_| relations.contains(&Relation::In)) {
+        let is_beside = !relations.iter().any(|relation| relation.is_support());
+        if let Some(place) = place.filter(|_| is_beside || relations.contains(&Relation::In)) {
             return Some(place.objects.clone());
         }
         // `the fork to the left of the plate and the knife to its right`

@@ -26,7 +26,52 @@ pub(super) fn repaired(tokens: Vec<String>) -> Result<Vec<String>, String> {
         let dropped: Vec<String> = listener.tokens.drain(from..to).collect();
         name_again(&mut listener.tokens[from..], &dropped);
     }
+    while let Some((from, to)) = free_choice(&listener) {
+        listener.tokens.drain(from..to);
+    }
+    while let Some(tokens) = other_place(&listener).or_else(|| apposition(&listener)) {
+        listener.tokens = tokens;
+    }
     Ok(listener.tokens)
+}
+
+/// The tokens without a place that is denied: `I do not want it on the plate but in the bowl`, `it should not be on the
+/// plate, it should be in the bowl`.
+fn other_place(listener: &Listener) -> Option<Vec<String>> {
+    let tokens = &listener.tokens;
+    let not = tokens.iter().position(|word| word == "not")?;
+    let from = if ["do", "does"].contains(&listener.token(not.wrapping_sub(1))) { not - 1 } else { not };
+    let end = (not..tokens.len()).find(|&index| is_mark(listener.token(index)))?;
+    let denied = (not..end).find(|&index| begins_at(listener, index))?;
+    let but = |index: &usize| listener.token(*index) == "but" && begins_at(listener, index + 1);
+    if let Some(but) = (denied..(end + 2).min(tokens.len())).find(but) {
+        return Some([&tokens[..from], &tokens[not + 1..denied], &tokens[but + 1..]].concat());
+    }
+    let duty = ["should", "must", "shall"].into_iter().find(|duty| listener.token(not - 1) == *duty)?;
+    let again = (end + 1..end + 4).find(|&index| ["it", "they"].contains(&listener.token(index)))?;
+    (listener.token(again + 1) == duty).then(|| [&tokens[..not - 1], &tokens[again + 1..]].concat())
+}
+
+/// Range of `, any plate` after a phrase with the same noun.
+fn free_choice(listener: &Listener) -> Option<(usize, usize)> {
+    let start = (1..listener.tokens.len()).find(|&index| {
+        listener.at_index(index, ", any").is_some() && listener.token(index - 1) == listener.token(index + 2)
+    })?;
+    Some((start, start + 3))
+}
+
+/// The tokens with `the orange, the one in the bowl,` as `the orange that is in the bowl`.
+fn apposition(listener: &Listener) -> Option<Vec<String>> {
+    let tokens = &listener.tokens;
+    let says = |&index: &usize| {
+        listener.at_index(index, ", the one").is_some()
+            && (begins_at(listener, index + 3) || ["that", "which"].contains(&listener.token(index + 3)))
+    };
+    let start = (1..tokens.len()).find(says)?;
+    let end = (start + 3..tokens.len()).find(|&index| is_mark(listener.token(index)))?;
+    let relative: &[String] = if begins_at(listener, start + 3) { &["that".into(), "is".into()] } else { &[] };
+    let rest = if listener.token(end) == "," { end + 1 } else { end };
+    Some([&tokens[..start], relative, &tokens[start + 3..end], &tokens[rest..]].concat())
 }
 
 /// Range of the words up to a marker that the words after it replace: `behind the mug, I mean` before `behind the jug`.
@@ -149,6 +194,9 @@ mod tests {
             ("take the small bowl, not the large one", "take the small bowl"),
             ("take the small bowl and not the large one", "take the small bowl"),
             ("Not the green apple but the red one goes in", "the red apple goes in"),
+            ("I don't want it on the plate but in the bowl.", "i want it in the bowl ."),
+            ("The pear shouldn't be on the plate, it should be in the bowl.", "the pear should be in the bowl ."),
+            ("Put the lime (the one in the bowl) on the plate", "put the lime that is in the bowl on the plate"),
         ];
         for (said, expected) in cases {
             assert_eq!(repaired(tokens(said)).unwrap().join(" "), expected, "{said}");

@@ -1,5 +1,8 @@
 //! Requests: a verb with its objects and where they go.
 
+use genmanip_core::Relation;
+
+use super::super::change::Action;
 use super::super::command::{Command, Group, Number, Place};
 use super::listener::Listener;
 use super::verbs::{Class, is_form};
@@ -8,9 +11,10 @@ use super::words::vocabulary;
 pub(super) type Parser = fn(&mut Listener) -> Option<Vec<Command>>;
 
 /// Parsers of requests with a verb.
-pub(super) const VERBAL: [Parser; 11] = [
+pub(super) const VERBAL: [Parser; 12] = [
     Listener::swap,
     Listener::trade,
+    Listener::stay,
     Listener::discard,
     Listener::listed,
     Listener::tower,
@@ -120,6 +124,10 @@ impl Listener {
         while self.take_any(&["me", "us", "down", "up", "back", "over", "away", "aside"]).is_some() {}
         let start = self.mind.next;
         let is_pronoun = ["it", "them", "that", "both", "this"].contains(&self.ahead(0));
+        // `open the chest and put in the die`
+        if let Some(commands) = self.attempt(Self::put_inside) {
+            return Some(commands);
+        }
         // `pick up the mug and place on the tray`
         let is_omitted = !self.mind.pending.is_empty() && super::places::begins(self);
         let mut subjects = if is_omitted { self.mind.pending.clone() } else { self.noun_phrases()? };
@@ -197,6 +205,16 @@ impl Listener {
             return self.put(subjects, places);
         }
         self.put(subjects, places)
+    }
+
+    /// Parses `in the die` after a verb where a container was opened before.
+    fn put_inside(&mut self) -> Option<Vec<Command>> {
+        let host = self.mind.topic.clone();
+        (self.mind.action == Some(Action::Open) && host.len() == 1).then_some(())?;
+        self.take("in").then_some(())?;
+        let subjects = self.noun_phrases()?;
+        self.at_boundary().then_some(())?;
+        self.put(subjects, vec![Place { relations: &[Relation::In, Relation::Top], objects: host }])
     }
 
     /// The command that brings objects to a place; a second place after a comma is a second condition.

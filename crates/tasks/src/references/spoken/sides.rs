@@ -4,6 +4,7 @@ use genmanip_core::Relation;
 
 use super::super::command::{Command, Group, Number, Place};
 use super::listener::Listener;
+use super::verbs::is_verb;
 use super::words::vocabulary;
 
 impl Listener {
@@ -72,6 +73,12 @@ impl Listener {
         found
     }
 
+    /// True if the words at an index lead from a place to what goes there: `to its left put the spoon`.
+    fn leads(&self, index: usize) -> bool {
+        let word = self.token(index);
+        (is_verb(word) || vocabulary().duties.contains(&word)) && self.is_determined(index + 1)
+    }
+
     /// Side, number of tokens and owner of a phrase such as `on the right-hand side of`.
     pub(super) fn side_at(&self, index: usize) -> Option<(Relation, usize, Owner)> {
         let prepositions = ["over to", "to", "on", "onto", "at", "from", "by", "towards", "toward"];
@@ -101,7 +108,7 @@ impl Listener {
             Owner::Follows if ["of", "from"].contains(&self.token(next)) => next += 1,
             Owner::Follows if first > 0 && self.is_end(next) => owner = Owner::None,
             Owner::Follows => return None,
-            _ if !self.is_end(next) => return None,
+            _ if !self.is_end(next) && !self.leads(next) => return None,
             _ => {}
         }
         Some((relation, next - index, owner))

@@ -53,7 +53,8 @@ impl Listener {
         // `I want the mug standing on the tray`
         let is_named_again = self.tokens[self.mind.next..].iter().any(|word| word == "it" || word == "them");
         // `I need the sponge; could you put it …`
-        if subjects.iter().all(|subject| subject.at.is_none()) && self.at_boundary() && is_named_again && !is_duty {
+        let is_bare = subjects.iter().all(|subject| subject.at.is_none()) && self.at_boundary() && !self.at_result();
+        if is_bare && is_named_again && !is_duty {
             self.mind.pending.clone_from(&subjects);
             self.remember(subjects);
             return Some(Vec::new());
@@ -216,7 +217,16 @@ impl Listener {
         if !super::places::begins(self) {
             return None;
         }
+        let start = self.mind.next;
         let mut places = self.places()?;
+        // `behind the teapot is where the sugar belongs`
+        if self.take_any(&["is where", "that is where"]).is_some() {
+            let subjects = self.noun_phrases()?;
+            let start = self.mind.next;
+            self.copula();
+            self.is_duty(start).then_some(())?;
+            return self.put(subjects, places);
+        }
         let is_listed = self.take(",") && self.is_determined(self.mind.next);
         let is_given = self
             .take_any(&[
@@ -243,8 +253,17 @@ impl Listener {
         if !is_told {
             self.copula();
         }
-        (is_listed || self.mind.next > before).then_some(())?;
+        // `put the bread on the board and next to it the honey`
+        let is_gapped = self.token(start.wrapping_sub(1)) == "and" && self.is_determined(before);
+        (is_listed || self.mind.next > before || is_gapped).then_some(())?;
+        let is_fact = !is_told && self.mind.next > before && !self.is_duty(before);
         let subjects = self.noun_phrases()?;
+        // `in front of the teapot stands a mug`
+        if let ([subject], [at], true) = (subjects.as_slice(), places.as_slice(), is_fact) {
+            let group = Group { at: Some(Box::new(at.clone())), ..subject.clone() };
+            self.remember(vec![group.clone()]);
+            return Some(vec![Command::Given(group)]);
+        }
         self.put(subjects, places)
     }
 
