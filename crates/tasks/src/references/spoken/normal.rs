@@ -10,7 +10,7 @@ const APPOSITIONS: [&str; 6] = ["the one", "that ", "which ", "currently ", "now
 pub(super) fn tokens(text: &str) -> Vec<String> {
     let mut spaced = String::with_capacity(text.len() + 16);
     let mut is_apposition = false;
-    let text = text.to_lowercase().lines().map(unnumbered).collect::<Vec<_>>().join("\n");
+    let text = text.replace(" - ", " , ").to_lowercase().lines().map(unnumbered).collect::<Vec<_>>().join("\n");
     for (index, letter) in text.char_indices() {
         match letter {
             // `the orange (the one in the bowl)`

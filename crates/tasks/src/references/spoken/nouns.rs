@@ -109,7 +109,8 @@ impl Listener {
             // `the spoon placed next to the bowl`
             let is_participle = (word.ends_with("ed") || ["put", "set", "laid"].contains(&word))
                 && super::verbs::Class::Carry.base(word).is_some();
-            let is_told = !words.is_empty() && is_participle && super::places::begins_at(self, index + 1);
+            let moves = leads || follows == "to" && super::places::begins_at(self, index + 2);
+            let is_told = !words.is_empty() && is_participle && moves;
             // `from the tray take the mug`, `the light switched on`
             let class = super::verbs::Class::State;
             let acts = super::verbs::is_verb(word) && self.is_determined(index + 1)

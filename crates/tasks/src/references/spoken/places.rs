@@ -141,6 +141,8 @@ impl Listener {
     /// A place with its references.
     pub(super) fn place(&mut self) -> Option<Place> {
         let place = self.attempt(Self::side_place).or_else(|| self.attempt(Self::plain_place))?;
+        let is_same = self.mind.place.as_ref().is_some_and(|last| last.objects == place.objects);
+        self.mind.centre = if is_same { place.objects.clone() } else { Vec::new() };
         self.mind.place = Some(place.clone());
         Some(place)
     }
@@ -161,7 +163,15 @@ impl Listener {
             let is_adverb = ["inside", "in", "into"].contains(&said.as_str()) || length == 2 && said == "on";
             return (is_there || is_adverb).then(|| Place { relations, objects: vec![host] });
         }
+        let is_plural = ["them", "these", "those", "both"].contains(&self.ahead(0));
         if let Some(known) = self.attempt(Self::pronoun) {
+            // `stack the red brick on the green brick and put the car next to them`
+            if let ([one], true) = (known.as_slice(), is_plural)
+                && one.number == Number::One
+                && !one.words.last().is_some_and(|noun| noun.ends_with('s'))
+            {
+                return self.blame(format!("`{}` may mean several objects", self.clause(self.mind.next - 1)));
+            }
             let host = if known.len() == 1 || relations == [Relation::Between] || self.mind.source.is_some() {
                 self.antecedents(relations)
             } else {
@@ -172,6 +182,7 @@ impl Listener {
             };
             return Some(Place { relations, objects });
         }
+        self.mind.is_any = ["a", "an"].contains(&self.ahead(0)) || self.at("its own").is_some();
         let mut objects = vec![self.noun_phrase()?];
         if relations == [Relation::Between] {
             if self.take("and") {
@@ -237,6 +248,9 @@ impl Listener {
         let is_beside = !relations.iter().any(|relation| relation.is_support());
         if let Some(place) = place.filter(|_| is_beside || relations.contains(&Relation::In)) {
             return Some(place.objects.clone());
+        }
+        if is_beside && !self.mind.centre.is_empty() {
+            return Some(self.mind.centre.clone());
         }
         // `the fork to the left of the plate and the knife to its right`
         if let Some(place) = self.mind.place.as_ref().filter(|place| is_side(place.relations) && is_side(relations)) {

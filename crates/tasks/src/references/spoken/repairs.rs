@@ -26,10 +26,10 @@ pub(super) fn repaired(tokens: Vec<String>) -> Result<Vec<String>, String> {
         let dropped: Vec<String> = listener.tokens.drain(from..to).collect();
         name_again(&mut listener.tokens[from..], &dropped);
     }
-    while let Some((from, to)) = free_choice(&listener) {
+    while let Some((from, to)) = free_choice(&listener).or_else(|| remark(&listener)) {
         listener.tokens.drain(from..to);
     }
-    while let Some(tokens) = other_place(&listener).or_else(|| apposition(&listener)) {
+    while let Some(tokens) = other_place(&listener).or_else(|| apposition(&listener)).or_else(|| described(&listener)) {
         listener.tokens = tokens;
     }
     Ok(listener.tokens)
@@ -72,6 +72,29 @@ fn apposition(listener: &Listener) -> Option<Vec<String>> {
     let relative: &[String] = if begins_at(listener, start + 3) { &["that".into(), "is".into()] } else { &[] };
     let rest = if listener.token(end) == "," { end + 1 } else { end };
     Some([&tokens[..start], relative, &tokens[start + 3..end], &tokens[rest..]].concat())
+}
+
+/// The tokens with `my mug, the red one, goes there` as `my red mug goes there`.
+fn described(listener: &Listener) -> Option<Vec<String>> {
+    let tokens = &listener.tokens;
+    let (start, end) = (1..tokens.len()).find_map(|start| {
+        (listener.at_index(start, ", the").is_some() && lexicon().is_noun(listener.token(start - 1))).then_some(())?;
+        let end = (start + 3..start + 6).find(|&index| listener.at_index(index, "one ,").is_some())?;
+        tokens[start + 2..end].iter().all(|word| lexicon().is_adjective(word)).then_some((start, end))
+    })?;
+    let noun = start - 1;
+    Some([&tokens[..noun], &tokens[start + 2..end], &tokens[noun..start], &tokens[end + 2..]].concat())
+}
+
+/// Range of `, which I need later,`, which says nothing about where or what an object is.
+fn remark(listener: &Listener) -> Option<(usize, usize)> {
+    let start = (1..listener.tokens.len()).find(|&index| listener.at_index(index, ", which").is_some())?;
+    let end = (start + 2..listener.tokens.len()).find(|&index| is_mark(listener.token(index)))?;
+    let says = |index: usize| {
+        let word = listener.token(index);
+        begins_at(listener, index) || lexicon().contains(word) || vocabulary().duties.contains(&word) && word != "need"
+    };
+    (listener.token(end) == "," && !(start + 2..end).any(says)).then_some((start, end + 1))
 }
 
 /// Range of the words up to a marker that the words after it replace: `behind the mug, I mean` before `behind the jug`.
@@ -124,7 +147,6 @@ fn contrast(listener: &Listener) -> Option<(usize, usize)> {
     if is_article(not + 1) && places(listener, not, end).is_empty() && !contains_verb(listener, not, end) {
         return Some((not - 1, if listener.token(end) == "," { end + 1 } else { end }));
     }
-    (listener.token(not - 1) == ",").then_some(())?;
     let holds = |index: usize| HOLDING.iter().any(|word| listener.at_index(index, word).is_some());
     let [place] = places(listener, clause_start(listener, not - 1), not - 1)[..] else { return None };
     let [other] = places(listener, not + 1, end)[..] else { return None };
@@ -196,6 +218,8 @@ mod tests {
             ("Not the green apple but the red one goes in", "the red apple goes in"),
             ("I don't want it on the plate but in the bowl.", "i want it in the bowl ."),
             ("The pear shouldn't be on the plate, it should be in the bowl.", "the pear should be in the bowl ."),
+            ("My mug, the red one, goes in the box", "my red mug goes in the box"),
+            ("The mug, which I need later, goes in the box", "the mug goes in the box"),
             ("Put the lime (the one in the bowl) on the plate", "put the lime that is in the bowl on the plate"),
         ];
         for (said, expected) in cases {

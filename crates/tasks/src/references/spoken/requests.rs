@@ -218,8 +218,16 @@ impl Listener {
     }
 
     /// The command that brings objects to a place; a second place after a comma is a second condition.
-    pub(super) fn put(&mut self, mut subjects: Vec<Group>, places: Vec<Place>) -> Option<Vec<Command>> {
+    pub(super) fn put(&mut self, mut subjects: Vec<Group>, mut places: Vec<Place>) -> Option<Vec<Command>> {
         self.mind.action = None;
+        // `put each mug on a coaster` needs as many coasters as mugs.
+        if let ([subject], [place]) = (subjects.as_mut_slice(), places.as_mut_slice())
+            && let Number::Each(count) = subject.number
+            && let ([host], true) = (place.objects.as_mut_slice(), self.mind.is_any)
+        {
+            host.number = Number::Each(count.or(Some(2)));
+            subject.number = Number::Many(count.unwrap_or(2));
+        }
         self.mind.subjects.clear();
         if let [subject] = subjects.as_mut_slice()
             && subject.number == Number::All

@@ -220,7 +220,7 @@ impl Listener {
         let start = self.mind.next;
         let mut places = self.places()?;
         // `behind the teapot is where the sugar belongs`
-        if self.take_any(&["is where", "that is where"]).is_some() {
+        if self.take_any(&["is where", "that is where", ", that is where"]).is_some() {
             let subjects = self.noun_phrases()?;
             let start = self.mind.next;
             self.copula();
