@@ -2,11 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use genmanip_core::ObjectCard;
+use genmanip_core::{ObjectCard, Relation};
 
 use super::room::{support, why_no_room};
 use super::sentence_error::SentenceError;
-use super::things::is_movable;
+use super::things::{is_movable, things};
 use crate::references::sentence::{Action, Command, Noun, Part, Sentence, Where, changed_state};
 
 /// Maximum number of candidates that a question lists.
@@ -34,6 +34,13 @@ pub(super) fn check_nouns(sentence: &Sentence) -> Result<(), SentenceError> {
                 }
                 let Some(&host) = place.references.first() else { continue };
                 let host = &sentence.nouns[host];
+                // `bring the stapler to the tape` hardly means onto it.
+                let is_carrier = |host: &&ObjectCard| things().host(host).is_some() || host.is_container;
+                if place.relations == [Relation::In, Relation::On, Relation::Top]
+                    && !host.candidates().iter().any(is_carrier)
+                {
+                    return Err(unsuitable(host, "may be meant as a place next to it or on it: say which"));
+                }
                 let fits =
                     |host: &ObjectCard| subject.candidates().iter().any(|item| support(place, host, item).is_some());
                 if is_support(place) && !host.candidates().iter().any(|host| fits(host)) {

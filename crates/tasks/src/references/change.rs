@@ -87,9 +87,9 @@ pub(crate) fn meanings(action: Action, part: Option<Part>, states: &[String]) ->
 
 /// The action of a verb with its particle; `None` if they do not go together.
 pub(super) fn action(verb: &str, particle: Option<&str>) -> Option<Action> {
-    const HINGED: [&str; 17] = [
-        "open", "pull", "slide", "swing", "push", "flip", "lift", "pop", "prop", "crack", "get", "leave", "keep",
-        "have", "make", "set", "fold",
+    const HINGED: [&str; 19] = [
+        "shove", "nudge", "open", "pull", "slide", "swing", "push", "flip", "lift", "pop", "prop", "crack", "get",
+        "leave", "keep", "have", "make", "set", "fold",
     ];
     const SWITCHED: [&str; 15] = [
         "turn", "switch", "flick", "flip", "twist", "put", "get", "leave", "keep", "set", "have", "make", "click",

@@ -69,8 +69,9 @@ struct Reader {
     noun: Option<String>,
     /// Object of the last request, to which `it` refers; `None` before the first.
     object: Option<Group>,
-    /// Object of the last place, to which `it` in another place refers; `None` before the first.
-    place: Option<Group>,
+    /// Object of the last place, to which `it` in another place refers, and whether it holds things inside; `None` before
+    /// the first.
+    place: Option<(Group, bool)>,
 }
 
 impl Reader {
@@ -240,12 +241,17 @@ impl Reader {
         self.next += length;
         let (last, is_pronoun) = (self.place.clone(), PRONOUNS.contains(&self.word(self.next)));
         let first = self.group()?;
-        let mut objects = vec![if is_pronoun { last.unwrap_or(first) } else { first }];
+        let support = |relations: &[Relation]| relations.iter().any(|relation| relation.is_support());
+        // `put the cheese on the board and the bread next to it` leaves open next to which.
+        if is_pronoun && !support(relations) && last.as_ref().is_some_and(|(_, holds)| !holds) {
+            return None;
+        }
+        let last = last.map_or_else(|| first.clone(), |(group, _)| group);
+        let mut objects = vec![if is_pronoun { last } else { first }];
         if relations == [Relation::Between] && self.take("and") {
             objects.push(self.group()?);
         }
         // `on the board next to the bread`: the second place is the location of the board.
-        let support = |relations: &[Relation]| relations.iter().any(|relation| relation.is_support());
         if let [object] = objects.as_mut_slice()
             && object.at.is_none()
             && support(relations)
@@ -253,7 +259,7 @@ impl Reader {
         {
             object.at = Some(Box::new(self.place()?));
         }
-        self.place = objects.first().cloned();
+        self.place = objects.first().map(|object| (object.clone(), relations.contains(&Relation::In)));
         Some(Place { relations, objects })
     }
 

@@ -3,6 +3,7 @@
 use super::super::command::{Command, Group, Number};
 use super::super::lexicon::lexicon;
 use super::listener::Listener;
+use super::nouns::is_number;
 use super::places::begins_at;
 use super::verbs::{Class, is_verb};
 use super::words::{is_boundary, is_mark, vocabulary};
@@ -43,6 +44,47 @@ impl Listener {
         found.is_some()
     }
 
+    /// Rejects distances and angles, which no goal can say; `the 30 cm ruler` is an object.
+    pub(super) fn check_measures(&self) -> Result<(), String> {
+        let units = [
+            "cm",
+            "mm",
+            "m",
+            "centimetres",
+            "centimeters",
+            "centimetre",
+            "centimeter",
+            "inches",
+            "inch",
+            "millimetres",
+            "millimeters",
+            "metres",
+            "meters",
+            "degrees",
+            "feet",
+            "foot",
+        ];
+        let is_count =
+            |word: &str| word.parse::<f64>().is_ok() || is_number(word) || ["a", "ten", "twenty"].contains(&word);
+        let amount = |word: &str| {
+            let glued =
+                units.iter().find_map(|unit| word.strip_suffix(unit)).is_some_and(|count| count.parse::<f64>().is_ok());
+            glued.then_some(0)
+        };
+        for index in 0..self.tokens.len() {
+            let word = self.token(index);
+            let length =
+                amount(word).or_else(|| (is_count(word) && units.contains(&self.token(index + 1))).then_some(1));
+            let Some(length) = length else { continue };
+            let is_named = index > 0 && vocabulary().articles.contains(&self.token(index - 1));
+            if !is_named {
+                let said = self.tokens[index..=index + length].join(" ");
+                return Err(format!("`{said}` is a measure, which no goal can say: only on which side or how near"));
+            }
+        }
+        Ok(())
+    }
+
     /// Rejects prohibitions.
     pub(super) fn check_mood(&mut self) -> Result<(), String> {
         // `do not leave the mug on the book; …` says where it is.
@@ -51,6 +93,9 @@ impl Listener {
         }
         if let Some(word) = vocabulary().prohibitions.iter().find(|word| self.at(word).is_some()) {
             return Err(format!("`{word} …` forbids something, which no goal can say"));
+        }
+        if self.token(self.mind.next.wrapping_sub(1)) == "only" && self.is_determined(self.mind.next) {
+            return Err("`only` forbids something, which no goal can say".into());
         }
         let start = self.mind.next;
         let end = self.clause_end();
@@ -151,7 +196,9 @@ impl Listener {
         // `time to tidy up,`
         let is_idle = |word: &str| vocabulary().polite.contains(&word) || is_verb(word) || word == "up";
         let is_polite = !is_verb(first) && words.iter().all(|word| is_idle(word));
-        let is_interjection = words.len() == 1 && !is_verb(first) || is_polite;
+        // `switch it on and then off`
+        let is_state = ["on", "off", "open", "closed", "shut"].contains(&first);
+        let is_interjection = words.len() == 1 && !is_verb(first) && !is_state || is_polite;
         let addresses =
             ["if you", "you to", "you could", "you would", "you should", "you must", "could you", "you can"];
         let asks_robot = words.windows(2).any(|pair| addresses.contains(&format!("{} {}", pair[0], pair[1]).as_str()));
@@ -257,7 +304,10 @@ impl Listener {
             named.push((index, group));
             index = self.mind.next.max(index + 1);
         }
+        // `you will see two mugs; take the red one`
+        let noun = self.mind.noun.take().filter(|noun| lexicon().is_noun(noun)).map(|noun| lexicon().singular(&noun));
         self.mind = before;
+        self.mind.noun = self.mind.noun.take().or(noun);
         let is_subject = named.first().is_some_and(|(index, _)| *index == start);
         if named.len() == 1 || is_subject {
             self.mind.topic = vec![named.swap_remove(0).1];

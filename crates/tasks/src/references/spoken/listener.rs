@@ -15,6 +15,10 @@ pub(super) struct Mind {
     pub(super) topic: Vec<Group>,
     /// Reference of the last place, and whether that place supports.
     pub(super) place: Option<Place>,
+    /// Objects of the last two places, if they are the same: `the fork to the left and the knife to the right of the plate`.
+    pub(super) centre: Vec<Group>,
+    /// True if the object of the last place is any of its kind: `on a coaster`.
+    pub(super) is_any: bool,
     /// Place from which the object of this request is taken.
     pub(super) source: Option<Place>,
     /// Place before the verb, from which the object of this request is taken.
@@ -25,6 +29,8 @@ pub(super) struct Mind {
     pub(super) wished: Option<usize>,
     /// Index at which noun phrases end.
     pub(super) stop: Option<usize>,
+    /// Objects of the request that is being read, beside which its place cannot be.
+    pub(super) subjects: Vec<Group>,
     /// Objects that were taken up, but not put anywhere yet.
     pub(super) pending: Vec<Group>,
     /// Those of them that were taken out of or off something.

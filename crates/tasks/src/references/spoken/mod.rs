@@ -1,12 +1,16 @@
 //! Reader of requests as people say them, for which the plain grammar is too narrow.
 //!
 //! A sentence is first brought into a plain form ([`normal`]): one spelling, no contractions, courtesies or adverbs of
-//! manner. Then its clauses are read one after another ([`clauses`]); each is a request with a verb of a known class
-//! ([`requests`], [`states`], [`towers`], [`frames`]), a wish or statement of where or how something should be, a noun
-//! phrase with a place, a fact about the initial scene ([`wishes`]), or an aside. Noun phrases ([`nouns`]) and places ([`places`]) are the same everywhere. A clause of another
-//! form is not guessed: the reader says which words it did not understand.
+//! manner. What it tells about the robot becomes a request ([`actors`]), and what it takes back is left out
+//! ([`repairs`]). Then its clauses are read one after another ([`clauses`]); each is a request with a verb of a known
+//! class ([`requests`], [`states`], [`towers`], [`frames`]), a request within words of politeness ([`courtesy`]), a wish
+//! or statement of where or how something should be, a noun phrase with a place, a fact about the initial scene
+//! ([`wishes`]), or an aside. Noun phrases ([`nouns`]) and places ([`places`], [`sides`], [`sources`]) are the same
+//! everywhere. A clause of another form is not guessed: the reader says which words it did not understand.
 
+mod actors;
 mod clauses;
+mod courtesy;
 mod frames;
 mod listener;
 mod normal;
@@ -14,6 +18,8 @@ mod nouns;
 mod places;
 mod repairs;
 mod requests;
+mod sides;
+mod sources;
 mod states;
 mod towers;
 mod verbs;
@@ -28,7 +34,8 @@ use listener::Listener;
 
 /// Reads a sentence; otherwise the reason why it is no request, as a message to its author.
 pub(super) fn hear(text: &str) -> Result<Parsed, String> {
-    let mut listener = Listener::new(repairs::repaired(normal::tokens(text))?);
+    let mut listener = Listener::new(repairs::repaired(actors::addressed(normal::tokens(text)))?);
+    listener.check_measures()?;
     let mut parsed = Parsed::default();
     loop {
         listener.skip_courtesies();

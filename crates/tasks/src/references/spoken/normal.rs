@@ -3,16 +3,28 @@
 use super::super::lexicon::lexicon;
 use super::words::vocabulary;
 
+/// Beginnings of words in parentheses that say which object is meant.
+const APPOSITIONS: [&str; 6] = ["the one", "that ", "which ", "currently ", "now ", "it is "];
+
 /// Tokens of a sentence in plain form; commas, full stops and semicolons are tokens of their own.
 pub(super) fn tokens(text: &str) -> Vec<String> {
     let mut spaced = String::with_capacity(text.len() + 16);
-    for letter in text.to_lowercase().chars() {
+    let mut is_apposition = false;
+    let text = text.replace(" - ", " , ").to_lowercase().lines().map(unnumbered).collect::<Vec<_>>().join("\n");
+    for (index, letter) in text.char_indices() {
         match letter {
+            // `the orange (the one in the bowl)`
+            '(' => {
+                is_apposition = APPOSITIONS.iter().any(|opening| text[index + 1..].trim_start().starts_with(opening));
+                spaced.push_str(if is_apposition { " , " } else { " " });
+            }
+            ')' => spaced.push_str(if is_apposition { " , " } else { " " }),
             '’' | '‘' => spaced.push('\''),
-            '“' | '”' | '"' | '(' | ')' | '[' | ']' | '*' | '„' | '«' | '»' => spaced.push(' '),
+            '“' | '”' | '"' | '[' | ']' | '*' | '„' | '«' | '»' => spaced.push(' '),
             '—' | '–' | ':' => spaced.push_str(" , "),
             ',' | ';' => spaced.extend([' ', letter, ' ']),
             '.' | '?' | '!' | '\n' => spaced.push_str(" . "),
+            '→' | '⇒' => spaced.push_str(" -> "),
             '…' => spaced.push(' '),
             _ => spaced.push(letter),
         }
@@ -25,6 +37,16 @@ pub(super) fn tokens(text: &str) -> Vec<String> {
             && rest.peek().is_some_and(|next| vocabulary().predicates.contains(next))
         {
             words.extend([noun, "is"].map(String::from));
+            continue;
+        }
+        // `the lemon's place is in the basket`
+        let mut ahead = rest.clone();
+        if let Some(noun) = word.strip_suffix("'s").filter(|noun| lexicon().is_noun(noun))
+            && ahead.next().is_some_and(|next| ["place", "home", "spot", "position"].contains(&next))
+            && ahead.next() == Some("is")
+        {
+            words.extend([noun, "belongs"].map(String::from));
+            rest = ahead;
             continue;
         }
         let word = &unstretched(word.trim_matches('\''));
@@ -51,6 +73,22 @@ pub(super) fn tokens(text: &str) -> Vec<String> {
         next += length;
     }
     plain
+}
+
+/// A line whose steps are not numbered: `1. open the drawer 2. …`, `(a) …`.
+fn unnumbered(line: &str) -> String {
+    let is_number = |word: &str| {
+        let inner = word.trim_start_matches('(').trim_end_matches(['.', ')']);
+        let is_short = inner.len() == 1 || inner.len() == 2 && inner.chars().all(|c| c.is_ascii_digit());
+        inner.len() < word.len() && word.ends_with(['.', ')']) && is_short && inner.chars().all(char::is_alphanumeric)
+    };
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let plain = |(index, word): (usize, &&str)| {
+        let begins = index == 0 || words[index - 1].ends_with([':', '.', ',', ';', '!']) || word.ends_with(')');
+        let is_step = begins && index + 1 < words.len() && is_number(word);
+        if is_step { ".".to_owned() } else { (*word).to_owned() }
+    };
+    words.iter().enumerate().map(plain).collect::<Vec<_>>().join(" ")
 }
 
 /// A word without letters that are repeated for emphasis: `pleeease`.
@@ -84,6 +122,8 @@ mod tests {
                 "There's a dark-red mug; pop it in the gray bowl, please",
                 "there is a dark-red mug ; pop it in the grey bowl ,",
             ),
+            ("To do: (1) close it, 2. open it", "to do , . close it , . open it"),
+            ("The lemon's place is in the bowl", "the lemon belongs in the bowl"),
             ("Put 2 eggs in the middle of the plate", "put two eggs in the plate"),
         ];
         for (said, expected) in cases {

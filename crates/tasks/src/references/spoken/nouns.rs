@@ -8,6 +8,11 @@ use super::words::{is_boundary, is_mark, vocabulary};
 
 const NUMBERS: [(&str, usize); 6] = [("one", 1), ("two", 2), ("three", 3), ("four", 4), ("five", 5), ("six", 6)];
 
+/// True for a number in words.
+pub(super) fn is_number(word: &str) -> bool {
+    NUMBERS.iter().any(|(number, _)| *number == word)
+}
+
 impl Listener {
     /// True if a noun phrase can begin at an index without doubt.
     pub(super) fn is_determined(&self, index: usize) -> bool {
@@ -53,10 +58,11 @@ impl Listener {
         let ends = ends
             || vocabulary().particles.contains(&self.token(follows))
             || vocabulary().hedges.contains(&self.token(follows));
-        let ends = ends || super::places::is_source(self, follows) || said == "it" || said == "them";
+        let ends = ends || super::sources::is_source(self, follows) || said == "it" || said == "them";
         // Of several objects that were taken up one after another, `it` is the last one.
         let is_last = said == "it" && self.mind.pending.len() > 1 && self.mind.pending == self.mind.topic;
         let first = if is_last { self.mind.topic.len() - 1 } else { 0 };
+        let ends = ends || said == "that" && self.is_determined(follows);
         ends.then(|| self.mind.topic[first..].to_vec())
     }
 
@@ -83,7 +89,7 @@ impl Listener {
                 break;
             }
             let word = self.token(index);
-            let leads = super::places::begins_at(self, index + 1) || super::places::is_source(self, index + 1);
+            let leads = super::places::begins_at(self, index + 1) || super::sources::is_source(self, index + 1);
             let hedge = vocabulary().hedges.contains(&word) && leads;
             let next = self.token(index + 1);
             let ends = self.is_end(index + 1) || ["before", "after", "when", "while", "once", "until"].contains(&next);
@@ -99,10 +105,12 @@ impl Listener {
             let is_top = self.at_index(index, "on top").is_some() && self.token(index + 2) != "of";
             let is_unknown = vocabulary().unknown.contains(&word);
             let stops =
-                vocabulary().noun_ends.contains(&word) || super::places::is_source(self, index) || hedge || particle;
+                vocabulary().noun_ends.contains(&word) || super::sources::is_source(self, index) || hedge || particle;
             // `the spoon placed next to the bowl`
-            let is_participle = word.ends_with("ed") && super::verbs::Class::Carry.base(word).is_some();
-            let is_told = !words.is_empty() && is_participle && super::places::begins_at(self, index + 1);
+            let is_participle = (word.ends_with("ed") || ["put", "set", "laid"].contains(&word))
+                && super::verbs::Class::Carry.base(word).is_some();
+            let moves = leads || follows == "to" && super::places::begins_at(self, index + 2);
+            let is_told = !words.is_empty() && is_participle && moves;
             // `from the tray take the mug`, `the light switched on`
             let class = super::verbs::Class::State;
             let acts = super::verbs::is_verb(word) && self.is_determined(index + 1)
@@ -135,6 +143,18 @@ impl Listener {
         if words.is_empty() {
             return None;
         }
+        // `the tomato, currently on the tray, should …`
+        if at.is_none()
+            && let Some(place) = self.attempt(|listener| {
+                listener.take(",").then_some(())?;
+                let is_plain = super::places::begins(listener);
+                let place = if is_plain { listener.standing()? } else { listener.location()? };
+                let is_duty = vocabulary().duties.contains(&listener.ahead(1));
+                (listener.take(",") && (!is_plain || is_duty)).then_some(place)
+            })
+        {
+            at = place.map(Box::new);
+        }
         // `Daddy's mug`
         let is_person = |word: &str| {
             word.strip_suffix("'s")
@@ -143,8 +163,19 @@ impl Listener {
         while words.len() > 1 && is_person(&words[0]) {
             words.remove(0);
         }
+        // `cube red`
+        if let [noun, color] = words.as_mut_slice()
+            && is_color(color)
+            && !lexicon().is_noun(color)
+            && lexicon().is_noun(noun)
+        {
+            std::mem::swap(noun, color);
+        }
         self.choose_among(&mut words);
         self.complete(&mut words);
+        if words.len() > 1 && words.last().is_some_and(|last| last == "one" || last == "ones") {
+            return self.blame(format!("`{}` names no object", words.join(" ")));
+        }
         outermost(&mut words);
         // `the open top drawer` is a place in a scene in which it is open.
         if words.last().is_some_and(|last| last == "drawer") {

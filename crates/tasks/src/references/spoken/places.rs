@@ -2,15 +2,16 @@
 
 use genmanip_core::Relation;
 
-use super::super::command::{Command, Group, Number, Place};
+use super::super::command::{Group, Number, Place};
 use super::super::lexicon::is_color;
-use super::super::words::{EXTREMES, LOOSE, PLACES, SOURCE};
+use super::super::words::{EXTREMES, LOOSE, PLACES};
 use super::listener::Listener;
+use super::sides::is_side;
 use super::verbs::Class;
 use super::words::vocabulary;
 
 /// Prepositions that continue with another one or with nothing.
-const MORE: [(&str, &[Relation]); 12] = [
+const MORE: [(&str, &[Relation]); 13] = [
     ("towards", &[Relation::Near]),
     ("toward", &[Relation::Near]),
     ("besides", &[Relation::Near]),
@@ -19,6 +20,7 @@ const MORE: [(&str, &[Relation]); 12] = [
     ("at the rear of", &[Relation::Back]),
     ("to the top of", &[Relation::On, Relation::Top]),
     ("at the top of", &[Relation::On, Relation::Top]),
+    ("->", &[Relation::In, Relation::On, Relation::Top]),
     ("next", &[]),
     ("on top", &[Relation::On, Relation::Top]),
     ("somewhere around", &[Relation::Near]),
@@ -33,18 +35,6 @@ pub(super) fn begins_at(listener: &Listener, index: usize) -> bool {
 /// True if a place begins here.
 pub(super) fn begins(listener: &Listener) -> bool {
     begins_at(listener, listener.mind.next)
-}
-
-/// True if the words at an index say where something comes from.
-pub(super) fn is_source(listener: &Listener, index: usize) -> bool {
-    ["from", "off", "out of", "away from"].iter().any(|word| {
-        listener.at_index(index, word).is_some_and(|length| {
-            let follows = index + length;
-            *word == "from" && !EXTREMES.contains(&listener.token(index.wrapping_sub(1)))
-                || listener.is_determined(follows)
-                || listener.token(follows) == "of"
-        })
-    })
 }
 
 impl Listener {
@@ -148,25 +138,11 @@ impl Listener {
         self.place().map(Some)
     }
 
-    /// Parses `on either side of the plate` after the objects that go there; `start` is the index of their first word.
-    pub(super) fn either_side(&mut self, subjects: &[Group], start: usize) -> Option<Vec<Command>> {
-        self.take_any(&vocabulary().either_side)?;
-        let of = self.noun_phrase()?;
-        let mut subjects = subjects.to_vec();
-        // `a candle on either side of the book`
-        if let ([one], "a" | "an" | "one") = (subjects.as_mut_slice(), self.token(start))
-            && one.number == Number::One
-        {
-            one.number = Number::Many(2);
-        }
-        self.remember(subjects.clone());
-        self.mind.place = None;
-        Some(vec![Command::Sides { subjects, of }])
-    }
-
     /// A place with its references.
     pub(super) fn place(&mut self) -> Option<Place> {
         let place = self.attempt(Self::side_place).or_else(|| self.attempt(Self::plain_place))?;
+        let is_same = self.mind.place.as_ref().is_some_and(|last| last.objects == place.objects);
+        self.mind.centre = if is_same { place.objects.clone() } else { Vec::new() };
         self.mind.place = Some(place.clone());
         Some(place)
     }
@@ -178,6 +154,8 @@ impl Listener {
         if relations.is_empty() {
             return None;
         }
+        // `on either the tray or the coaster`
+        self.take("either");
         // `drop the die inside`, `put the cube on top`
         let is_there = self.take_any(&["there", "here"]).is_some();
         if is_there || self.is_end(self.mind.next) {
@@ -185,7 +163,15 @@ impl Listener {
             let is_adverb = ["inside", "in", "into"].contains(&said.as_str()) || length == 2 && said == "on";
             return (is_there || is_adverb).then(|| Place { relations, objects: vec![host] });
         }
+        let is_plural = ["them", "these", "those", "both"].contains(&self.ahead(0));
         if let Some(known) = self.attempt(Self::pronoun) {
+            // `stack the red brick on the green brick and put the car next to them`
+            if let ([one], true) = (known.as_slice(), is_plural)
+                && one.number == Number::One
+                && !one.words.last().is_some_and(|noun| noun.ends_with('s'))
+            {
+                return self.blame(format!("`{}` may mean several objects", self.clause(self.mind.next - 1)));
+            }
             let host = if known.len() == 1 || relations == [Relation::Between] || self.mind.source.is_some() {
                 self.antecedents(relations)
             } else {
@@ -196,6 +182,7 @@ impl Listener {
             };
             return Some(Place { relations, objects });
         }
+        self.mind.is_any = ["a", "an"].contains(&self.ahead(0)) || self.at("its own").is_some();
         let mut objects = vec![self.noun_phrase()?];
         if relations == [Relation::Between] {
             if self.take("and") {
@@ -214,90 +201,6 @@ impl Listener {
             object.at = Some(Box::new(self.place()?));
         }
         Some(Place { relations, objects })
-    }
-
-    /// Parses `on the right-hand side of the mug`, `to its left`, `on the mug's right`.
-    fn side_place(&mut self) -> Option<Place> {
-        let (relation, length, owner) = self.side_at(self.mind.next)?;
-        let start = self.mind.next;
-        self.mind.next += length;
-        let relations = match relation {
-            Relation::Left => &[Relation::Left][..],
-            _ => &[Relation::Right][..],
-        };
-        let objects = match owner {
-            Owner::Follows => match self.attempt(Self::pronoun) {
-                Some(_) => self.antecedents(relations)?,
-                None => vec![self.noun_phrase()?],
-            },
-            Owner::Pronoun => self.antecedents(relations)?,
-            Owner::Words(words) => {
-                let words = self.tokens[words.0..words.1].iter().map(|word| word.trim_end_matches("'s").to_owned());
-                vec![Group::of(words.collect())]
-            }
-            Owner::None => match &self.mind.source {
-                Some(source) => source.objects.clone(),
-                // `the fork on the left of the plate and the knife on the right`
-                None => match self.mind.place.clone().filter(|place| is_side(place.relations)) {
-                    Some(place) => place.objects,
-                    None => match self.next_owner() {
-                        Some(owner) => vec![owner],
-                        None => {
-                            return self.blame(format!("`{}` of what?", self.tokens[start..self.mind.next].join(" ")));
-                        }
-                    },
-                },
-            },
-        };
-        Some(Place { relations, objects })
-    }
-
-    /// The object of the next side in this clause: `the fork to the left and the knife to the right of the plate`.
-    fn next_owner(&mut self) -> Option<Group> {
-        let (before, end) = (self.mind.clone(), self.clause_end());
-        let follows = |&index: &usize| matches!(self.side_at(index), Some((_, _, Owner::Follows)));
-        let found = (before.next..end).find(follows).and_then(|index| {
-            let (_, length, _) = self.side_at(index)?;
-            self.mind.next = index + length;
-            self.noun_phrase()
-        });
-        self.mind = before;
-        found
-    }
-
-    /// Side, number of tokens and owner of a phrase such as `on the right-hand side of`.
-    fn side_at(&self, index: usize) -> Option<(Relation, usize, Owner)> {
-        let prepositions = ["over to", "to", "on", "onto", "at", "from", "by", "towards", "toward"];
-        let first = prepositions.iter().find_map(|word| self.at_index(index, word)).unwrap_or(0);
-        let mut next = index + first;
-        let mut owner = Owner::Follows;
-        if ["its", "their"].contains(&self.token(next)) {
-            owner = Owner::Pronoun;
-            next += 1;
-        } else if self.token(next) == "the" {
-            next += 1;
-        }
-        let is_side = |word: &str| word == "left" || word == "right";
-        if !is_side(self.token(next)) {
-            let end = (next..next + 4).find(|&at| self.token(at).ends_with("'s"))? + 1;
-            if !is_side(self.token(end)) || first == 0 || ["robot's", "camera's"].contains(&self.token(end - 1)) {
-                return None;
-            }
-            owner = Owner::Words((next, end));
-            next = end;
-        }
-        let relation = if self.token(next) == "left" { Relation::Left } else { Relation::Right };
-        next += 1;
-        let is_long = ["hand side", "hand edge", "hand", "side", "edge"];
-        next += is_long.iter().find_map(|word| self.at_index(next, word)).unwrap_or(0);
-        match owner {
-            Owner::Follows if ["of", "from"].contains(&self.token(next)) => next += 1,
-            Owner::Follows if first > 0 && self.is_end(next) => owner = Owner::None,
-            Owner::Follows => return None,
-            _ if !self.is_end(next) => return None,
-            _ => {}
-        }
-        Some((relation, next - index, owner))
     }
 
     /// Relations of the preposition at an index and its number of tokens; `None` if there is none, or if it belongs to a
@@ -327,37 +230,6 @@ impl Listener {
         (!compares && !is_level && (!is_loose || is_object)).then_some((relations, length))
     }
 
-    /// The place an object comes from: `off the tray`, `from the left side of the milk`; `Some(None)` for the table.
-    pub(super) fn source(&mut self) -> Option<Option<Place>> {
-        if !is_source(self, self.mind.next) {
-            return None;
-        }
-        let said =
-            self.take_any(&["out from", "from off", "off of", "off from", "out of", "away from", "from", "off"])?;
-        self.take_any(&["out of", "off"]);
-        let article = ["the", "my", "your", "our"].iter().find_map(|word| self.at(word)).unwrap_or(0);
-        let spots = vocabulary().tables.iter().chain(&vocabulary().spots);
-        let table = spots.filter_map(|word| self.at_index(self.mind.next + article, word)).max();
-        if let Some(length) = table {
-            self.mind.next += article + length;
-            return Some(None);
-        }
-        if begins(self) {
-            return Some(Some(self.place()?));
-        }
-        let objects = match self.attempt(Self::pronoun) {
-            Some(_) => self.antecedents(SOURCE)?,
-            None => vec![self.noun_phrase()?],
-        };
-        let relations: &[Relation] = match said {
-            "out of" | "out from" => &[Relation::In, Relation::Top],
-            "off" | "off of" | "off from" | "from off" => &[Relation::On, Relation::Top],
-            _ => SOURCE,
-        };
-        // What something is moved away from need not hold it.
-        Some((said != "away from").then_some(Place { relations, objects }))
-    }
-
     /// The object to which a pronoun in a place refers; `None` if none or several were named.
     fn antecedent(&mut self, relations: &[Relation]) -> Option<Group> {
         match self.antecedents(relations)?.as_slice() {
@@ -368,16 +240,27 @@ impl Listener {
 
     /// The objects to which a pronoun in a place refers: that from which this request takes something, or those of the
     /// request before. What something was put into is meant by `in it` rather than what was put there.
-    fn antecedents(&mut self, relations: &[Relation]) -> Option<Vec<Group>> {
+    pub(super) fn antecedents(&mut self, relations: &[Relation]) -> Option<Vec<Group>> {
         if let Some(source) = &self.mind.source {
             return Some(source.objects.clone());
         }
         let place = self.mind.place.as_ref().filter(|place| place.relations.contains(&Relation::In));
-        if let Some(place) = place.filter(|_| relations.contains(&Relation::In)) {
+        let is_beside = !relations.iter().any(|relation| relation.is_support());
+        if let Some(place) = place.filter(|_| is_beside || relations.contains(&Relation::In)) {
             return Some(place.objects.clone());
+        }
+        if is_beside && !self.mind.centre.is_empty() {
+            return Some(self.mind.centre.clone());
         }
         // `the fork to the left of the plate and the knife to its right`
         if let Some(place) = self.mind.place.as_ref().filter(|place| is_side(place.relations) && is_side(relations)) {
+            return Some(place.objects.clone());
+        }
+        // `take the spoon out of the pot and leave it beside it`
+        if let ([subject], [topic]) = (self.mind.subjects.as_slice(), self.mind.topic.as_slice())
+            && subject == topic
+            && let Some(place) = subject.at.as_deref().or(self.mind.place.as_ref())
+        {
             return Some(place.objects.clone());
         }
         if self.mind.topic.is_empty() {
@@ -386,21 +269,4 @@ impl Listener {
         self.mind.pending.clear();
         Some(self.mind.topic.clone())
     }
-}
-
-/// True for the relations left and right.
-fn is_side(relations: &[Relation]) -> bool {
-    matches!(relations, [Relation::Left] | [Relation::Right])
-}
-
-/// Owner of a side.
-enum Owner {
-    /// A noun phrase follows.
-    Follows,
-    /// `its`
-    Pronoun,
-    /// The words from one index to another, in the possessive.
-    Words((usize, usize)),
-    /// None is named.
-    None,
 }

@@ -2,16 +2,19 @@
 
 use genmanip_core::Relation;
 
+use super::super::change::Action;
 use super::super::command::{Command, Group, Number, Place};
 use super::listener::Listener;
 use super::verbs::{Class, is_form};
 use super::words::vocabulary;
 
-type Parser = fn(&mut Listener) -> Option<Vec<Command>>;
+pub(super) type Parser = fn(&mut Listener) -> Option<Vec<Command>>;
 
 /// Parsers of requests with a verb.
-const VERBAL: [Parser; 10] = [
+pub(super) const VERBAL: [Parser; 12] = [
     Listener::swap,
+    Listener::trade,
+    Listener::stay,
     Listener::discard,
     Listener::listed,
     Listener::tower,
@@ -23,7 +26,7 @@ const VERBAL: [Parser; 10] = [
     Listener::repeat,
 ];
 /// Parsers of other requests and of facts about the initial scene.
-const OTHER: [Parser; 6] =
+pub(super) const OTHER: [Parser; 6] =
     [Listener::wish, Listener::inverted, Listener::given, Listener::statement, Listener::fragment, Listener::named];
 
 impl Listener {
@@ -40,7 +43,7 @@ impl Listener {
     }
 
     /// Commands of the first parser that reads as far as the end of a clause.
-    fn first_of(&mut self, parsers: &[Parser]) -> Option<Vec<Command>> {
+    pub(super) fn first_of(&mut self, parsers: &[Parser]) -> Option<Vec<Command>> {
         parsers.iter().find_map(|parse| {
             self.attempt(|listener| {
                 listener.mind.source = None;
@@ -52,78 +55,6 @@ impl Listener {
                 listener.blame(format!("`{rest}` is not understood"))
             })
         })
-    }
-
-    /// Parses a request after words of politeness, the fewest that leave one: `would it be possible to move …`,
-    /// `it would be nice if the mug was …`.
-    fn wrapped(&mut self) -> Option<Vec<Command>> {
-        let (start, asks) = (self.mind.next, self.asks());
-        loop {
-            // `be a gem and …`
-            let is_praise = self.ahead(0) == "be" && self.is_determined(self.mind.next + 1) && self.ahead(3) == "and";
-            let said = if is_praise { "and" } else { self.take_any(&vocabulary().polite)? };
-            self.mind.next += if is_praise { 4 } else { 0 };
-            let prefix = format!(" {} ", self.tokens[start..self.mind.next].join(" "));
-            let says = |words: &[&str]| words.iter().any(|word| prefix.contains(&format!(" {word} ")));
-            let opens = |words: &[&str]| words.contains(&self.token(start));
-            let is_condition = opens(&["if", "whether"]) && !says(&vocabulary().wanting);
-            if asks && !says(&vocabulary().enabling) || is_condition {
-                continue;
-            }
-            let is_sequence = said == "have" && says(&["once", "after", "when"]);
-            let is_wish =
-                vocabulary().desires.contains(&said) && (says(&vocabulary().wanting) || says(&vocabulary().weak));
-            // `I will put the mug there` says what somebody else does.
-            let others =
-                ["let me", "i will", "we will", "i shall", "should i", "shall i", "will i", "i can", "i might"];
-            if others.iter().any(|phrase| prefix.ends_with(&format!(" {phrase} "))) {
-                continue;
-            }
-            let is_wish = is_wish && !(said == "make" && self.ahead(0) == "a");
-            let mut found = None;
-            let is_modal = opens(&["could", "can", "would", "may", "might", "shall", "should", "will"]);
-            if is_modal || !vocabulary().stative.contains(&said) || is_sequence {
-                found = self.first_of(&VERBAL);
-            }
-            if found.is_none() && is_wish {
-                let is_duty = !says(&vocabulary().wanting);
-                found = self.attempt(|listener| {
-                    let commands = listener.wanted(is_duty)?;
-                    listener.at_boundary().then_some(commands)
-                });
-            }
-            if found.is_some() {
-                return found;
-            }
-        }
-    }
-
-    /// Parses a request that somebody reports: `mum says the mug has to go on the tray`.
-    fn reported(&mut self) -> Option<Vec<Command>> {
-        let reporting = &vocabulary().reporting;
-        let says = |index: usize| reporting.iter().find_map(|phrase| self.at_index(index, phrase));
-        let start = self.mind.next;
-        let (index, length) = (start + 1..start + 5).find_map(|index| Some((index, says(index)?)))?;
-        self.mind.next = index + length;
-        self.take("that");
-        self.take_any(&["you to", "us to", "the robot to", "you", "to"]);
-        let found = self.first_of(&VERBAL).or_else(|| self.first_of(&OTHER));
-        found.or_else(|| self.wanted(false)).filter(|_| self.at_boundary())
-    }
-
-    /// Remembers `of the two apples,` for the next phrase.
-    fn choice(&mut self) {
-        let found = self.attempt(|listener| {
-            listener.take_any(&["of the", "from the", "out of the"])?;
-            let is_number = ["two", "three"].contains(&listener.ahead(0));
-            let end = (1..5).find(|&offset| listener.ahead(offset) == ",").filter(|_| is_number)?;
-            let start = listener.mind.next;
-            listener.mind.next += end + 1;
-            Some(listener.tokens[start..start + end].to_vec())
-        });
-        if let Some(among) = found {
-            self.mind.among = among;
-        }
     }
 
     /// Takes a verb of a class; returns its base form.
@@ -181,107 +112,10 @@ impl Listener {
         Some(Vec::new())
     }
 
-    /// True if a verb, with the words about a source that come next, leaves its object on the table unless another place
-    /// is given: `take … out of`, `remove … from`.
-    fn frees(&self, verb: &str) -> bool {
-        vocabulary().free.contains(&verb) || ["off", "out of"].iter().any(|word| self.at(word).is_some())
-    }
-
-    /// The command that brings objects to the table that were taken from somewhere and put nowhere else.
-    pub(super) fn put_freed(&mut self) -> Option<Command> {
-        let is_freed = |group: &Group| self.mind.freed.iter().any(|freed| freed.words == group.words);
-        let has_all = !self.mind.pending.is_empty() && self.mind.pending.iter().all(is_freed);
-        let subjects = has_all.then(|| std::mem::take(&mut self.mind.pending))?;
-        Some(Command::Put { subjects, places: vec![Place::table()] })
-    }
-
-    /// Parses `swap the apple on the plate and the pear in the bowl`.
-    fn swap(&mut self) -> Option<Vec<Command>> {
-        let start = self.mind.next;
-        self.take_any(&vocabulary().swap)?;
-        let joins =
-            |&index: &usize| ["and", "with", "for"].contains(&self.token(index)) && self.is_determined(index + 1);
-        self.mind.stop = (self.mind.next..self.clause_end()).find(joins);
-        let one = self.placed()?;
-        self.mind.stop = None;
-        self.take_any(&["and", "with", "for"])?;
-        let other = self.placed()?;
-        self.take_any(&["around", "round", "over"]);
-        let (Some(here), Some(there)) = (one.at.clone(), other.at.clone()) else {
-            let said = self.token(start).to_owned();
-            return self.blame(format!("`{said}` needs two places: say in or on what each of the two objects is now"));
-        };
-        self.remember(vec![one.clone(), other.clone()]);
-        Some(vec![
-            Command::Put { subjects: vec![one], places: vec![*there] },
-            Command::Put { subjects: vec![other], places: vec![*here] },
-        ])
-    }
-
-    /// Parses a noun phrase with the place where its object is: `the apple on the plate`.
-    fn placed(&mut self) -> Option<Group> {
-        let mut group = self.noun_phrase()?;
-        if group.at.is_none() && super::places::begins(self) {
-            group.at = self.place().map(Box::new);
-        }
-        Some(group)
-    }
-
-    /// Parses `throw away the banana`: into the bin.
-    fn discard(&mut self) -> Option<Vec<Command>> {
-        let verb = self.take_any(&vocabulary().discard)?;
-        let subjects = self.noun_phrases()?;
-        let is_away = verb != "throw" && verb != "chuck" && verb != "toss";
-        (self.take_any(&["away", "out"]).is_some() || is_away).then_some(())?;
-        self.at_boundary().then_some(())?;
-        let bin = Group::of(vec!["bin".to_owned()]);
-        self.put(subjects, vec![Place { relations: &[Relation::In, Relation::Top], objects: vec![bin] }])
-    }
-
-    /// Parses `put the following in the basket: the apple, the pear and the lemon`.
-    fn listed(&mut self) -> Option<Vec<Command>> {
-        self.verb(Class::Carry)?;
-        while self.take_any(&["me", "us", "down", "up", "back", "over", "away", "aside"]).is_some() {}
-        self.take_any(&vocabulary().lists)?;
-        let places = self.places()?;
-        self.take_any(&[",", "."])?;
-        let subjects = self.noun_phrases()?;
-        self.put(subjects, places)
-    }
-
     /// True if `and put it` comes next.
-    fn puts_it(&mut self) -> bool {
+    pub(super) fn puts_it(&mut self) -> bool {
         self.skip_courtesies();
         self.verb(Class::Carry).is_some() && self.take_any(&["it", "them", "that", "both", "these"]).is_some()
-    }
-
-    /// Notes where the objects are taken from.
-    pub(super) fn come_from(&mut self, subjects: &mut [Group]) -> Option<()> {
-        if let Some(fronted) = self.mind.fronted.take() {
-            subjects.iter_mut().for_each(|subject| subject.at = Some(Box::new(fronted.clone())));
-            self.mind.source = Some(fronted);
-        }
-        while super::places::is_source(self, self.mind.next) {
-            let source = self.source()?;
-            if let ([subject], Some(place)) = (&mut *subjects, &source)
-                && subject.at.is_none()
-            {
-                subject.at = Some(Box::new(place.clone()));
-            } else if subjects.len() > 1 && source.is_some() {
-                for subject in subjects.iter_mut().filter(|subject| subject.at.is_none()) {
-                    subject.at = source.clone().map(Box::new);
-                }
-            }
-            self.mind.source = source;
-            // `off the tray and onto a plate`
-            let goes_on = super::places::begins_at(self, self.mind.next + 1);
-            let is_put =
-                Class::Carry.base(self.ahead(1)).is_some() && super::places::begins_at(self, self.mind.next + 2);
-            if ["and", ","].contains(&self.ahead(0)) && (goes_on || is_put) {
-                self.mind.next += if goes_on { 1 } else { 2 };
-            }
-        }
-        Some(())
     }
 
     /// Parses a verb with objects and a place: `park the toy car behind the cube`.
@@ -290,12 +124,17 @@ impl Listener {
         while self.take_any(&["me", "us", "down", "up", "back", "over", "away", "aside"]).is_some() {}
         let start = self.mind.next;
         let is_pronoun = ["it", "them", "that", "both", "this"].contains(&self.ahead(0));
+        // `open the chest and put in the die`
+        if let Some(commands) = self.attempt(Self::put_inside) {
+            return Some(commands);
+        }
         // `pick up the mug and place on the tray`
         let is_omitted = !self.mind.pending.is_empty() && super::places::begins(self);
         let mut subjects = if is_omitted { self.mind.pending.clone() } else { self.noun_phrases()? };
         if is_pronoun && self.mind.pending.len() < 2 {
             self.mind.pending.clear();
         }
+        self.mind.subjects.clone_from(&subjects);
         let leaves = self.frees(verb);
         self.come_from(&mut subjects)?;
         // `clear the apple off the plate`
@@ -368,9 +207,28 @@ impl Listener {
         self.put(subjects, places)
     }
 
+    /// Parses `in the die` after a verb where a container was opened before.
+    fn put_inside(&mut self) -> Option<Vec<Command>> {
+        let host = self.mind.topic.clone();
+        (self.mind.action == Some(Action::Open) && host.len() == 1).then_some(())?;
+        self.take("in").then_some(())?;
+        let subjects = self.noun_phrases()?;
+        self.at_boundary().then_some(())?;
+        self.put(subjects, vec![Place { relations: &[Relation::In, Relation::Top], objects: host }])
+    }
+
     /// The command that brings objects to a place; a second place after a comma is a second condition.
-    pub(super) fn put(&mut self, mut subjects: Vec<Group>, places: Vec<Place>) -> Option<Vec<Command>> {
+    pub(super) fn put(&mut self, mut subjects: Vec<Group>, mut places: Vec<Place>) -> Option<Vec<Command>> {
         self.mind.action = None;
+        // `put each mug on a coaster` needs as many coasters as mugs.
+        if let ([subject], [place]) = (subjects.as_mut_slice(), places.as_mut_slice())
+            && let Number::Each(count) = subject.number
+            && let ([host], true) = (place.objects.as_mut_slice(), self.mind.is_any)
+        {
+            host.number = Number::Each(count.or(Some(2)));
+            subject.number = Number::Many(count.unwrap_or(2));
+        }
+        self.mind.subjects.clear();
         if let [subject] = subjects.as_mut_slice()
             && subject.number == Number::All
             && subject.except.is_empty()

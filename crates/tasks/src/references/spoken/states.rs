@@ -117,12 +117,15 @@ impl Listener {
             "off",
             "running",
             "run",
+            "going",
+            "started",
+            "stopped",
             "pressed",
             "pushed",
         ]);
         let found = match adjective {
-            Some("on" | "running" | "run") => Action::On,
-            Some("off") => Action::Off,
+            Some("on" | "running" | "run" | "going" | "started") => Action::On,
+            Some("off" | "stopped") => Action::Off,
             Some("pressed" | "pushed") => {
                 self.take_any(&["down", "in"]);
                 Action::Press

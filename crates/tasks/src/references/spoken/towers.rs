@@ -16,6 +16,21 @@ const ON_EACH_OTHER: [&str; 7] = [
     "up",
 ];
 
+/// Words after objects that are named from the lowest to the highest.
+const IN_ORDER: [&str; 11] = [
+    "in this order",
+    "in that order",
+    "from bottom to top",
+    "from the bottom up",
+    "bottom to top",
+    "in that order from the bottom",
+    "in this order from the bottom",
+    "in that order , from the bottom up",
+    "in that order from bottom to top",
+    "starting from the bottom",
+    "bottom first",
+];
+
 impl Listener {
     /// Parses `on top of each other` after objects, whose order is free.
     pub(super) fn on_each_other(&mut self, subjects: &[Group]) -> Option<Vec<Command>> {
@@ -35,7 +50,7 @@ impl Listener {
 
     /// Parses `build a tower with the blue cube at the bottom, …`.
     pub(super) fn tower(&mut self) -> Option<Vec<Command>> {
-        self.verb(Class::Build)?;
+        let is_stacked = ["stack", "stack up", "pile", "pile up"].contains(&self.verb(Class::Build)?);
         self.take_any(&["me", "us"]);
         let names =
             ["a tower", "a stack", "a pile", "a column", "one tower", "the tower", "a little tower", "a small tower"];
@@ -79,20 +94,26 @@ impl Listener {
                 while listener.take_any(&[",", "and", "then"]).is_some() {
                     is_joined = true;
                 }
-                (is_joined && !is_verb(listener.ahead(0)) && !listener.is_done() && listener.ahead(0) != ".")
+                let is_order = IN_ORDER.iter().any(|order| listener.at(order).is_some());
+                (is_joined && !is_order && !is_verb(listener.ahead(0)) && !listener.is_done())
                     .then_some(())
+                    .filter(|()| listener.ahead(0) != ".")
             });
             if joined.is_none() {
                 break;
             }
         }
         self.attempt(|listener| listener.order(&mut items, &[&lowest, &middle, &highest]));
-        let in_order = ["in this order", "in that order", "from bottom to top", "from the bottom up", "bottom to top"];
-        let is_stack = self.take_any(&ON_EACH_OTHER).is_some() | is_named;
+        if IN_ORDER.iter().any(|order| self.at_index(self.mind.next + 1, order).is_some()) {
+            self.take(",");
+        }
+        // `stack the books`
+        let is_free = is_stacked && items.len() == 1 && self.at_boundary();
+        let is_stack = self.take_any(&ON_EACH_OTHER).is_some() | is_named | is_free;
         if self.take_any(&["from top to bottom", "top to bottom"]).is_some() {
             items.reverse();
             items.iter_mut().for_each(|(level, _)| *level = Some(0));
-        } else if self.take_any(&in_order).is_some() {
+        } else if self.take_any(&IN_ORDER).is_some() {
             items.iter_mut().for_each(|(level, _)| *level = Some(0));
         }
         let several = matches!(items.as_slice(), [(_, group)] if group.number != Number::One);

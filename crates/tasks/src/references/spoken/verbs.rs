@@ -53,9 +53,31 @@ pub(super) fn is_verb(word: &str) -> bool {
     [Class::Carry, Class::Take, Class::State, Class::Build].iter().any(|class| class.base(word).is_some())
 }
 
+/// Base form of a verb in the third person, such as `carries`; `None` if the word is none.
+pub(super) fn base_of_third_person(word: &str) -> Option<&'static str> {
+    let words = vocabulary();
+    let classes = [&words.carry, &words.take, &words.state, &words.build, &words.fill, &words.swap, &words.discard];
+    let verbs = classes.into_iter().flatten().map(|verb| verb.split(' ').next().unwrap_or(verb)).chain(["give"]);
+    let is_third = |verb: &str| {
+        let stem = word.strip_suffix('s');
+        stem == Some(verb)
+            || stem.and_then(|stem| stem.strip_suffix('e')) == Some(verb)
+            || word.strip_suffix("ies").is_some_and(|stem| verb.strip_suffix('y') == Some(stem))
+    };
+    verbs.into_iter().find(|verb| is_third(verb))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::Class;
+    use super::{Class, base_of_third_person};
+
+    #[test]
+    fn the_third_person_has_a_base() {
+        for (word, base) in [("puts", "put"), ("carries", "carry"), ("presses", "press"), ("picks", "pick")] {
+            assert_eq!(base_of_third_person(word), Some(base));
+        }
+        assert_eq!(base_of_third_person("put"), None);
+    }
 
     #[test]
     fn every_form_of_a_verb_has_one_base() {

@@ -53,7 +53,8 @@ impl Listener {
         // `I want the mug standing on the tray`
         let is_named_again = self.tokens[self.mind.next..].iter().any(|word| word == "it" || word == "them");
         // `I need the sponge; could you put it …`
-        if subjects.iter().all(|subject| subject.at.is_none()) && self.at_boundary() && is_named_again && !is_duty {
+        let is_bare = subjects.iter().all(|subject| subject.at.is_none()) && self.at_boundary() && !self.at_result();
+        if is_bare && is_named_again && !is_duty {
             self.mind.pending.clone_from(&subjects);
             self.remember(subjects);
             return Some(Vec::new());
@@ -71,12 +72,21 @@ impl Listener {
     pub(super) fn statement(&mut self) -> Option<Vec<Command>> {
         let goes_on = self.goes_on_wishing();
         let commands = self.wanted(!goes_on)?;
-        self.mind.wished = Some(self.mind.next).filter(|_| goes_on);
+        self.mind.wished = Some(self.mind.next).filter(|_| goes_on || self.is_gapped());
         Some(commands)
     }
 
+    /// True if `and` comes next with a clause that shares its verb with this one: `… should be opened and the die put inside`.
+    fn is_gapped(&self) -> bool {
+        let start = self.mind.next + 1;
+        let end = (start..self.tokens.len()).find(|&index| is_mark(self.token(index))).unwrap_or(self.tokens.len());
+        let clause = &self.tokens[start.min(end)..end];
+        let states = |word: &String| ["is", "are", "was", "were", "has", "have"].contains(&word.as_str());
+        self.ahead(0) == "and" && !clause.iter().any(states)
+    }
+
     /// True if a word since an index makes a statement a request.
-    fn is_duty(&self, start: usize) -> bool {
+    pub(super) fn is_duty(&self, start: usize) -> bool {
         self.tokens[start..self.mind.next].iter().any(|word| vocabulary().duties.contains(&word.as_str()))
     }
 
@@ -102,6 +112,9 @@ impl Listener {
         }
         self.come_from(subjects)?;
         self.copula();
+        if self.attempt(|listener| listener.taken_first(subjects)).is_some() {
+            self.copula();
+        }
         if self.mind.source.is_some() && self.at_boundary() {
             return self.put(std::mem::take(subjects), vec![Place::table()]);
         }
@@ -114,6 +127,20 @@ impl Listener {
         let places = self.attempt(Self::places)?;
         self.come_from(subjects)?;
         self.put(std::mem::take(subjects), places)
+    }
+
+    /// Skips `picked up and` before the rest of what is to be done with an object.
+    fn taken_first(&mut self, subjects: &mut [Group]) -> Option<()> {
+        Class::Take.base(self.ahead(0)).filter(|_| !is_mark(self.ahead(1)))?;
+        self.mind.next += 1;
+        self.take_any(&["up", "from there"]);
+        self.come_from(subjects)?;
+        if super::places::begins(self) {
+            return Some(());
+        }
+        self.take_any(&["and then", "and", ", then", ","])?;
+        while self.take_any(&["is", "are", "to", "be", "should", "must"]).is_some() {}
+        Class::Carry.base(self.ahead(0)).map(|_| ())
     }
 
     /// Parses a fact about the initial scene: `the potato is already in the pot`, `I left the apple in the bowl`, `the
@@ -179,7 +206,7 @@ impl Listener {
     /// Parses a place before its object: `onto the tray goes the mug`, `in the bowl there is an apple`, `from the tray,
     /// take the mug`.
     pub(super) fn inverted(&mut self) -> Option<Vec<Command>> {
-        if super::places::is_source(self, self.mind.next) {
+        if super::sources::is_source(self, self.mind.next) {
             let source = self.source()?;
             self.take(",");
             self.mind.fronted = source;
@@ -190,7 +217,16 @@ impl Listener {
         if !super::places::begins(self) {
             return None;
         }
+        let start = self.mind.next;
         let mut places = self.places()?;
+        // `behind the teapot is where the sugar belongs`
+        if self.take_any(&["is where", "that is where", ", that is where"]).is_some() {
+            let subjects = self.noun_phrases()?;
+            let start = self.mind.next;
+            self.copula();
+            self.is_duty(start).then_some(())?;
+            return self.put(subjects, places);
+        }
         let is_listed = self.take(",") && self.is_determined(self.mind.next);
         let is_given = self
             .take_any(&[
@@ -217,8 +253,17 @@ impl Listener {
         if !is_told {
             self.copula();
         }
-        (is_listed || self.mind.next > before).then_some(())?;
+        // `put the bread on the board and next to it the honey`
+        let is_gapped = self.token(start.wrapping_sub(1)) == "and" && self.is_determined(before);
+        (is_listed || self.mind.next > before || is_gapped).then_some(())?;
+        let is_fact = !is_told && self.mind.next > before && !self.is_duty(before);
         let subjects = self.noun_phrases()?;
+        // `in front of the teapot stands a mug`
+        if let ([subject], [at], true) = (subjects.as_slice(), places.as_slice(), is_fact) {
+            let group = Group { at: Some(Box::new(at.clone())), ..subject.clone() };
+            self.remember(vec![group.clone()]);
+            return Some(vec![Command::Given(group)]);
+        }
         self.put(subjects, places)
     }
 

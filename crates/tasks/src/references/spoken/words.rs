@@ -122,6 +122,12 @@ pub(super) struct Vocabulary {
     pub state_particles: Words,
     /// Levels of a knob or a switch, in the words of the table of actions.
     pub levels: Pairs,
+    /// Words after an object that is to be left alone: `keep the bowl where it is`.
+    pub stays: Words,
+    /// Names of the robot and its parts in sentences about it.
+    pub robots: Words,
+    /// Words between the robot and the verb of what it is to do.
+    pub robot_modals: Words,
     /// Articles and possessive pronouns.
     pub articles: Words,
     /// Words that end a clause.
