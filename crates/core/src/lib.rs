@@ -94,7 +94,7 @@ pub use sensor::{CameraSensor, ColorSensor, DepthSensor};
 pub use task::{Atom, Goal, GraphEdge, GraphNode, NamedSurface, SceneGraph, SharedCards, Task, TaskKind};
 pub use verdict::{AtomVerdict, GoalVerdict, Measurement, Unit};
 pub use world::{
-    ArmPhysics, BetweenReading, Board, CameraAppearance, CameraResponse, Photograph, PhysicsSettings, RelationSettings,
-    SupportSurface, ToneCurve, Workspace, WorkspaceAppearance, WorkspaceLight, World, WorldDifference, WorldFault,
-    WorldFile, WorldHashes, WorldPart, WorldRobot,
+    ArmPhysics, BetweenReading, Board, CameraAppearance, CameraResponse, MeasuredMaterial, Photograph, PhysicsSettings,
+    RelationSettings, SupportSurface, ToneCurve, Workspace, WorkspaceAppearance, WorkspaceLight, World,
+    WorldDifference, WorldFault, WorldFile, WorldHashes, WorldPart, WorldRobot,
 };

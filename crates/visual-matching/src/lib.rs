@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! photographs of a colour chart ──response──▶ linear radiance ──light──▶ key light and ambient light
-//! of the empty table, of known objects                        └─emptied─▶ background without the arm
+//! of the empty table,                                         ├─emptied──▶ background without the arm
+//! of known objects                                            └─materials▶ colour and roughness of their parts
 //! ```
 //!
 //! [`match_workspace`] takes photographs from the world's calibrated cameras and writes what it finds into
@@ -18,6 +19,8 @@ mod error;
 pub mod flip;
 mod light;
 mod matching;
+mod material_fit;
+mod materials;
 pub mod noise;
 pub mod report;
 mod request;
@@ -29,6 +32,7 @@ mod views;
 pub use error::MatchError;
 pub use light::LightEstimate;
 pub use matching::{Matched, match_workspace};
+pub use materials::FoundMaterial;
 pub use request::{ChartPhoto, MatchRequest, ObjectScene, Photo};
 pub use scene::KeyLight;
 pub use unidentified::{Unidentified, names};

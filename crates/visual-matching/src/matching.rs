@@ -12,6 +12,7 @@ use crate::cameras::responses;
 use crate::empty::{Layers, emptied};
 use crate::error::MatchError;
 use crate::light::{LightEstimate, Observation, estimate};
+use crate::materials::{FoundMaterial, materials};
 use crate::request::{MatchRequest, Photo};
 use crate::response::with_gains;
 use crate::scene::{KeyLight, SeenScene, block_means, pictured, reduced};
@@ -25,6 +26,7 @@ const COARSE_WIDTH_PX: u32 = 128;
 /// JPEG qualities of backgrounds: the first with which all fit into a world file, and their bytes in base64 together.
 const QUALITIES: [u8; 4] = [95, 90, 80, 65];
 const ALL_BYTES: usize = 1_700_000;
+
 /// Result of a match.
 #[derive(Clone, Debug)]
 pub struct Matched {
@@ -34,11 +36,13 @@ pub struct Matched {
     pub light: Option<LightEstimate>,
     /// Cameras with photographs.
     pub cameras: Vec<MatchedCamera>,
+    /// Materials of the objects' parts.
+    pub materials: Vec<FoundMaterial>,
     /// Parameters that the photographs do not show.
     pub unidentified: Vec<Unidentified>,
 }
 
-/// Finds responses, light, table colour and backgrounds of a workspace.
+/// Finds responses, light, table colour and backgrounds of a workspace, and materials of objects in it.
 ///
 /// # Errors
 /// [`MatchError`] for photographs that do not fit the world's cameras, unreadable charts, and views without table.
@@ -56,10 +60,16 @@ pub fn match_workspace(request: &MatchRequest) -> Result<Matched, MatchError> {
         let (camera, response) = (view.found.camera.clone(), view.found.response.clone());
         cameras.push(CameraAppearance { camera, response, photograph: Some(photograph) });
     }
-    let appearance = WorkspaceAppearance { light: Some(light), table_color: Some(table), cameras };
-    let world = World { appearance: Some(appearance), ..request.world.clone() };
+    let light = Some(light);
+    let appearance = WorkspaceAppearance { light, table_color: Some(table), materials: Vec::new(), cameras };
+    let mut world = World { appearance: Some(appearance), ..request.world.clone() };
+    let has_direction = estimate.as_ref().is_some_and(LightEstimate::has_direction);
+    let materials = materials(request, &scene, &world, has_direction, &mut unidentified)?;
+    if let Some(appearance) = &mut world.appearance {
+        appearance.materials = materials.iter().map(|found| found.material.clone()).collect();
+    }
     let cameras = views.into_iter().map(|view| view.found).collect();
-    Ok(Matched { world, light: estimate, cameras, unidentified })
+    Ok(Matched { world, light: estimate, cameras, materials, unidentified })
 }
 
 /// Light from the shadows of objects and arm; `None` if nothing known throws one.
@@ -88,9 +98,10 @@ fn observations(
         small(&flags).iter().map(|share| share.x > 0.999).collect::<Vec<bool>>()
     };
     let (is_clean, empty) = (clean(view.photo), small(&radiance(view)));
-    let with_objects = request.objects.iter().flat_map(|it| &it.photos).find(|it| it.camera == view.camera.name);
+    let mut with_objects = request.objects.first().into_iter().flat_map(|it| &it.photos);
+    let with_objects = with_objects.find(|it| it.camera == view.camera.name);
     let mut found = Vec::new();
-    if let (Some(photo), Some(posed)) = (with_objects, &scene.objects) {
+    if let (Some(photo), Some(posed)) = (with_objects, scene.objects.first()) {
         let after = small(&linear(&view.found.response, photo));
         let both: Vec<bool> = is_clean.iter().zip(clean(photo)).map(|(a, b)| *a && b).collect();
         let before = scene.has_arm.then(|| Scenes::seen(&scene.empty, &camera)).transpose()?;
@@ -123,7 +134,7 @@ fn usable_light(
     let (light, part) = match estimate.filter(|found| found.has_direction()) {
         Some(found) => (found.light, found.part),
         None => {
-            let why = match (estimate, request.arm.is_some() || request.objects.is_some()) {
+            let why = match (estimate, request.arm.is_some() || !request.objects.is_empty()) {
                 (None, false) => "nothing known throws a shadow on the table".to_owned(),
                 (None, true) => "no camera sees the table around what throws a shadow".to_owned(),
                 (Some(found), _) => format!(

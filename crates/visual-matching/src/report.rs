@@ -18,8 +18,8 @@ use crate::scene::pictured;
 pub struct ViewReport {
     /// Name of the camera.
     pub camera: String,
-    /// True for a photograph with objects.
-    pub has_objects: bool,
+    /// Number of the scene with objects, from 1; 0 for the empty workspace.
+    pub scene: usize,
     /// Differences to the image of the world as it was, by region.
     pub before: Vec<RegionDifference>,
     /// Differences to the image of the matched world, by region.
@@ -50,19 +50,15 @@ impl ViewReport {
 /// # Errors
 /// When a view cannot be rendered.
 pub fn reports(request: &MatchRequest, matched: &Matched) -> Result<Vec<ViewReport>, MatchError> {
-    let empty = request.empty.iter().map(|photo| (photo, false));
-    let with_objects = request.objects.iter().flat_map(|objects| &objects.photos).map(|photo| (photo, true));
-    empty.chain(with_objects).map(|(photo, has_objects)| compared(request, matched, photo, has_objects)).collect()
+    let empty = request.empty.iter().map(|photo| (photo, 0));
+    let with_objects = request.objects.iter().zip(1..);
+    let with_objects = with_objects.flat_map(|(objects, scene)| objects.photos.iter().map(move |photo| (photo, scene)));
+    empty.chain(with_objects).map(|(photo, scene)| compared(request, matched, photo, scene)).collect()
 }
 
-fn compared(
-    request: &MatchRequest,
-    matched: &Matched,
-    photo: &Photo,
-    has_objects: bool,
-) -> Result<ViewReport, MatchError> {
-    let before = drawn(request, &request.world, photo, has_objects)?;
-    let after = drawn(request, &matched.world, photo, has_objects)?;
+fn compared(request: &MatchRequest, matched: &Matched, photo: &Photo, scene: usize) -> Result<ViewReport, MatchError> {
+    let before = drawn(request, &request.world, photo, scene)?;
+    let after = drawn(request, &matched.world, photo, scene)?;
     let width = photo.width as usize;
     let compare = |image: &FrameBuffers| by_region(&photo.rgb, &image.rgb, &image.instance, width);
     let (regions_before, regions_after) = (compare(&before), compare(&after));
@@ -70,7 +66,7 @@ fn compared(
     let difference = flips.iter().flat_map(|value| [(255.0 * value) as u8; 3]).collect();
     Ok(ViewReport {
         camera: photo.camera.clone(),
-        has_objects,
+        scene,
         before: regions_before,
         after: regions_after,
         width: photo.width,
@@ -79,9 +75,9 @@ fn compared(
     })
 }
 
-fn drawn(request: &MatchRequest, world: &World, photo: &Photo, has_objects: bool) -> Result<FrameBuffers, MatchError> {
+fn drawn(request: &MatchRequest, world: &World, photo: &Photo, scene: usize) -> Result<FrameBuffers, MatchError> {
     let failed = |source: RenderError| MatchError::NotDrawn { camera: photo.camera.clone(), source };
-    let objects = request.objects.as_ref().filter(|_| has_objects);
+    let objects = scene.checked_sub(1).and_then(|index| request.objects.get(index));
     let models = objects.map_or(&[][..], |objects| &objects.models);
     let assets = match request.arm {
         Some(_) => RenderAssets::new(Arc::clone(&request.robot), models, Some(world)),

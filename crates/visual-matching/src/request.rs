@@ -29,7 +29,7 @@ pub struct ChartPhoto {
     pub corners_px: [DVec2; 4],
 }
 
-/// Known objects in photographs, which throw shadows.
+/// Known objects in photographs.
 #[derive(Clone, Debug)]
 pub struct ObjectScene {
     /// Objects.
@@ -54,8 +54,8 @@ pub struct MatchRequest {
     pub arm: Option<(Vec<f64>, f64)>,
     /// Photographs with a colour chart.
     pub charts: Vec<ChartPhoto>,
-    /// Photographs with known objects.
-    pub objects: Option<ObjectScene>,
+    /// Photographs with known objects. The shadows of the first scene tell the light; all tell the objects' materials.
+    pub objects: Vec<ObjectScene>,
     /// Mean base colour of the table, linear RGB; `None` if it is not known.
     pub table_color: Option<[f64; 3]>,
 }
@@ -66,12 +66,9 @@ impl MatchRequest {
         if self.empty.is_empty() {
             return Err(MatchError::NoPhotograph);
         }
-        let with_objects = self.objects.iter().flat_map(|objects| &objects.photos).collect::<Vec<_>>();
-        let groups = [
-            self.empty.iter().collect::<Vec<_>>(),
-            self.charts.iter().map(|chart| &chart.photo).collect(),
-            with_objects,
-        ];
+        let mut groups =
+            vec![self.empty.iter().collect::<Vec<_>>(), self.charts.iter().map(|chart| &chart.photo).collect()];
+        groups.extend(self.objects.iter().map(|scene| scene.photos.iter().collect()));
         for photos in &groups {
             for (index, photo) in photos.iter().enumerate() {
                 let camera = self.camera(&photo.camera)?;

@@ -45,8 +45,8 @@ pub struct Scenes {
     pub empty: (Arc<RenderAssets>, FrameState),
     /// Table alone.
     pub open: (Arc<RenderAssets>, FrameState),
-    /// The same with the objects.
-    pub objects: Option<(Arc<RenderAssets>, FrameState)>,
+    /// The same with the objects of each scene.
+    pub objects: Vec<(Arc<RenderAssets>, FrameState)>,
     /// True if the arm is in the photographs.
     pub has_arm: bool,
 }
@@ -75,7 +75,7 @@ impl Scenes {
         Ok(Self {
             empty: posed(&[], &[])?,
             open: (open, state),
-            objects: request.objects.as_ref().map(|it| posed(&it.models, &it.poses)).transpose()?,
+            objects: request.objects.iter().map(|it| posed(&it.models, &it.poses)).collect::<Result<_, _>>()?,
             has_arm: request.arm.is_some(),
         })
     }
@@ -102,6 +102,11 @@ pub fn linear(response: &CameraResponse, photo: &Photo) -> Vec<Vec3A> {
 /// Linear display colours of a camera's photograph.
 pub fn display(view: &View<'_>) -> Vec<Vec3A> {
     linear(&CameraResponse::default(), view.photo)
+}
+
+/// Pixels with an overexposed channel, which are at least as bright as they look.
+pub fn overexposed(photo: &Photo) -> Vec<bool> {
+    photo.rgb.chunks_exact(3).map(|rgb| rgb.iter().any(|value| *value > USABLE[1])).collect()
 }
 
 /// Pixels without a clipped channel.

@@ -28,7 +28,7 @@ pub enum RealCommand {
                       Enter and Ctrl-C stop the arm. docs/guides/from-here-to-your-arm.md has the way to the first motion."
     )]
     Run(RealRunArguments),
-    /// Match a world to photographs of the real workspace: light, camera response, background
+    /// Match a world to photographs of the real workspace: light, camera response, background, materials of objects
     #[command(after_help = "Examples:\n  genmanip real match photos --world world.toml --out matched\n  \
                       genmanip real match static=empty.png --world world.toml --out matched \\\n    \
                       --chart static=chart.png:112,80,200,82,198,140,110,138 \\\n    \
@@ -50,11 +50,12 @@ pub struct RealMatchArguments {
     /// skin, bluish green, black, white
     #[arg(long = "chart", value_name = "CAMERA=FILE:U,V,U,V,U,V,U,V", value_parser = chart)]
     pub charts: Vec<ChartArgument>,
-    /// Scenario with the known objects of the photographs with --objects
-    #[arg(long, value_name = "FILE", requires = "objects")]
-    pub scenario: Option<PathBuf>,
-    /// Photograph with the scenario's objects, otherwise as that of the empty workspace: CAMERA=FILE or a folder
-    #[arg(long, value_name = "PHOTO", requires = "scenario")]
+    /// Scenario with the known objects of the photographs with --objects; once more for the same objects at other places
+    #[arg(long = "scenario", value_name = "FILE", requires = "objects")]
+    pub scenarios: Vec<PathBuf>,
+    /// Photograph with the scenario's objects, otherwise as that of the empty workspace: CAMERA=FILE or a folder; with
+    /// several scenarios one for each, in the same order
+    #[arg(long, value_name = "PHOTO", requires = "scenarios")]
     pub objects: Vec<String>,
     /// Mean colour of the table, 8-bit sRGB, if no colour chart is at hand
     #[arg(long, value_name = "R,G,B", value_parser = color)]

@@ -2,8 +2,11 @@
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
-use crate::{PROGRAM, genmanip};
+use genmanip_remote_policies::fake::{self, Answer};
+
+use crate::{PROGRAM, REPOSITORY, genmanip};
 
 /// Simulated arm; killed at the end of the test.
 struct Simulated {
@@ -64,4 +67,44 @@ fn a_policy_runs_on_an_arm_in_another_process_and_is_recorded() {
     genmanip(here, &["real", "run", "--policy", "expert", "--robot", &arm.url]).assert_refused(&["simulator truth"]);
     let nowhere = ["real", "run", "--policy", "do_nothing", "--robot", "tcp://127.0.0.1:9"];
     genmanip(here, &nowhere).assert_refused(&["cannot be reached", "genmanip real simulate"]);
+}
+
+/// A policy server in a third process' stead: chunks are asked ahead by default and the arm never waits; with
+/// `--no-ahead` they are not. The goal is judged by the images of the simulated cameras: nothing was moved.
+#[test]
+fn chunks_are_asked_ahead_and_the_goal_is_judged_by_points() {
+    let address = fake::start(|question| {
+        std::thread::sleep(Duration::from_millis(50));
+        let joints = question.array("observation/joint_position").unwrap().reals();
+        let from: Vec<f32> = joints.iter().map(|position| *position as f32).collect();
+        // The first joint turns at 0.1 rad/s.
+        let row = |action: u8| [&[from[0] + 0.1 * f32::from(action + 1) / 15.0], &from[1..7], &[0.0]].concat();
+        Answer::Actions((0..10).map(row).collect())
+    });
+    let policy = format!("openpi:url=ws://{},preset=droid_jointpos", address.unwrap());
+    let scenario = format!("{REPOSITORY}/suites/genmanip-200-rc/scenarios/015_spatial-000.json");
+    let scenario = scenario.as_str();
+    let arm = Simulated::start(&[scenario, "--latency-ms", "10", "--jitter-ms", "5"]);
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let run = |name: &str, more: &[&str]| {
+        let mut arguments = vec!["real", "run", "--policy", &policy, "--robot", &arm.url, "--horizon", "4"];
+        arguments.extend_from_slice(&["--scenario", scenario, "--fps", "0", "--out", name, "--json"]);
+        arguments.extend_from_slice(more);
+        let result = genmanip(here, &arguments).json(0);
+        let facts = std::fs::read(here.join(name).join("episodes/real-0000/real.json")).unwrap();
+        (result, serde_json::from_slice::<serde_json::Value>(&facts).unwrap())
+    };
+    let (result, facts) = run("judged", &["--judge", "points"]);
+    let chunks = &facts["chunks"];
+    assert!(chunks["joined"].as_u64() >= Some(3) && chunks["holds"].as_u64() == Some(0), "{chunks}");
+    assert_eq!(facts["tally"]["arm_stops"].as_u64(), Some(0), "{facts}");
+    let points = &facts["points"];
+    let is_empty = |key: &str| points[key].as_array().is_some_and(Vec::is_empty);
+    assert!(is_empty("moved") && is_empty("not_laid_out"), "{points}");
+    assert_eq!((points["verdict"]["success"].as_bool(), result["success"].as_bool()), (Some(false), Some(false)));
+    assert!(result["cloud"].is_object(), "{result}");
+    let (_, facts) = run("waiting", &["--no-ahead"]);
+    assert!(facts["chunks"].is_null() && facts["points"].is_null(), "{facts}");
+    assert!(facts["tally"]["commands"].as_u64() > Some(100), "{facts}");
 }

@@ -1,10 +1,11 @@
-//! Measured appearance of a workspace: light, table colour, and response and photograph of each camera.
+//! Measured appearance of a workspace: light, table colour, materials of objects, and response and photograph of each
+//! camera.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::fault::WorldFault;
-use crate::Camera;
+use crate::{AssetUid, Camera};
 
 /// Appearance measured from photographs of a real workspace; images of the world are rendered to look like them.
 ///
@@ -19,6 +20,9 @@ pub struct WorkspaceAppearance {
     /// Base colour of the table, linear RGB, 0-1, without texture; `None` for the default material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub table_color: Option<[f64; 3]>,
+    /// Measured materials of objects, at most one entry per part of an object.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub materials: Vec<MeasuredMaterial>,
     /// Measured cameras, at most one entry per camera of the world.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub cameras: Vec<CameraAppearance>,
@@ -36,6 +40,21 @@ pub struct WorkspaceLight {
     pub key: [f64; 3],
     /// Radiance of a white matt surface that faces up and gets ambient light only, linear RGB.
     pub ambient: [f64; 3],
+}
+
+/// Measured material of one part of an object, wherever that object stands.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MeasuredMaterial {
+    /// Object.
+    pub object: AssetUid,
+    /// Name of the object's visual part.
+    pub part: String,
+    /// Factors on the part's linear base colour, which the texture keeps multiplying.
+    pub color_factor: [f64; 3],
+    /// Roughness, 0.05-1; `None` for that of the object's file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub roughness: Option<f64>,
 }
 
 /// Measured appearance of one camera's images.
@@ -184,6 +203,20 @@ impl WorkspaceAppearance {
         if let Some(color) = self.table_color.filter(|color| !color.iter().all(|value| (0.0..=1.0).contains(value))) {
             let got = format!("{color:?}");
             faults.push(WorldFault::new("appearance.table_color", "three numbers from 0 to 1, linear RGB", got));
+        }
+        for (index, entry) in self.materials.iter().enumerate() {
+            let place = format!("appearance.materials[{index}]");
+            if self.materials[..index].iter().any(|it| (&it.object, &it.part) == (&entry.object, &entry.part)) {
+                let got = format!("a second one of `{}`, part `{}`", entry.object, entry.part);
+                faults.push(WorldFault::new(&*place, "one entry per part of an object", got));
+            }
+            if !entry.color_factor.iter().all(|factor| (0.0..=100.0).contains(factor)) {
+                let got = format!("{:?}", entry.color_factor);
+                faults.push(WorldFault::new(format!("{place}.color_factor"), "three factors of 0 to 100", got));
+            }
+            if let Some(roughness) = entry.roughness.filter(|it| !(0.05..=1.0).contains(it)) {
+                faults.push(WorldFault::new(format!("{place}.roughness"), "0.05 to 1", roughness));
+            }
         }
         for (index, entry) in self.cameras.iter().enumerate() {
             let place = format!("appearance.cameras[{index}]");

@@ -20,7 +20,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use appearance::{
-    CameraAppearance, CameraResponse, MIDDLE_GREY, Photograph, ToneCurve, WorkspaceAppearance, WorkspaceLight,
+    CameraAppearance, CameraResponse, MIDDLE_GREY, MeasuredMaterial, Photograph, ToneCurve, WorkspaceAppearance,
+    WorkspaceLight,
 };
 pub use check::camera_faults;
 pub use compare::{WorldDifference, WorldHashes, WorldPart};

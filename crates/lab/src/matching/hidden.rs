@@ -1,4 +1,5 @@
-//! Hidden worlds whose photographs are matched: light, table, room, camera response and noise are drawn from a seed.
+//! Hidden worlds whose photographs are matched: light, table, room, materials, camera response and noise are drawn from a
+//! seed.
 
 use std::sync::Arc;
 
@@ -7,11 +8,11 @@ use genmanip_assets::{Catalogue, panda};
 use genmanip_core::glam::{DVec2, DVec3, Vec2, Vec3};
 use genmanip_core::sensor::SENSORS;
 use genmanip_core::{
-    AppearanceFactor, Camera, CameraResponse, CameraSensor, Material, ObjectModel, Pose, Projection, RobotModel, Seed,
-    Texture, TriMesh, VisualPart, World,
+    AppearanceFactor, Camera, CameraResponse, CameraSensor, Material, MeasuredMaterial, ObjectModel, Pose, Projection,
+    RobotModel, Seed, Texture, TriMesh, VisualPart, World,
 };
 use genmanip_render::color::{linear_from_srgb8, luminance, srgb8_from_linear};
-use genmanip_render::internals::Lighting;
+use genmanip_render::internals::{Lighting, Material as PaintedMaterial};
 use genmanip_render::{
     CameraLook, Channels, FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, Response, ViewJob,
     sampling, sensor,
@@ -21,7 +22,7 @@ use genmanip_visual_matching::chart::{COLORS, PATCHES};
 use genmanip_visual_matching::{ChartPhoto, Photo, response::with_gains};
 use genmanip_workspace::WorkspaceError;
 use glam::{Mat3A, Vec3A};
-use rand::RngExt;
+use rand::{Rng, RngExt};
 
 /// Width and height of the photographs, px.
 pub const SIZE_PX: [u32; 2] = [384, 216];
@@ -64,6 +65,9 @@ impl Kind {
     }
 }
 
+/// Objects with poses.
+pub type Placed = Vec<(Arc<ObjectModel>, Pose)>;
+
 /// A hidden world.
 pub struct Hidden {
     /// Content of its photographs.
@@ -77,7 +81,11 @@ pub struct Hidden {
     /// True direction towards the key light.
     pub direction: DVec3,
     /// Objects of the photographs, and others, with poses.
-    pub objects: [Vec<(Arc<ObjectModel>, Pose)>; 2],
+    pub objects: [Placed; 2],
+    /// The objects of the photographs at other places.
+    pub layouts: [Placed; 3],
+    /// True materials of the objects in the photographs.
+    pub materials: Vec<MeasuredMaterial>,
     variation: RenderVariation,
     /// Response to the radiance of the renderer.
     shown: CameraResponse,
@@ -128,7 +136,15 @@ impl Hidden {
         let response = with_gains(seen, shown.clone());
         let direction = Vec3::from_array(variation.light_direction).as_dvec3().normalize();
         let objects = [placed(&CASTERS[..2], seed.fork("casters"))?, placed(&CASTERS[2..], seed.fork("others"))?];
-        Ok(Self { kind, world, robot: panda(), response, direction, objects, variation, shown, seed })
+        let models = || objects[0].iter().map(|(model, _)| Arc::clone(model));
+        let layouts = [0, 1, 2].map(|index| {
+            let rng = &mut seed.fork("layouts").fork_index(index).rng();
+            models().enumerate().map(|(index, model)| standing(model, index, rng)).collect()
+        });
+        let materials = repainted(models(), seed.fork("materials"));
+        variation.measured.clone_from(&materials);
+        let robot = panda();
+        Ok(Self { kind, world, robot, response, direction, objects, layouts, materials, variation, shown, seed })
     }
 
     /// Photograph by a camera (its index in the world): with the arm at these joint positions, if any, and objects.
@@ -242,7 +258,7 @@ fn sized(camera: &Camera) -> Camera {
 }
 
 /// One object of each category, standing at random places of the workspace.
-fn placed(categories: &[&str], seed: Seed) -> Result<Vec<(Arc<ObjectModel>, Pose)>, WorkspaceError> {
+fn placed(categories: &[&str], seed: Seed) -> Result<Placed, WorkspaceError> {
     let catalogue = Catalogue::builtin();
     let rng = &mut seed.rng();
     let mut out = Vec::new();
@@ -255,14 +271,37 @@ fn placed(categories: &[&str], seed: Seed) -> Result<Vec<(Arc<ObjectModel>, Pose
         let card = fits.get(rng.random_range(0..fits.len().max(1)));
         let card = card.ok_or_else(|| WorkspaceError::input(format!("the catalogue has no upright {category}")))?;
         let model = catalogue.build(&card.uid).map_err(broken)?;
-        let side = if index % 2 == 0 { 1.0 } else { -1.0 };
-        let at = DVec3::new(rng.random_range(0.42..0.62), side * rng.random_range(0.08..0.26), 0.0);
-        let pose = Pose::from_position_yaw(at, rng.random_range(-3.0..3.0));
-        // The origin of an object lies anywhere in it: its lowest point is put onto the table.
-        let low = lowest(&model);
-        out.push((model, Pose { position: at - DVec3::Z * low, ..pose }));
+        out.push(standing(model, index, rng));
     }
     Ok(out)
+}
+
+/// An object at a random place of the workspace, to the left or right by its index.
+fn standing(model: Arc<ObjectModel>, index: usize, rng: &mut impl Rng) -> (Arc<ObjectModel>, Pose) {
+    let side = if index.is_multiple_of(2) { 1.0 } else { -1.0 };
+    let at = DVec3::new(rng.random_range(0.42..0.62), side * rng.random_range(0.08..0.26), 0.0);
+    let pose = Pose::from_position_yaw(at, rng.random_range(-3.0..3.0));
+    // The origin of an object lies anywhere in it: its lowest point is put onto the table.
+    let low = lowest(&model);
+    (model, Pose { position: at - DVec3::Z * low, ..pose })
+}
+
+/// Random materials of all opaque parts: up to 40 % more or less of each colour channel, and any roughness from 0.1.
+fn repainted(models: impl Iterator<Item = Arc<ObjectModel>>, seed: Seed) -> Vec<MeasuredMaterial> {
+    let rng = &mut seed.rng();
+    let mut found: Vec<MeasuredMaterial> = Vec::new();
+    for model in models {
+        for part in model.links.iter().flat_map(|link| &link.visual).filter(|part| part.material.opacity >= 1.0) {
+            let mean = PaintedMaterial::new(&part.material).mean_color().to_array().map(f64::from);
+            let factor = [0, 1, 2].map(|channel| rng.random_range(0.6..1.4_f64).min(0.9 / mean[channel].max(1e-3)));
+            let (object, name) = (model.card.uid.clone(), part.name.clone());
+            let roughness = Some(rng.random_range(0.1..0.95));
+            if found.iter().all(|it| (&it.object, &it.part) != (&object, &name)) {
+                found.push(MeasuredMaterial { object, part: name, color_factor: factor, roughness });
+            }
+        }
+    }
+    found
 }
 
 /// Lowest z of an object's visible parts in its own frame, m.

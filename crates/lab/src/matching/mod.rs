@@ -1,6 +1,8 @@
-//! Worlds matched to photographs of hidden worlds with known truth: errors of response and light, and of held-out views.
+//! Worlds matched to photographs of hidden worlds with known truth: errors of response, light and materials, and of
+//! held-out views.
 
 mod hidden;
+mod materials;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -59,6 +61,8 @@ pub struct Report {
     pub unidentifiable_named: usize,
     /// Number of properties that were named although the photographs could tell them.
     pub named_wrongly: usize,
+    /// Materials of objects that the photographs show.
+    pub materials: materials::MaterialReport,
     /// CPU time of matching alone, s.
     pub match_cpu_s: f64,
     /// CPU time of the whole measurement, s.
@@ -104,9 +108,11 @@ pub fn measure(
         unidentifiable_planted: 0,
         unidentifiable_named: 0,
         named_wrongly: 0,
+        materials: materials::MaterialReport::default(),
         match_cpu_s: 0.0,
         cpu_s: 0.0,
     };
+    let mut errors = materials::Errors::default();
     progress.begin("matching", count);
     for index in 0..count {
         let hidden = Hidden::new(index, seed)?;
@@ -129,6 +135,7 @@ pub fn measure(
         for (kind, view) in views.iter_mut().enumerate() {
             view.push(held_out(&hidden, &matched, kind, index, out)?);
         }
+        errors.add(&hidden, &matched)?;
         progress.advance();
     }
     progress.end();
@@ -140,6 +147,7 @@ pub fn measure(
     [report.delta_e_before, report.delta_e_after] = medians(&all, |it| it.delta_e);
     [report.flip_before, report.flip_after] = medians(&all, |it| it.flip);
     [report.delta_e_same_view, report.delta_e_new_view] = views.each_ref().map(|views| medians(views, |it| it.delta_e));
+    report.materials = errors.report();
     report.cpu_s = clock();
     Ok(report)
 }
@@ -158,21 +166,23 @@ fn request(hidden: &Hidden) -> Result<MatchRequest, WorkspaceError> {
         true => vec![hidden.chart(arm)?],
         false => Vec::new(),
     };
-    let objects = match kind.objects {
-        true => Some(ObjectScene {
-            models: hidden.objects[0].iter().map(|(model, _)| Arc::clone(model)).collect(),
-            poses: hidden.objects[0].iter().map(|(model, pose)| (*pose, vec![0.0; model.joint_count()])).collect(),
-            photos: vec![hidden.photo(0, arm, &hidden.objects[0], "objects")?],
-        }),
-        false => None,
+    let scene = |placed: &hidden::Placed, label: &str| {
+        Ok::<_, WorkspaceError>(ObjectScene {
+            models: placed.iter().map(|(model, _)| Arc::clone(model)).collect(),
+            poses: placed.iter().map(|(model, pose)| (*pose, vec![0.0; model.joint_count()])).collect(),
+            photos: vec![hidden.photo(0, arm, placed, label)?],
+        })
     };
+    let [second, third, _] = &hidden.layouts;
+    let scenes = [(&hidden.objects[0], "objects"), (second, "objects 2"), (third, "objects 3")];
+    let objects = scenes.into_iter().filter(|_| kind.objects).map(|(placed, label)| scene(placed, label));
     Ok(MatchRequest {
         world: hidden.world.clone(),
         robot: Arc::clone(&hidden.robot),
         empty: vec![hidden.photo(0, arm, &[], "empty")?],
         arm: kind.arm.then(|| (home, hidden.robot.gripper.max_width)),
         charts,
-        objects,
+        objects: objects.collect::<Result<_, _>>()?,
         table_color: None,
     })
 }
@@ -270,6 +280,7 @@ pub fn describe(report: &Report) -> String {
          photographed view   ΔE2000 {:.2} before, {:.2} after\n\
          new view            ΔE2000 {:.2} before, {:.2} after\n\
          not identifiable    {} planted, {} named, {} named wrongly\n\
+         {}\
          {:.1} s of CPU time, {:.1} s per match\n",
         percent(report.exposure_error_median),
         percent(report.exposure_error_p95),
@@ -290,6 +301,7 @@ pub fn describe(report: &Report) -> String {
         report.unidentifiable_planted,
         report.unidentifiable_named,
         report.named_wrongly,
+        materials::describe(&report.materials),
         report.cpu_s,
         report.match_cpu_s / count.max(1) as f64,
     )

@@ -96,6 +96,7 @@ impl RenderVariation {
         if let Some(light) = &appearance.light {
             variation.set_light(light);
         }
+        variation.measured.clone_from(&appearance.materials);
         variation.table_base = appearance.table_color.map(|color| color.map(|value| value as f32));
         for entry in &appearance.cameras {
             let bad = |problem: String| RenderError::BadCamera { camera: entry.camera.clone(), problem };

@@ -6,8 +6,8 @@ use base64::Engine;
 use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::{DVec3, Vec3};
 use genmanip_core::{
-    Camera, CameraAppearance, CameraResponse, Intrinsics, Material, ObjectModel, Photograph, Pose, WorkspaceAppearance,
-    WorkspaceLight, World,
+    Camera, CameraAppearance, CameraResponse, Intrinsics, Material, MeasuredMaterial, ObjectModel, Photograph, Pose,
+    WorkspaceAppearance, WorkspaceLight, World,
 };
 
 use crate::color::linear_from_srgb8;
@@ -33,6 +33,7 @@ fn world(photograph: Option<Photograph>) -> World {
     world.appearance = Some(WorkspaceAppearance {
         light: Some(light),
         table_color: Some([0.4, 0.35, 0.3]),
+        materials: Vec::new(),
         cameras: vec![CameraAppearance { camera: "real".into(), response, photograph }],
     });
     world
@@ -108,6 +109,29 @@ fn another_view_shows_the_photographed_table() {
         vec![crate::AppearanceFactor::Background],
     ));
     assert!(RenderVariation::of_world(&world).unwrap().looks.iter().all(|look| look.photograph.is_none()));
+}
+
+/// A measured material replaces that of its part of its object, and of nothing else; texture and rest stay.
+#[test]
+fn measured_materials_replace_those_of_their_part() {
+    let boxed = |name: &str| object(name, block(Vec3::new(0.04, 0.04, 0.08)), Material::plain([0.5; 3], 0.6));
+    let scene = [(boxed("brick"), DVec3::new(0.5, 0.1, 0.08)), (boxed("stone"), DVec3::new(0.5, -0.1, 0.08))];
+    let placed = scene.map(|(model, at)| (model, Pose::from_position(at)));
+    let (part, uid) = (placed[0].0.links[0].visual[0].name.clone(), placed[0].0.card.uid.clone());
+    let material = |object: &genmanip_core::AssetUid, part: &str| {
+        let (object, part) = (object.clone(), part.to_owned());
+        MeasuredMaterial { object, part, color_factor: [1.5, 0.5, 9.0], roughness: Some(0.2) }
+    };
+    let models = placed.each_ref().map(|(model, _)| Arc::clone(model));
+    let assets = RenderAssets::without_robot(&models, None).unwrap();
+    let under = |measured| RenderVariation { measured, ..RenderVariation::default() }.materials(&assets);
+    let [plain, other, painted] =
+        [vec![], vec![material(&uid, "no such part")], vec![material(&uid, &part)]].map(under);
+    let looks = |it: &crate::scene::material::Material| (it.base.to_array(), it.roughness);
+    assert_eq!(plain.iter().map(looks).collect::<Vec<_>>(), other.iter().map(looks).collect::<Vec<_>>());
+    let half = plain[0].base.x;
+    assert_eq!(looks(&painted[0]), ([1.5 * half, 0.5 * half, 1.0], 0.2), "nothing reflects more light than it gets");
+    assert_eq!(looks(&painted[1]), looks(&plain[1]), "another object keeps its material");
 }
 
 /// The default response changes nothing but the tone curve, and its inverse gives the radiance back.

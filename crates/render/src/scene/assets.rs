@@ -7,7 +7,7 @@ use genmanip_core::{Frame, ObjectModel, Pose, RobotModel, VisualPart, World};
 use glam::Vec3A;
 
 use crate::error::RenderError;
-use crate::job::{FIRST_OBJECT, FrameState, ROBOT, TABLE};
+use crate::job::{FIRST_OBJECT, FrameState, ROBOT, TABLE, object_of_instance};
 use crate::scene::body_shape::BodyShape;
 use crate::scene::fixtures;
 use crate::scene::material::Material;
@@ -30,6 +30,8 @@ pub struct RenderAssets {
 /// Mesh of one material, in the frame of its body.
 #[derive(Debug)]
 pub struct Part {
+    /// Name of the visual part.
+    pub name: String,
     /// Index into the frame's body poses; `None` for a fixture, whose frame is the world.
     pub body: Option<usize>,
     /// Instance id of the part's pixels.
@@ -112,6 +114,12 @@ impl RenderAssets {
     #[doc(hidden)]
     pub fn parts(&self) -> &[Part] {
         &self.parts
+    }
+
+    /// Object to which a part belongs; `None` for parts of robot and fixtures.
+    #[doc(hidden)]
+    pub fn object_of(&self, part: &Part) -> Option<&ObjectModel> {
+        self.objects.get(object_of_instance(part.instance)?).map(|object| &**object)
     }
 
     /// Number of poses in a [`FrameState`]: links of the robot and of all objects.
@@ -228,7 +236,16 @@ impl Part {
         let mesh = Mesh::shared(&visual.render_mesh, &visual.link_from_part);
         let material = Material::new(&visual.material);
         let faces_out = material.opacity < 1.0 && mesh.faces_out();
-        Ok(Self { body, instance, mesh, convex: false, casts_shadow: true, faces_out, material })
+        Ok(Self {
+            name: visual.name.clone(),
+            body,
+            instance,
+            mesh,
+            convex: false,
+            casts_shadow: true,
+            faces_out,
+            material,
+        })
     }
 
     /// True if the mesh's back faces are never visible, so that they can be culled.

@@ -1,13 +1,13 @@
 //! Variation of a rendering: light, exposure, background, support surface and paint of objects.
 
-use genmanip_core::Seed;
+use genmanip_core::{MeasuredMaterial, Seed};
 use glam::Vec3A;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use crate::job::FIRST_OBJECT;
 use crate::matched::camera_look::CameraLook;
-use crate::scene::assets::RenderAssets;
+use crate::scene::assets::{Part, RenderAssets};
 use crate::scene::material::Material;
 use crate::scene::table_tops::TableTop;
 use crate::scene::texture::linear_from_srgb;
@@ -44,6 +44,9 @@ pub struct RenderVariation {
     /// Base colour of the first support surface, linear RGB, in place of its material; `None` for the material.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub table_base: Option<[f32; 3]>,
+    /// Measured materials of objects, which replace those of their files.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub measured: Vec<MeasuredMaterial>,
     /// Variation of the objects' paint; `None` for the original paint.
     pub objects: Option<ObjectVariation>,
     /// Radius within which surfaces occlude ambient light (m); 0 switches ambient occlusion off.
@@ -81,7 +84,7 @@ impl RenderVariation {
     #[doc(hidden)]
     pub fn materials(&self, assets: &RenderAssets) -> Vec<Material> {
         let mut materials: Vec<Material> =
-            assets.parts.iter().map(|part| self.painted(part.instance, &part.material)).collect();
+            assets.parts.iter().map(|part| self.painted(part.instance, &self.as_measured(part, assets))).collect();
         if let Some(first) = assets.supports().first() {
             let top = Material::new(&self.table_top.material());
             materials[first.part] = match self.table_base {
@@ -90,6 +93,21 @@ impl RenderVariation {
             };
         }
         materials
+    }
+
+    /// Material of a part before the paint is varied.
+    fn as_measured(&self, part: &Part, assets: &RenderAssets) -> Material {
+        let own = part.material.clone();
+        let is_of = |it: &&MeasuredMaterial| {
+            it.part == part.name && assets.object_of(part).is_some_and(|object| object.card.uid == it.object)
+        };
+        let Some(found) = self.measured.iter().find(is_of) else { return own };
+        let factor = Vec3A::from_array(found.color_factor.map(|factor| factor as f32));
+        // No surface reflects more light than it gets; a texture's dark texels may be brightened beyond that.
+        let texture = own.texture.as_ref().map_or(Vec3A::ONE, |texture| texture.mean());
+        let base = (own.base * factor).min(Vec3A::ONE / texture.max(Vec3A::splat(1e-3)));
+        let roughness = found.roughness.map_or(own.roughness, |roughness| (roughness as f32).clamp(0.05, 1.0));
+        Material { base, roughness, ..own }
     }
 
     fn painted(&self, instance: u16, surface: &Material) -> Material {
@@ -125,6 +143,7 @@ impl Default for RenderVariation {
             table_top: TableTop::default(),     // a calm light wood
             table_color: [1.0, 1.0, 1.0],       // the texture as it is
             table_base: None,                   // the material
+            measured: Vec::new(),               // materials of the objects' files
             objects: None,                      // as they are
             occlusion_radius_m: 0.09,           // shadows around hand-sized things
             occlusion_strength: 1.4,            // corners as dark as in path-traced images

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // The exemption for tests does not reach helpers of an integration test.
 
+mod materials;
 mod noise;
 
 use std::sync::Arc;
@@ -17,10 +18,14 @@ use genmanip_visual_matching::{MatchError, MatchRequest, ObjectScene, Photo, mat
 const SIZE: [u32; 2] = [128, 72];
 
 fn world() -> World {
+    world_of(SIZE)
+}
+
+fn world_of(size: [u32; 2]) -> World {
     let mut world = (*default_world()).clone();
     world.cameras.retain(|camera| ["static", "left"].contains(&camera.name.as_str()));
     for camera in &mut world.cameras {
-        *camera = Camera { intrinsics: camera.intrinsics.resized(SIZE[0], SIZE[1]), ..camera.clone() };
+        *camera = Camera { intrinsics: camera.intrinsics.resized(size[0], size[1]), ..camera.clone() };
     }
     world
 }
@@ -53,7 +58,25 @@ fn casters() -> Vec<(Arc<ObjectModel>, Pose)> {
     placed.collect()
 }
 
+fn scene(objects: &[(Arc<ObjectModel>, Pose)], photos: Vec<Photo>) -> ObjectScene {
+    ObjectScene {
+        models: objects.iter().map(|(model, _)| Arc::clone(model)).collect(),
+        poses: objects.iter().map(|(model, pose)| (*pose, vec![0.0; model.joint_count()])).collect(),
+        photos,
+    }
+}
+
 fn photo(world: &World, camera: usize, arm: Option<&[f64]>, objects: &[(Arc<ObjectModel>, Pose)]) -> Photo {
+    photo_under(hidden(), world, camera, arm, objects)
+}
+
+fn photo_under(
+    variation: RenderVariation,
+    world: &World,
+    camera: usize,
+    arm: Option<&[f64]>,
+    objects: &[(Arc<ObjectModel>, Pose)],
+) -> Photo {
     let models: Vec<_> = objects.iter().map(|(model, _)| Arc::clone(model)).collect();
     let assets = match arm {
         Some(_) => RenderAssets::new(panda(), &models, Some(world)).unwrap(),
@@ -64,7 +87,7 @@ fn photo(world: &World, camera: usize, arm: Option<&[f64]>, objects: &[(Arc<Obje
     let frame = assets.frame_state(arm.unwrap_or_default(), 0.08, poses).unwrap();
     let mut out = [FrameBuffers::default()];
     let job = ViewJob::new(&frame, &world.cameras[camera], Channels::RGB);
-    Renderer::new(assets, hidden()).render(&[job], &mut out).unwrap();
+    Renderer::new(assets, variation).render(&[job], &mut out).unwrap();
     let [FrameBuffers { width, height, rgb, .. }] = out;
     Photo { camera: world.cameras[camera].name.clone(), width, height, rgb }
 }
@@ -76,7 +99,7 @@ fn request(world: World, empty: Vec<Photo>) -> MatchRequest {
         empty,
         arm: None,
         charts: Vec::new(),
-        objects: None,
+        objects: Vec::new(),
         table_color: Some([0.42, 0.36, 0.30]),
     }
 }
@@ -87,11 +110,7 @@ fn shadows_tell_the_light_and_images_come_nearer() {
     let world = world();
     let objects = casters();
     let mut request = request(world.clone(), vec![photo(&world, 0, None, &[])]);
-    request.objects = Some(ObjectScene {
-        models: objects.iter().map(|(model, _)| Arc::clone(model)).collect(),
-        poses: objects.iter().map(|(model, pose)| (*pose, vec![0.0; model.joint_count()])).collect(),
-        photos: vec![photo(&world, 0, None, &objects)],
-    });
+    request.objects = vec![scene(&objects, vec![photo(&world, 0, None, &objects)])];
     let matched = match_workspace(&request).unwrap();
     let found = matched.light.as_ref().expect("a light");
     let truth = DVec3::from_array(hidden().light_direction.map(f64::from)).normalize();

@@ -10,7 +10,7 @@ use genmanip_render::color::linear_from_srgb8;
 use genmanip_render::encode;
 use genmanip_terminal::{ExitStatus, Failed, Printer};
 use genmanip_visual_matching::report::{ViewReport, reports};
-use genmanip_visual_matching::{ChartPhoto, MatchRequest, Matched, ObjectScene, Photo, match_workspace};
+use genmanip_visual_matching::{ChartPhoto, FoundMaterial, MatchRequest, Matched, ObjectScene, Photo, match_workspace};
 use genmanip_workspace::{WorkspaceError, documents, scenarios, text_table, worlds};
 use serde_json::json;
 
@@ -36,6 +36,7 @@ pub fn run(arguments: &RealMatchArguments, printer: &Printer) -> Result<ExitStat
         "light_direction_sd_deg": matched.light.as_ref().map(|light| light.direction_sd_deg).filter(|sd| sd.is_finite()),
         "table_color": found.and_then(|appearance| appearance.table_color),
         "cameras": matched.cameras,
+        "materials": matched.materials,
         "unidentified": matched.unidentified,
         "views": views,
     });
@@ -46,17 +47,6 @@ pub fn run(arguments: &RealMatchArguments, printer: &Printer) -> Result<ExitStat
 fn request(arguments: &RealMatchArguments) -> Result<MatchRequest, WorkspaceError> {
     let world = worlds::read_world(arguments.world.as_deref())?;
     let robot = worlds::robot(&world)?;
-    let objects = match &arguments.scenario {
-        None => None,
-        Some(path) => {
-            let stage = scenarios::read_stage(path)?;
-            Some(ObjectScene {
-                models: stage.models.clone(),
-                poses: stage.scenario.objects.iter().map(|it| (it.pose, it.joint_positions.clone())).collect(),
-                photos: photos(&arguments.objects, &world)?,
-            })
-        }
-    };
     let arm = match (arguments.no_arm, &arguments.arm) {
         (true, _) => None,
         (false, given) => {
@@ -78,13 +68,38 @@ fn request(arguments: &RealMatchArguments) -> Result<MatchRequest, WorkspaceErro
     let table_color = arguments.table_color.map(|color| linear_from_srgb8(color).to_array().map(f64::from));
     Ok(MatchRequest {
         empty: photos(&arguments.photos, &world)?,
+        objects: scenes(arguments, &world)?,
         charts: arguments.charts.iter().map(chart).collect::<Result<_, _>>()?,
         robot: Arc::clone(&robot),
         world,
         arm,
-        objects,
         table_color,
     })
+}
+
+/// Photographs of known objects: all of one scenario, or one folder or file for each of several.
+fn scenes(arguments: &RealMatchArguments, world: &World) -> Result<Vec<ObjectScene>, WorkspaceError> {
+    let (files, named) = (&arguments.scenarios, &arguments.objects);
+    let groups: Vec<&[String]> = match (files.len(), named.len()) {
+        (0, _) => Vec::new(),
+        (1, _) => vec![named],
+        (several, count) if several == count => named.chunks(1).collect(),
+        (several, count) => {
+            return Err(WorkspaceError::input(format!("--scenario is given {several} times, --objects {count} times"))
+                .with_hint(
+                    "with several scenarios, one --objects for each, in the same order: a folder or CAMERA=FILE",
+                ));
+        }
+    };
+    let scene = |(path, named): (&PathBuf, &[String])| {
+        let stage = scenarios::read_stage(path)?;
+        Ok(ObjectScene {
+            models: stage.models.clone(),
+            poses: stage.scenario.objects.iter().map(|it| (it.pose, it.joint_positions.clone())).collect(),
+            photos: photos(named, world)?,
+        })
+    };
+    files.iter().zip(groups).map(scene).collect()
 }
 
 fn chart(argument: &ChartArgument) -> Result<ChartPhoto, WorkspaceError> {
@@ -135,7 +150,11 @@ fn write(out: &Path, matched: &Matched, views: &[ViewReport]) -> Result<(), Work
     let broken = |error| WorkspaceError::broken("an image of the comparison cannot be encoded", error);
     documents::write_file(&out.join("world.json"), matched.world.to_json().as_bytes())?;
     for view in views {
-        let kind = if view.has_objects { "objects" } else { "empty" };
+        let kind = match view.scene {
+            0 => "empty".to_owned(),
+            1 => "objects".to_owned(),
+            scene => format!("objects_{scene}"),
+        };
         let (width, height, rgb) = view.sheet();
         let png = encode::png_rgb(width, height, &rgb).map_err(broken)?;
         documents::write_file(&out.join(format!("{}_{kind}.png", view.camera)), &png)?;
@@ -147,7 +166,12 @@ fn write(out: &Path, matched: &Matched, views: &[ViewReport]) -> Result<(), Work
         let png = encode::png_rgb(width, height, &rgb).map_err(broken)?;
         documents::write_file(&out.join("backgrounds").join(format!("{}.png", entry.camera)), &png)?;
     }
-    let report = json!({ "cameras": matched.cameras, "unidentified": matched.unidentified, "views": views });
+    let report = json!({
+        "cameras": matched.cameras,
+        "materials": matched.materials,
+        "unidentified": matched.unidentified,
+        "views": views,
+    });
     documents::write_file(&out.join("match.json"), format!("{report:#}\n").as_bytes())
 }
 
@@ -177,7 +201,7 @@ fn describe(out: &Path, matched: &Matched, views: &[ViewReport]) -> String {
         for (before, after) in view.before.iter().zip(&view.after) {
             rows.push(vec![
                 view.camera.clone(),
-                if view.has_objects { "with objects" } else { "empty" }.into(),
+                if view.scene == 0 { "empty".into() } else { format!("objects {}", view.scene) },
                 before.region.clone(),
                 before.pixels.to_string(),
                 format!("{:.2}", before.delta_e),
@@ -188,8 +212,29 @@ fn describe(out: &Path, matched: &Matched, views: &[ViewReport]) -> String {
         }
     }
     text += &text_table(&rows);
+    text += &materials_table(&matched.materials);
     for open in &matched.unidentified {
         text += &format!("not identifiable: {}: {}\n  {}\n", open.what, open.why, open.remedy);
     }
     text + &format!("wrote {}\n", out.join("world.json").display())
+}
+
+/// Found materials, one row per part; empty without any.
+fn materials_table(found: &[FoundMaterial]) -> String {
+    let head = ["object", "part", "pixels", "base colour", "roughness", "95 %", "ΔE2000 before", "after"];
+    let mut rows = vec![head.map(String::from).to_vec()];
+    for entry in found {
+        let [before, after] = entry.delta_e;
+        rows.push(vec![
+            entry.material.object.to_string(),
+            entry.material.part.clone(),
+            entry.pixels.to_string(),
+            entry.base_color.map(|value| format!("{value:.2}")).join(", "),
+            entry.material.roughness.map_or_else(|| "as it was".into(), |value| format!("{value:.2}")),
+            entry.roughness_interval.map_or_else(String::new, |[low, high]| format!("{low:.2}-{high:.2}")),
+            format!("{before:.2}"),
+            format!("{after:.2}"),
+        ]);
+    }
+    if found.is_empty() { String::new() } else { text_table(&rows) }
 }
