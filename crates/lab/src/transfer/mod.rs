@@ -407,7 +407,7 @@ fn holds_again(stage: &Stage, episode: &Episode, settings: &RolloutSettings) -> 
     Ok(environment.settle()?.verdict.is_some_and(|verdict| verdict.success))
 }
 
-/// Text summary.
+/// Text summary; with ablations, a second table with every arm under its own criterion and under ours.
 pub fn describe(report: &Report) -> String {
     let share = |share: f64| format!("{:.1} %", share * 100.0);
     let header = ["skill", "sources", "same", "unseen", "analytic", "MimicGen", "holds again", "per core-hour"];
@@ -424,6 +424,30 @@ pub fn describe(report: &Report) -> String {
             format!("{:.0}", skill.per_core_hour),
         ]
     }));
-    let notes: String = report.notes.iter().map(|note| format!("\n{note}")).collect();
-    format!("{}{notes}", text_table(&rows))
+    let mut text = text_table(&rows);
+    if report.details.values().any(|detail| !detail.ablations.is_empty()) {
+        text = format!("{text}\n\n{}", ablations(report));
+    }
+    text + &report.notes.iter().map(|note| format!("\n{note}")).collect::<String>()
+}
+
+/// Table of the arms: percent of the scenes, for the comparisons by their own criterion (any step) and by ours (after
+/// settling).
+fn ablations(report: &Report) -> String {
+    let percent = |share: f64| format!("{:.0}", share * 100.0);
+    let header = ["skill", "scenes", "analytic", "transfer"].into_iter().chain(ABLATIONS);
+    let header = header.chain(["MimicGen own / ours", "SkillGen-like own / ours"]);
+    let mut rows = vec![header.map(|name| name.replace('_', " ")).collect::<Vec<_>>()];
+    for (name, skill) in &report.skills {
+        let Some(detail) = report.details.get(name) else { continue };
+        let both = |[settled, any_step]: [usize; 2]| {
+            [any_step, settled].map(|count| percent(count as f64 / detail.scenes.max(1) as f64)).join(" / ")
+        };
+        let mut row = vec![(*name).to_owned(), detail.scenes.to_string()];
+        row.extend([skill.analytic, skill.generation_rate].map(percent));
+        row.extend(ABLATIONS.map(|name| detail.ablations.get(name).copied().map_or_else(String::new, percent)));
+        row.extend([both(detail.mimicgen_settled_and_any_step), both(detail.skillgen_settled_and_any_step)]);
+        rows.push(row);
+    }
+    text_table(&rows)
 }
