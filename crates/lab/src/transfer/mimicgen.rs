@@ -80,6 +80,8 @@ pub struct MimicGen {
     rng: ChaCha8Rng,
     /// Subtask that is executed; 2 after the last one.
     subtask: usize,
+    /// Step after the first subtask of each source, moved for this episode.
+    marks: Vec<usize>,
     /// Source of this episode; `None` before the first subtask.
     chosen: Option<usize>,
     /// Targets of the segment still to be executed, in reverse order: pose, opening, true if noise is added.
@@ -127,6 +129,7 @@ impl MimicGen {
             objects,
             rng: Seed::new(0).rng(),
             subtask: 0,
+            marks: Vec::new(),
             chosen: None,
             left: Vec::new(),
             last: None,
@@ -144,11 +147,13 @@ impl MimicGen {
         let world_from_object = &truth.objects[self.objects[self.subtask]].pose;
         let subtask = self.subtask;
         self.subtask += 1;
-        let marks: Vec<usize> = self
-            .sources
-            .iter()
-            .map(|source| (source.mark + self.rng.random_range(OFFSETS[0]..=OFFSETS[1])).min(source.targets.len() - 1))
-            .collect();
+        if subtask == 0 {
+            let mark = |source: &Source| {
+                (source.mark + self.rng.random_range(OFFSETS[0]..=OFFSETS[1])).min(source.targets.len() - 1)
+            };
+            self.marks = self.sources.iter().map(mark).collect();
+        }
+        let marks = &self.marks;
         let start = |index: usize| if subtask == 0 { 0 } else { marks[index] };
         let distance = |index: usize| {
             let pose = &self.sources[index].objects[subtask][start(index)];
