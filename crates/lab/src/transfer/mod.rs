@@ -28,8 +28,8 @@ use genmanip_workspace::{Progress, worlds};
 use self::mimicgen::{MimicGen, PlannedBridge, Source};
 use self::report::ABLATIONS;
 pub use self::report::{Details, Report, SkillReport, describe};
-use self::resets::{CASES, RANGES, ResetRange, SkillCase, base, reset};
-use self::sources::{Demonstration, Takes, demonstrations};
+use self::resets::{CASES, RANGES, SkillCase, base, reset};
+use self::sources::{Demonstration, demonstrations};
 use crate::LabError;
 use crate::clock::cpu_clock;
 
