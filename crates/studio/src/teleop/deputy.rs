@@ -9,7 +9,7 @@ use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::go_to::{self, GoTo};
 use genmanip_workspace::{WorkspaceError, worlds};
 
-/// Who or what is in command instead of the person.
+/// Stand-in for the person in command.
 pub(super) enum Deputy {
     /// A policy, by its name with arguments.
     Policy(String),
