@@ -602,6 +602,33 @@ withMock("the robot is teleoperated, paused and a take kept, by keyboard alone",
   await page.context().close();
 });
 
+withMock("the robot is teleoperated to a target that is dragged in the view, until a key stops it", async () => {
+  const page = await openPage();
+  await page.keyboard.press("Shift+E");
+  await page.waitForSelector(".teleop [role=status]:has-text('follows')");
+  assert.ok(await page.isDisabled("button:has-text('Go there')"));
+  await page.click(".teleop button:has-text('Target')");
+  // By the arrow upwards, from the gripper's pose of the mock server.
+  const box = await page.locator(".host canvas").boundingBox();
+  const at = await page.evaluate((point) => window.studio.project(point), [0.4, 0, 0.42]);
+  await page.mouse.move(box.x + at.x, box.y + at.y);
+  await page.mouse.down();
+  for (let step = 1; step <= 6; step++) await page.mouse.move(box.x + at.x, box.y + at.y - step * 10);
+  await page.mouse.up();
+  await page.click("button:has-text('Go there')");
+  await page.waitForSelector(".teleop [role=status]:has-text('goes to the target')");
+  const { position_m, orientation_wxyz } = server.studio.goal;
+  assert.ok(position_m[2] > 0.33 && position_m[2] < 0.6 && position_m[0] === 0.4 && position_m[1] === 0, `${position_m}`);
+  assert.deepEqual(orientation_wxyz, [0, 1, 0, 0]);
+  await shot(page, "teleop-target");
+  await page.keyboard.press("w");
+  await page.waitForSelector(".teleop [role=status]:has-text('follows')");
+  await page.click(".teleop button:has-text('Target')");
+  assert.ok(await page.isDisabled("button:has-text('Go there')"));
+  assert.deepEqual(page.failures, []);
+  await page.context().close();
+});
+
 withMock("a SpaceMouse is connected through WebHID, and the keyboard takes over when it is gone", async () => {
   const device = JSON.parse(readFileSync(new URL("../../crates/teleop/testdata/space_navigator_webhid.json", import.meta.url), "utf8"));
   const plug = (collections) => {

@@ -12,7 +12,7 @@ export function teleoperate(studio, socket) {
   const tell = () => {
     const { phase, closed, held, steps, take, policy, undone } = session;
     const next = { text: "left: gap 0.042 m, at most 0.020 m", distance: 0.022, unit: "m" };
-    const status = { phase, take, time_s: steps / RATE_HZ, steps, late_steps: 1, held, limits: [], frame: "world", closed, contact_n: 0, grasped: null, conditions: [0, 1], next, success: null, policy, undone, note: null };
+    const status = { phase, take, time_s: steps / RATE_HZ, steps, late_steps: 1, held, limits: [], frame: "world", closed, contact_n: 0, grasped: null, conditions: [0, 1], next, success: null, world_from_tcp: { position_m: [0.4, 0, 0.3], orientation_wxyz: [0, 1, 0, 0] }, policy, undone, note: null };
     socket.send(JSON.stringify({ type: "status", status }));
   };
   const step = () => {
@@ -49,6 +49,7 @@ export function teleoperate(studio, socket) {
       for (const event of message.events) {
         if (event.type !== "alive") studio.driven.push(event.type === "key" ? `${event.code} ${event.down ? "down" : "up"}` : event.type);
         if (event.type === "key" && event.code === "Space" && event.down) session.closed = !session.closed;
+        if (event.type === "key" && event.down && session.policy === "go_to") session.policy = null;
         if (event.type === "key") session.keys[event.down ? "add" : "delete"](event.code);
         if (event.type === "blurred" || event.type === "connected") session.keys.clear();
         if (event.type === "connected") studio.device = event.device;
@@ -63,6 +64,10 @@ export function teleoperate(studio, socket) {
       tell();
     } else if (message.type === "hand_over" || message.type === "take_over") {
       session.policy = message.policy ?? null;
+      tell();
+    } else if (message.type === "go_to") {
+      Object.assign(session, { policy: "go_to" });
+      studio.goal = message.pose;
       tell();
     } else if (message.type === "retry") {
       Object.assign(session, { lift_m: 0, steps: 0, take: session.take + 1, phase: "running", closed: false });

@@ -28,7 +28,7 @@ pub fn around(scene: &PosedScene, without: Option<usize>) -> CollisionWorld {
 }
 
 /// Samples points with outward normals on the visual surface of an object's first link, object frame.
-fn surface(model: &ObjectModel, count: usize) -> Vec<(DVec3, DVec3)> {
+pub fn surface(model: &ObjectModel, count: usize) -> Vec<(DVec3, DVec3)> {
     let Some(link) = model.links.first() else { return Vec::new() };
     let areas: Vec<f64> = link
         .visual

@@ -15,6 +15,7 @@ pub mod episode_loop;
 pub mod evaluate;
 pub mod evidence;
 pub mod expert;
+pub mod go_to;
 pub mod grasp_trial;
 pub mod images;
 pub mod physics_variation;

@@ -1,5 +1,7 @@
 // Keys of teleoperation and words for its status, without a browser.
 
+import type { Pose } from "../contract.ts";
+
 /** Keys of the arm by `code`, as the server maps them. */
 export const ARM_KEYS: readonly { codes: readonly string[]; keys: string; words: string }[] = [
   { codes: ["KeyW", "KeyS"], keys: "W S", words: "forward, back" },
@@ -60,6 +62,7 @@ export interface TeleopStatus {
   conditions: [number, number];
   next: { text: string; distance: number; unit: string | null } | null;
   success: boolean | null;
+  world_from_tcp: Pose;
   policy: string | null;
   undone: [number, number];
   note: string | null;
@@ -90,6 +93,7 @@ export function statusWords(status: TeleopStatus, hasFocus: boolean): string {
   if (status.phase === "judged" && status.success !== null) return `${status.success ? "Success" : "Goal missed"}: ${PHASES.judged}`;
   if (status.phase === "paused" && status.note) return `Paused: ${status.note}`;
   if (status.phase !== "running") return PHASES[status.phase];
+  if (status.policy === "go_to") return "The arm goes to the target: any key of the arm stops it";
   if (status.policy) return `${status.policy} is in command`;
   if (status.held) return HELD[status.held];
   if (!hasFocus) return "The arm holds: the keys need the focus, press Tab or click them";

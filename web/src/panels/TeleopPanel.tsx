@@ -54,6 +54,11 @@ function Active() {
     event.preventDefault();
     event.stopPropagation();
   };
+  const goThere = () => {
+    teleop.goThere();
+    // Keys stop the arm from now on.
+    pad.current?.focus();
+  };
   const status = teleop.status.value;
   return (
     <section class="teleop" aria-label="Teleoperation">
@@ -123,6 +128,14 @@ function Active() {
         ))}
         <button type="button" onClick={teleop.toggleGripper}>
           gripper
+        </button>
+      </div>
+      <div class="actions">
+        <button type="button" aria-pressed={store.target.value !== null} title="Handles at the gripper, to be dragged to where it is to go" disabled={!status} onClick={teleop.toggleTarget}>
+          Target
+        </button>
+        <button type="button" title="The planner brings the gripper to the target, around all objects" disabled={!store.target.value || status?.phase === "judged"} onClick={goThere}>
+          Go there
         </button>
       </div>
     </section>

@@ -41,7 +41,7 @@ const VIEWS: Record<string, { from: Vector; distance: number }> = {
   robot: { from: [-0.75, 0.02, 0.75], distance: 1.9 },
 };
 
-/** The dragged thing: an object with those that stand on it, or a camera. */
+/** The dragged thing: an object with those that stand on it, a camera, or without both the target of teleoperation. */
 interface Target {
   object?: SceneObject;
   camera?: Camera;
@@ -333,6 +333,10 @@ export class View {
       untracked(() => this.showCameras());
     });
     on(() => {
+      void store.target.value;
+      untracked(() => this.highlight());
+    });
+    on(() => {
       this.gizmo.setMode(store.gizmoMode.value);
       this.request();
     });
@@ -408,8 +412,10 @@ export class View {
     this.request();
   }
 
-  /** The thing that the handles move: the selected object, else the selected camera while the cameras are listed. */
+  /** The thing that the handles move: the target of teleoperation, the selected object, or the selected camera while the cameras are listed. */
   private target(): Target | null {
+    const goal = store.target.peek();
+    if (goal) return { name: "target", pose: goal, bounds_m: [goal.position_m, goal.position_m] };
     if (!store.isEditable.peek()) return null;
     const object = store.selected.peek();
     if (object) {
@@ -500,7 +506,7 @@ export class View {
     event.stopPropagation();
     event.preventDefault();
     const carried = new Set(target.object && placements(target.object, target.pose).map((placement) => placement.id));
-    const others = target.camera ? [] : store.current.peek()!.objects.filter((other) => !carried.has(other.id));
+    const others = target.object ? store.current.peek()!.objects.filter((other) => !carried.has(other.id)) : [];
     const neighbours = others.map((other) => ({ id: other.name, bounds: other.bounds_m }));
     this.drag = { target, handle, measure, neighbours, pose: target.pose, pointer: event.pointerId };
     this.host.setPointerCapture(event.pointerId);
@@ -536,7 +542,9 @@ export class View {
       if (!by) return;
       const start = target.pose.position_m;
       const wanted = add(start, [by.x, by.y, by.z]);
-      const scene = { bounds: target.bounds_m, start, neighbours, surfaces: store.scene.peek()?.surfaces ?? [] };
+      // A gripper does not rest on surfaces.
+      const surfaces = target.object || target.camera ? (store.scene.peek()?.surfaces ?? []) : [];
+      const scene = { bounds: target.bounds_m, start, neighbours, surfaces };
       const snapped = snaps ? snapMove(wanted, handle.axes, scene) : { position: wanted, causes: [] };
       this.drag!.pose = { ...target.pose, position_m: snapped.position };
       const at = snapped.position.map((metres) => metres.toFixed(3)).join(", ");
@@ -575,7 +583,8 @@ export class View {
       const isMoved = JSON.stringify(pose) !== JSON.stringify(target.pose);
       if (!isMoved) this.sync();
       else if (target.object) apply({ op: "place", args: { objects: placements(target.object, pose) } });
-      else placeCamera(target.camera!, pose);
+      else if (target.camera) placeCamera(target.camera, pose);
+      else store.target.value = pose;
       return;
     }
     if (!press || press.pointer !== event.pointerId) return;

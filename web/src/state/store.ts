@@ -1,7 +1,7 @@
 // The state of the page: one signal per thing that changes by itself.
 
 import { batch, computed, effect, signal } from "@preact/signals";
-import type { Camera, Problem, Scene, SceneObject, ScenarioRow, ScenarioState } from "../contract.ts";
+import type { Camera, Pose, Problem, Scene, SceneObject, ScenarioRow, ScenarioState } from "../contract.ts";
 import type { Entry } from "../logic/outbox.ts";
 import { predict } from "../logic/operations.ts";
 import { empty, problemsOf, type Verdict } from "../logic/verdict.ts";
@@ -33,6 +33,8 @@ export const selectedCamera = signal<string | null>(null);
 export const lookThrough = signal<string | null>(null);
 export const selectedProblem = signal<string | null>(null);
 export const gizmoMode = signal<"move" | "turn">("move");
+/** Pose that the teleoperated gripper is to go to, as handles in the 3-D view. */
+export const target = signal<Pose | null>(null);
 export const snapping = signal(true);
 export const dialog = signal<DialogName | null>(null);
 export const tab = signal<"objects" | "cameras" | "history" | "runs" | "review">("objects");

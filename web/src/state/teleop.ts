@@ -124,6 +124,7 @@ function end(): void {
   batch(() => {
     isActive.value = false;
     live.value = null;
+    store.target.value = null;
     store.isReplaying.value = false;
   });
 }
@@ -136,6 +137,17 @@ export function command(what: Command): void {
   // Keys pressed before come first.
   send();
   say(message(what, status.peek(), policy.peek()));
+}
+
+/** Shows the target at the gripper, or removes it. */
+export function toggleTarget(): void {
+  store.target.value = store.target.peek() ? null : (status.peek()?.world_from_tcp ?? null);
+}
+
+/** Sends the arm to the target; a touch of the device stops it. */
+export function goThere(): void {
+  send();
+  say({ type: "go_to", pose: store.target.peek() });
 }
 
 export function toggleGripper(): void {

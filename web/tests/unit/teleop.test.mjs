@@ -31,6 +31,7 @@ test("words of a status", () => {
     [status({ phase: "paused", held: "silence" }), true, "Paused"],
     [status({ phase: "paused", note: "expert has finished: you are in command" }), true, "Paused: expert has finished: you are in command"],
     [status({ policy: "expert", held: "silence" }), true, "expert is in command"],
+    [status({ policy: "go_to" }), true, "The arm goes to the target: any key of the arm stops it"],
     [status({ phase: "judged", success: false }), true, "Goal missed: keep it, begin anew or discard it"],
   ];
   for (const [now, hasFocus, words] of cases) assert.equal(statusWords(now, hasFocus), words);

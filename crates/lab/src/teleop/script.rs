@@ -3,6 +3,7 @@
 use genmanip_assets::GraspLibrary;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Aabb, Atom, Goal, InstanceId, Pose, ReferenceId, Relation};
+use genmanip_layout::obstacles;
 use genmanip_rollout::Stage;
 use genmanip_teleop::device::Control;
 use genmanip_teleop::scripted::Waypoint;
@@ -18,6 +19,20 @@ const RELEASE_M: f64 = 0.01;
 const HAND_M: f64 = 0.1;
 const FINGER_M: f64 = 0.05;
 const HAND_MARGIN_M: f64 = 0.035;
+/// Depth of an open finger along the closing direction, half of its width, and distance of the palm above its tip, m.
+const FINGER_DEPTH_M: f64 = 0.025;
+const FINGER_SIDE_M: f64 = 0.0105;
+const PALM_M: f64 = 0.042;
+/// Height of a pad above the fingertip, and depth of the fingertips below the top of an object that is gripped around,
+/// m.
+const PAD_M: f64 = 0.018;
+const REACH_M: f64 = 0.035;
+/// Smallest distance of the open fingers from an object, on either side, m.
+const GAP_M: f64 = 0.0025;
+/// Points on the surface of an object by which the operator sees whether the open hand fits.
+const POINTS: usize = 2000;
+/// Closing directions that the operator considers for a grip around an object.
+const DIRECTIONS: usize = 12;
 /// Maximum angle between the approach direction and straight down, rad.
 const STEEP_RAD: f64 = 0.3;
 /// Tolerances (m, rad) within which the operator accepts a waypoint: where precision matters, and (`COARSE`) on the
@@ -46,8 +61,8 @@ pub fn placement(goal: &Goal) -> Option<(&InstanceId, &ReferenceId)> {
     }
 }
 
-/// Script for a stage; `None` unless its goal is a single placement and a grasp from above held the object in every
-/// trial.
+/// Script for a stage; `None` unless its goal is a single placement and the object can be gripped from above: by a grasp
+/// that held it in every trial, or around the whole of it.
 pub fn script(stage: &Stage, grasps: &GraspLibrary) -> Option<Script> {
     let (subject, reference) = placement(&stage.scenario.task.goal)?;
     let index = |id: &ReferenceId| stage.scenario.index_of(id);
@@ -63,12 +78,27 @@ pub fn script(stage: &Stage, grasps: &GraspLibrary) -> Option<Script> {
         .filter(|pose| (pose.rotation * DVec3::Z).dot(DVec3::NEG_Z) > STEEP_RAD.cos());
     let others: Vec<Aabb> =
         (0..stage.models.len()).filter(|other| *other != object).map(|other| bounds_of(stage, other)).collect();
+    let open_m = stage.robot.gripper.max_width;
+    let surface: Vec<DVec3> =
+        obstacles::surface(model, POINTS).iter().map(|(point, _)| placed.pose.transform_point(*point)).collect();
+    let middle = placed.pose.transform_point(model.links.first()?.mass.center);
+    // A device's gripper opens all the way: of the known grasps only those will do around which the open hand fits. If
+    // there is none, the hand grips around the whole object.
+    let tried = steep.map(|pose| (gap_m(&pose, &surface, open_m) < 0.0, false, pose));
+    let around = grips_around(&surface, middle, open_m).into_iter().map(|pose| (false, true, pose));
     // The grasp with the smallest rotation of the hand from home, preferably one at which the hand is not blocked.
-    let grasp = steep.min_by(|a, b| {
-        let key = |pose: &Pose| (is_blocked(pose, &others), pose.angle_to(&home));
-        let ((blocked, turn), (other_blocked, other_turn)) = (key(a), key(b));
-        blocked.cmp(&other_blocked).then(turn.total_cmp(&other_turn))
+    let (.., grasp) = tried.chain(around).min_by(|a, b| {
+        let key = |(hits, is_new, pose): &(bool, bool, Pose)| {
+            (*hits, is_blocked(pose, &others), *is_new, pose.angle_to(&home))
+        };
+        let ((hits, blocked, is_new, turn), other) = (key(a), key(b));
+        (hits, blocked, is_new).cmp(&(other.0, other.1, other.2)).then(turn.total_cmp(&other.3))
     })?;
+    // Fingers that pass the object closely have to arrive more exactly.
+    let near = match gap_m(&grasp, &surface, open_m) {
+        gap_m if gap_m > 0.0 && gap_m < 2.0 * PRECISE.0 => (gap_m / 2.0, PRECISE.1 / 2.0),
+        _ => PRECISE,
+    };
 
     let (bounds, under) = (bounds_of(stage, object), bounds_of(stage, reference));
     let over_m = others.iter().map(|bounds| bounds.max.z).fold(0.0, f64::max) + CLEARANCE_M;
@@ -88,8 +118,8 @@ pub fn script(stage: &Stage, grasps: &GraspLibrary) -> Option<Script> {
     };
     let waypoints = vec![
         waypoint(up(grasp, APPROACH_M.max(over_m - bounds.max.z)), COARSE, None),
-        waypoint(up(grasp, APPROACH_M / 2.0), PRECISE, None),
-        waypoint(grasp, PRECISE, Some(Control::Gripper)),
+        waypoint(up(grasp, APPROACH_M / 2.0), near, None),
+        waypoint(grasp, near, Some(Control::Gripper)),
         waypoint(up(grasp, lift_m), COARSE, None),
         waypoint(at_goal(lift_m.max(release_m)), COARSE, None),
         waypoint(at_goal(release_m), PRECISE, Some(Control::Gripper)),
@@ -102,6 +132,39 @@ pub fn script(stage: &Stage, grasps: &GraspLibrary) -> Option<Script> {
 fn bounds_of(stage: &Stage, object: usize) -> Aabb {
     let placed = &stage.scenario.objects[object];
     stage.models[object].world_bounds(&placed.pose, &placed.joint_positions)
+}
+
+/// Distance of the open hand at a grasp from the surface of the object that it is to grip, m; negative if they overlap.
+fn gap_m(world_from_tcp: &Pose, surface: &[DVec3], open_m: f64) -> f64 {
+    let tcp_from_world = world_from_tcp.inverse();
+    let mut gap_m = f64::INFINITY;
+    for point in surface.iter().map(|point| tcp_from_world.transform_point(*point)).filter(|point| point.z < 0.0) {
+        let side_m = point.x.abs() - FINGER_SIDE_M;
+        let (inner_m, outer_m) = (open_m / 2.0 - point.y.abs(), point.y.abs() - open_m / 2.0 - FINGER_DEPTH_M);
+        let is_at_palm = point.z < -PALM_M && point.y.abs() < HAND_M && side_m < HAND_MARGIN_M - FINGER_SIDE_M;
+        gap_m = gap_m.min(if is_at_palm { -1.0 } else { side_m.max(inner_m).max(outer_m) });
+    }
+    gap_m
+}
+
+/// Grips from above around an object, the fingers on either side of its middle, for which the open hand fits.
+fn grips_around(surface: &[DVec3], middle: DVec3, open_m: f64) -> Vec<Pose> {
+    let top_m = surface.iter().map(|point| point.z).fold(f64::NEG_INFINITY, f64::max);
+    let bottom_m = surface.iter().map(|point| point.z).fold(f64::INFINITY, f64::min);
+    let height_m = (top_m - REACH_M).max(0.5 * (bottom_m + top_m - PAD_M));
+    let grip = |index: usize| {
+        let (sin, cos) = (std::f64::consts::TAU * index as f64 / (2 * DIRECTIONS) as f64).sin_cos();
+        let closing = DVec3::new(cos, sin, 0.0);
+        let at = |position: DVec3| Pose::from_axes(position, closing.cross(DVec3::NEG_Z), closing, DVec3::NEG_Z);
+        let here = at(middle.with_z(height_m));
+        let seen = surface.iter().map(|point| here.inverse().transform_point(*point));
+        let between = seen.filter(|point| point.x.abs() < FINGER_SIDE_M && point.z < 0.0 && point.z > -PAD_M);
+        let (low_m, high_m) = between
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), point| (low.min(point.y), high.max(point.y)));
+        let pose = at(here.position + closing * (low_m + high_m) / 2.0);
+        (low_m < high_m && gap_m(&pose, surface, open_m) > GAP_M).then_some(pose)
+    };
+    (0..2 * DIRECTIONS).filter_map(grip).collect()
 }
 
 /// True if the hand would hit an object at a grasp. The hand is approximated by points along the closing direction, a

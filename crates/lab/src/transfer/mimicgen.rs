@@ -14,9 +14,9 @@ use genmanip_core::{
     ActionChunk, ActionFrame, ActionSpace, ActionSpec, EpisodeStart, GripperEncoding, GripperSpec, Interpolation,
     Observation, Policy, PolicyError, PolicySpec, Pose, PrivilegedState, Seed,
 };
-use genmanip_layout::obstacles;
-use genmanip_motion::{AllowedCollisions, Attached, Planner, PlanningScene};
+use genmanip_motion::Planner;
 use genmanip_rollout::Stage;
+use genmanip_rollout::go_to::free_path;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -63,20 +63,7 @@ impl PlannedBridge {
     /// Tool poses at the controller's rate from an arm configuration to a pose; `None` if there is no free motion. An
     /// object in the hand moves with it.
     fn poses(&self, truth: &PrivilegedState, arm: &[f64], width_m: f64, to: &Pose, seed: Seed) -> Option<Vec<Pose>> {
-        let scene = self.stage.posed(&truth.objects);
-        let held = truth.grasped.filter(|object| self.stage.models[*object].joint_states.is_empty());
-        let tcp_from_world = self.planner.tcp_pose(arm).inverse();
-        let attached = held.and_then(|object| {
-            let posed = scene.objects().nth(object)?;
-            let pieces = posed.model.pieces(&posed.joint_positions);
-            Attached::new(posed.id.as_str(), &pieces, &(tcp_from_world * posed.pose)).ok()
-        });
-        let world = obstacles::around(&scene, held);
-        let allowed = AllowedCollisions::none();
-        let around =
-            PlanningScene { world: &world, attached: attached.as_ref(), allowed: &allowed, gripper_width: width_m };
-        let goals = self.planner.ik(to, arm);
-        let path = self.planner.plan_joint(&around, arm, &goals, seed).ok()?;
+        let path = free_path(&self.stage, &self.planner, truth, (arm, width_m), to, seed).ok()?;
         let every = (self.stage.control_rate_hz() / RATE_HZ).round().max(1.0) as usize;
         let states = self.planner.time(&path, BRIDGE_SPEED).configs;
         Some(states.iter().skip(every - 1).step_by(every).map(|arm| self.planner.tcp_pose(arm)).collect())
@@ -93,6 +80,8 @@ pub struct MimicGen {
     rng: ChaCha8Rng,
     /// Subtask that is executed; 2 after the last one.
     subtask: usize,
+    /// Step after the first subtask of each source, moved for this episode.
+    marks: Vec<usize>,
     /// Source of this episode; `None` before the first subtask.
     chosen: Option<usize>,
     /// Targets of the segment still to be executed, in reverse order: pose, opening, true if noise is added.
@@ -140,6 +129,7 @@ impl MimicGen {
             objects,
             rng: Seed::new(0).rng(),
             subtask: 0,
+            marks: Vec::new(),
             chosen: None,
             left: Vec::new(),
             last: None,
@@ -157,11 +147,13 @@ impl MimicGen {
         let world_from_object = &truth.objects[self.objects[self.subtask]].pose;
         let subtask = self.subtask;
         self.subtask += 1;
-        let marks: Vec<usize> = self
-            .sources
-            .iter()
-            .map(|source| (source.mark + self.rng.random_range(OFFSETS[0]..=OFFSETS[1])).min(source.targets.len() - 1))
-            .collect();
+        if subtask == 0 {
+            let mark = |source: &Source| {
+                (source.mark + self.rng.random_range(OFFSETS[0]..=OFFSETS[1])).min(source.targets.len() - 1)
+            };
+            self.marks = self.sources.iter().map(mark).collect();
+        }
+        let marks = &self.marks;
         let start = |index: usize| if subtask == 0 { 0 } else { marks[index] };
         let distance = |index: usize| {
             let pose = &self.sources[index].objects[subtask][start(index)];

@@ -4,6 +4,7 @@
 //! on the table, and their episodes are judged after settling; MimicGen also by its own criterion, success at any step.
 
 mod mimicgen;
+mod report;
 mod resets;
 mod sources;
 
@@ -22,12 +23,13 @@ use genmanip_rollout::expert::Expert;
 use genmanip_rollout::{Environment, RolloutError, RolloutSettings, Stage, replay, run_episode};
 use genmanip_skills::handle::Handle;
 use genmanip_skills::{Skill, Transfer, TransferSettings, Verb};
-use genmanip_workspace::{Progress, text_table, worlds};
-use serde::Serialize;
+use genmanip_workspace::{Progress, worlds};
 
 use self::mimicgen::{MimicGen, PlannedBridge, Source};
-use self::resets::{CASES, RANGES, ResetRange, SkillCase, base, reset};
-use self::sources::{Demonstration, Takes, demonstrations};
+use self::report::ABLATIONS;
+pub use self::report::{Details, Report, SkillReport, describe};
+use self::resets::{CASES, RANGES, SkillCase, base, reset};
+use self::sources::{Demonstration, demonstrations};
 use crate::LabError;
 use crate::clock::cpu_clock;
 
@@ -48,81 +50,6 @@ pub struct TransferArguments {
     /// Folder to keep takes and generated episodes in; `None` to remove them afterwards.
     pub out: Option<PathBuf>,
 }
-
-/// Results by skill.
-#[derive(Clone, Debug, Serialize)]
-pub struct Report {
-    /// Results by the name of the skill.
-    pub skills: BTreeMap<&'static str, SkillReport>,
-    /// Counts behind the results, by the name of the skill.
-    pub details: BTreeMap<&'static str, Details>,
-    /// Ranges of the initial scenes, which take turns.
-    pub resets: [ResetRange; 3],
-    /// Limitations of the measurement, for people.
-    pub notes: Vec<&'static str>,
-    /// CPU time of the measurement, s.
-    pub cpu_s: f64,
-}
-
-/// Results of a skill; rates are shares of the scenes, 0-1.
-#[derive(Clone, Debug, Serialize)]
-pub struct SkillReport {
-    /// Number of source demonstrations from which a skill was cut.
-    pub source_demos: usize,
-    /// Transfers that succeeded after settling.
-    pub generation_rate: f64,
-    /// Of these, those on the instance of the sources.
-    pub same_instance: f64,
-    /// Of these, those on other instances of its family.
-    pub unseen_instances: f64,
-    /// Share of the kept episodes whose goal still holds when they are replayed, settle once more and are judged again.
-    pub kept_after_settling: f64,
-    /// Episodes kept per hour of CPU time of one core.
-    pub per_core_hour: f64,
-    /// Success of the expert's analytic skill on the same scenes.
-    pub analytic: f64,
-    /// Success of MimicGen as published on the same scenes, by its own criterion.
-    pub mimicgen: f64,
-}
-
-/// Counts behind a skill's rates.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct Details {
-    /// Takes of the scripted operator.
-    pub takes: Takes,
-    /// Number of scenes.
-    pub scenes: usize,
-    /// Successful transfers and scenes by range, on the instance of the sources.
-    pub same_by_range: BTreeMap<&'static str, [usize; 2]>,
-    /// Successful transfers and scenes by range, on other instances.
-    pub unseen_by_range: BTreeMap<&'static str, [usize; 2]>,
-    /// Kept episodes, and those of them whose goal does not hold when judged again.
-    pub kept_and_failed_again: [usize; 2],
-    /// Kept episodes that replay to the same bytes.
-    pub replay_equal: usize,
-    /// Reasons of failed transfers, with their number.
-    pub failures: BTreeMap<String, usize>,
-    /// Episodes of MimicGen whose goal holds after settling, and those whose goal held at any step.
-    pub mimicgen_settled_and_any_step: [usize; 2],
-    /// Reasons why the goal of MimicGen's episodes does not hold after settling, with their number.
-    pub mimicgen_failures: BTreeMap<String, usize>,
-    /// Episodes of MimicGen with planned motions between its segments, as SkillGen, counted in the same way; zeros unless ablations are asked for.
-    pub skillgen_settled_and_any_step: [usize; 2],
-    /// Scenes in which the transfer succeeded and MimicGen by its own criterion did not, and the reverse.
-    pub transfer_only_and_mimicgen_only: [usize; 2],
-    /// Scenes in which the transfer succeeded and the analytic skill did not, and the reverse.
-    pub transfer_only_and_analytic_only: [usize; 2],
-    /// Uses of each skill in kept episodes.
-    pub used: BTreeMap<String, usize>,
-    /// Success without each ingredient, with the ablation's name; empty unless asked for.
-    pub ablations: BTreeMap<&'static str, f64>,
-    /// CPU time of the transfers, s.
-    pub transfer_cpu_s: f64,
-}
-
-/// Names of the ablations: without the planner, with the object's body instead of the moving link's handle as frame,
-/// without waiting for the hand, and judged at any step instead of after settling.
-const ABLATIONS: [&str; 4] = ["no_planner", "body_frame", "no_waiting", "any_step"];
 
 /// Limitations of the measurement, for people.
 const NOTES: [&str; 4] = [
@@ -405,25 +332,4 @@ fn holds_again(stage: &Stage, episode: &Episode, settings: &RolloutSettings) -> 
         environment.step(&frame.command)?;
     }
     Ok(environment.settle()?.verdict.is_some_and(|verdict| verdict.success))
-}
-
-/// Text summary.
-pub fn describe(report: &Report) -> String {
-    let share = |share: f64| format!("{:.1} %", share * 100.0);
-    let header = ["skill", "sources", "same", "unseen", "analytic", "MimicGen", "holds again", "per core-hour"];
-    let mut rows = vec![header.map(str::to_owned).to_vec()];
-    rows.extend(report.skills.iter().map(|(name, skill)| {
-        vec![
-            (*name).to_owned(),
-            skill.source_demos.to_string(),
-            share(skill.same_instance),
-            share(skill.unseen_instances),
-            share(skill.analytic),
-            share(skill.mimicgen),
-            share(skill.kept_after_settling),
-            format!("{:.0}", skill.per_core_hour),
-        ]
-    }));
-    let notes: String = report.notes.iter().map(|note| format!("\n{note}")).collect();
-    format!("{}{notes}", text_table(&rows))
 }

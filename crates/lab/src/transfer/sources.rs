@@ -66,7 +66,11 @@ pub fn demonstrations(
         let hash = store.record_hash(&id).map_err(|error| LabError::broken("a take cannot be read back", error))?;
         match record(&stage, &episode, &id, &hash) {
             Ok(skill) => found.push(Demonstration { stage, episode, skill }),
-            Err(error) => takes.refused.push(error.to_string()),
+            Err(error) => {
+                let evidence =
+                    episode.result.failure().map_or_else(String::new, |failure| format!(": {}", failure.evidence));
+                takes.refused.push(format!("{id}: {error}{evidence}"));
+            }
         }
     }
     Ok((found, takes))

@@ -1,7 +1,7 @@
 //! WebSocket of teleoperation: device events and commands of a page, states and status of the take.
 //!
 //! ```text
-//! page ─▶ start · events · gripper · pause · resume · back · hand_over · take_over · retry · keep · discard
+//! page ─▶ start · events · gripper · go_to · pause · resume · back · hand_over · take_over · retry · keep · discard
 //! page ◀─ started · status (both JSON) · states (binary) · refused
 //! program beside the page ─▶ join · events
 //! program beside the page ◀─ joined · refused
@@ -15,7 +15,7 @@ use axum::extract::State;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::response::{IntoResponse, Response};
 use genmanip_assets::Catalogue;
-use genmanip_core::{Atom, Goal};
+use genmanip_core::{Atom, Goal, Pose};
 use genmanip_rollout::Stage as Simulation;
 use genmanip_teleop::TeleopSettings;
 use genmanip_teleop::device::{Control, DeviceEvent};
@@ -75,6 +75,10 @@ enum FromPage {
         events: Vec<DeviceEvent>,
     },
     Gripper,
+    /// Moves the tool to a pose, `world_from_tcp`, by the planner.
+    GoTo {
+        pose: Pose,
+    },
     Pause,
     Resume,
     Back,
@@ -213,6 +217,7 @@ impl Connection {
             FromPage::Events { sequence, sent_ms, events } => {
                 session.inbox.put(sequence, sent_ms, events, Instant::now());
             }
+            FromPage::GoTo { pose } => session.ask(Request::GoTo(pose)),
             FromPage::Gripper => session.inbox.press(Control::Gripper),
             FromPage::Pause => session.set_command(TakeCommand::Pause),
             FromPage::Resume => session.set_command(TakeCommand::Run),
@@ -391,7 +396,7 @@ fn refused(refusal: &Refusal) -> Message {
 }
 
 fn unreadable(reason: &str) -> Refusal {
-    let hint = "expected a JSON message with `type`: start, join, events, gripper, pause, resume, back, hand_over, take_over, retry, \
-                keep or discard";
+    let hint = "expected a JSON message with `type`: start, join, events, gripper, go_to, pause, resume, back, hand_over, take_over, \
+                retry, keep or discard";
     Refusal::unsuited(format!("the message cannot be read: {reason}"), hint)
 }

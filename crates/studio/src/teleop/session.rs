@@ -1,30 +1,29 @@
 //! Teleoperation of one scenario: takes in real time, one after the other, until one is kept or all are discarded.
 
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use genmanip_assets::GraspLibrary;
-use genmanip_core::{Ending, Failure, ObjectModel, Policy, Seed};
+use genmanip_core::{Ending, ObjectModel, Policy, Seed};
 use genmanip_data::EpisodeStore;
-use genmanip_pipeline::PolicyFactory;
-use genmanip_pipeline::policies::PolicyContext;
 use genmanip_relations::judge_goal;
-use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::{Environment, RolloutError, RolloutSettings, Stage, run_policy};
 use genmanip_teleop::device::Control;
 use genmanip_teleop::mapping::OperatorFrame;
 use genmanip_teleop::{EpisodeLog, Status, TeleopSettings, Teleoperation};
-use genmanip_workspace::{WorkspaceError, worlds};
+use genmanip_workspace::WorkspaceError;
 use tokio::sync::watch;
 
+use super::deputy::Deputy;
 use super::inbox::{Inbox, MOST_EVENTS, PageSource};
 use super::live::Live;
 use super::pace::Pace;
 use super::status::{Phase, Request, SessionStatus, TakeCommand, Unmet};
 use super::take::{Take, interrupted};
+use super::touch::Touch;
 use crate::run::playback::{Body, row};
 use crate::run::{Place, run_folder_name};
 
@@ -253,10 +252,16 @@ impl Session {
         let mut pace = Pace::new(stage.control_rate_hz(), now);
         self.status.send_replace(SessionStatus { phase: Phase::Running, take: number, ..SessionStatus::default() });
         let status: Arc<Mutex<Status>> = Arc::default();
+        let touch: RefCell<Option<Touch>> = RefCell::new(None);
         let mut environment = Environment::new(settings.clone());
         environment.reset(stage, seed);
         let before_step = |environment: &Environment| {
             let is_first = environment.frames().is_empty();
+            if let Some(touch) = touch.borrow_mut().as_mut()
+                && touch.is_felt(&self.inbox.take(Instant::now()))
+            {
+                self.ask(Request::TakeOver);
+            }
             self.before_step(&mut pace, is_first)?;
             let status = status.lock().unwrap_or_else(PoisonError::into_inner).clone();
             self.show(setup, environment, &settings, status, pace.late())?;
@@ -266,11 +271,11 @@ impl Session {
         let mut robot = Live::new(environment, Box::new(before_step));
         let first = self.operator(setup, setup.teleop.mapping.frame, &status)?;
         let (mut log, mut frame) = (EpisodeLog::new(&first), first.frame());
-        let mut command: Option<String> = setup.policy.clone();
+        let mut command: Option<Deputy> = setup.policy.clone().map(Deputy::Policy);
         let mut oracle = false;
         let ending = loop {
             let from = robot.environment.frames().len();
-            self.status.send_modify(|status| status.policy.clone_from(&command));
+            self.status.send_modify(|status| status.policy = command.as_ref().map(|deputy| deputy.name().to_owned()));
             let ended = match &command {
                 None => {
                     let mut policy = self.operator(setup, frame, &status)?.starting_at(from);
@@ -280,18 +285,21 @@ impl Session {
                     frame = policy.frame();
                     ended
                 }
-                Some(name) => {
+                Some(deputy) => {
                     let seed = seed.fork_index(log.in_command().len() as u64);
-                    let ended = policy(stage, name).map(|mut policy| {
+                    let is_planned = matches!(deputy, Deputy::GoTo(_));
+                    touch.replace(is_planned.then(|| Touch::new(&setup.teleop.mapping)));
+                    let ended = deputy.policy(stage).map(|mut policy| {
                         oracle |= policy.spec().privileged;
                         run_policy(&mut robot, stage, policy.as_mut(), seed, &settings)
                     });
-                    log.add_policy(name, from, robot.environment.frames().len());
+                    touch.take();
+                    log.add_policy(deputy.name(), from, robot.environment.frames().len());
                     match ended {
                         Ok(ended) => ended,
                         Err(error) => {
-                            let reason = error.to_string();
-                            Err(RolloutError::NotRun { policy: name.clone(), reason, mistake: false })
+                            let (policy, reason) = (deputy.name().to_owned(), error.to_string());
+                            Err(RolloutError::NotRun { policy, reason, mistake: false })
                         }
                     }
                 }
@@ -307,17 +315,20 @@ impl Session {
                     let undone_s = log.undone_steps() as f64 / stage.control_rate_hz();
                     self.status.send_modify(|status| status.undone = (log.record().undone.len(), undone_s));
                     self.pause(None);
+                    command = command.filter(|deputy| matches!(deputy, Deputy::Policy(_)));
                     let now = status.lock().unwrap_or_else(PoisonError::into_inner).clone();
                     let late_steps = self.status.borrow().late_steps;
                     self.show(setup, &robot.environment, &settings, now, late_steps).map_err(broke)?;
                 }
-                (_, Some(Request::HandOver(name)), Err(_)) => command = Some(name),
+                (_, Some(Request::HandOver(name)), Err(_)) => command = Some(Deputy::Policy(name)),
+                (_, Some(Request::GoTo(goal)), Err(_)) => command = Some(Deputy::GoTo(goal)),
                 (_, Some(Request::TakeOver), Err(_)) => command = None,
                 (_, _, Ok((Ending::Horizon, _))) => break Ending::Horizon,
                 (_, _, Ok((ending, _))) if command.is_none() => break ending,
                 (_, _, Ok((_, gave_up))) => {
-                    let name = command.take().unwrap_or_default();
-                    self.pause(Some(note(&name, gave_up.as_ref())));
+                    if let Some(note) = command.take().and_then(|deputy| deputy.note(gave_up.as_ref())) {
+                        self.pause(Some(note));
+                    }
                 }
                 (_, _, Err(error)) if command.is_some() => {
                     command = None;
@@ -454,6 +465,8 @@ impl Session {
             let objects = environment.objects()?;
             let opening_m = last.map_or(stage.robot.gripper.max_width, |frame| frame.gripper_width);
             let arm = environment.joint_positions()?;
+            let world_from_tcp = stage.robot.tcp_pose(&arm);
+            self.status.send_modify(|status| status.world_from_tcp = world_from_tcp);
             let values = row(time_s, &arm, opening_m, &objects, &setup.bodies, &stage.robot, &setup.models);
             let bytes = values.iter().flat_map(|value| value.to_le_bytes()).collect();
             self.states.send_replace(Arc::new(bytes));
@@ -506,23 +519,4 @@ fn goal(
         unit: atom.measurements.first().map(|measured| measured.unit),
     });
     Ok(([met(best), best.len()], next))
-}
-
-/// A policy to hand over to.
-fn policy(stage: &Stage, name: &str) -> Result<Box<dyn Policy>, WorkspaceError> {
-    let settings = PipelineSettings::in_world(stage.scenario.world.clone());
-    let planner = worlds::planner(&settings.world, &settings.planner)?;
-    let (settings, planner, grasps) = (&settings, &planner, GraspLibrary::builtin());
-    let context = PolicyContext { stage, recorded: None, planner, grasps, settings, cores: None };
-    PolicyFactory::resolve(name)?.make(&context)
-}
-
-/// Note on the end of a policy.
-fn note(name: &str, gave_up: Option<&Failure>) -> String {
-    match gave_up {
-        Some(Failure { cause, evidence }) => {
-            format!("{name} gave up ({}: {evidence}): you are in command", cause.name())
-        }
-        None => format!("{name} has finished: you are in command"),
-    }
 }

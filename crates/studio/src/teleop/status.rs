@@ -1,5 +1,6 @@
 //! Status of a session, and what a person may ask of it.
 
+use genmanip_core::Pose;
 use genmanip_teleop::record::Hold;
 use serde::Serialize;
 
@@ -49,12 +50,14 @@ pub enum TakeCommand {
 }
 
 /// Request of the person that ends the stretch of whoever is in command.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Request {
     /// Goes [`BACK_S`](super::session::BACK_S) back, and pauses.
     Back,
     /// Gives the command to a policy, by its name with arguments.
     HandOver(String),
+    /// Moves the tool to a pose, `world_from_tcp`, by the planner.
+    GoTo(Pose),
     /// Takes the command from a policy.
     TakeOver,
 }
@@ -85,6 +88,8 @@ pub struct SessionStatus {
     pub limits: Vec<genmanip_teleop::target::Limit>,
     /// Frame in use.
     pub frame: genmanip_teleop::mapping::OperatorFrame,
+    /// Pose of the tool.
+    pub world_from_tcp: Pose,
     /// True if the gripper is to be closed.
     pub closed: bool,
     /// Force between the robot and anything but the grasped object, N.

@@ -6,6 +6,7 @@ use genmanip_core::{Correction, Document, Ending, Episode, EpisodeSource, Frame,
 use genmanip_data::{Attachment, DataError, EpisodeStore};
 use genmanip_rollout::environment::Conclusion;
 use genmanip_rollout::episode_loop::BeforeTurn;
+use genmanip_rollout::go_to;
 use genmanip_rollout::{Environment, RolloutError, RolloutSettings, Stage, replay, run_episode_with, run_policy};
 use genmanip_teleop::record::{
     EVENTS_FILE, OperatorRecord, Playback, RECORD_FILE, RecordedEvent, Stretch, events_from_lines,
@@ -64,13 +65,15 @@ impl Take {
     fn of(mut episode: Episode, log: EpisodeLog) -> Self {
         let kind = log.record().operator.kind;
         let stretches = log.in_command();
-        let has_policy = stretches.iter().any(|stretch| stretch.policy.is_some());
+        // A motion to a pose that the person chose is the person's, and no policy was taken over from.
+        let policy_of = |stretch: &Stretch| stretch.policy.clone().filter(|name| name != go_to::NAME);
+        let has_policy = stretches.iter().any(|stretch| policy_of(stretch).is_some());
         episode.result.source = Some(match kind {
             OperatorKind::Person if has_policy => EpisodeSource::Correction,
             kind => kind.episode_source(),
         });
         let taken_over = stretches.windows(2).find_map(|pair| {
-            let policy = pair[0].policy.clone().filter(|_| pair[1].policy.is_none())?;
+            let policy = policy_of(&pair[0]).filter(|_| policy_of(&pair[1]).is_none())?;
             Some(Correction { policy, from_step: pair[1].from, failures: Vec::new() })
         });
         episode.result.correction = taken_over;

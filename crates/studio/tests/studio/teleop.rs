@@ -4,6 +4,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use genmanip_assets::{Catalogue, panda};
+use genmanip_core::Pose;
+use genmanip_core::glam::DVec3;
 use genmanip_data::EpisodeStore;
 use genmanip_rollout::Stage;
 use genmanip_studio::teleop::is_replayed;
@@ -401,5 +403,53 @@ fn a_leader_arm_beside_the_page_is_followed_and_holds_when_it_falls_silent() {
     let episode = store.read(&id).unwrap();
     let last = episode.frames.last().unwrap().tcp;
     assert!(last.position.distance(wanted.position) < 0.01, "{last:?} {wanted:?}");
+    assert!(replays(&studio, &store, &id));
+}
+
+#[test]
+fn the_tool_goes_to_a_target_unless_it_cannot_and_a_key_stops_it() {
+    let studio = Studio::new();
+    let mut page = Page::with_keyboard(&studio);
+    let tool = |page: &Page| -> Pose { serde_json::from_value(page.status["world_from_tcp"].clone()).unwrap() };
+    let go_to = |page: &mut Page, pose: &Pose| page.tab.send(&json!({ "type": "go_to", "pose": pose }));
+    let above = |pose: Pose, z: f64| Pose { position: pose.position + DVec3::new(-0.05, 0.12, z), ..pose };
+    let start = tool(&page);
+    let near = above(start, -0.05);
+    go_to(&mut page, &near);
+    page.until(true, |status| status["policy"] == "go_to");
+    page.until(true, |status| status["policy"].is_null());
+    page.simulate(0.3);
+    let reached = tool(&page);
+    assert!(reached.position.distance(near.position) < 0.003 && reached.angle_to(&near) < 0.02, "{reached:?} {near:?}");
+    assert_eq!(page.status["phase"], "running");
+    // A key on the way back stops it at once.
+    go_to(&mut page, &start);
+    page.until(true, |status| status["policy"] == "go_to");
+    page.simulate(0.2);
+    page.send(&json!([key("KeyW", true), key("KeyW", false)]));
+    page.until(true, |status| status["policy"].is_null());
+    page.simulate(0.3);
+    let stopped = tool(&page);
+    assert!(stopped.position.distance(start.position) > 0.02, "{stopped:?} {start:?}");
+    page.simulate(0.3);
+    assert!(tool(&page).position.distance(stopped.position) < 0.003);
+    // Out of reach: it says so and stays.
+    go_to(&mut page, &Pose::from_position(DVec3::new(2.0, 0.0, 0.5)));
+    page.until(true, |status| status["phase"] == "paused");
+    assert!(page.status["note"].as_str().unwrap().contains("out of reach"), "{}", page.status);
+    page.tab.send(&json!({ "type": "go_to", "pose": { "position_m": [0, 0, 0], "orientation_wxyz": [2, 0, 0, 0] } }));
+    let refused = page.tab.find(|message| message["type"] == "refused");
+    assert!(refused["error"]["message"].as_str().unwrap().contains("orientation_wxyz"), "{refused}");
+    page.say("resume");
+    page.until(true, |status| status["phase"] == "running");
+    page.say("keep");
+    page.until(true, |status| status["phase"] == "kept");
+    let (store, id) = stored(&studio);
+    let result = serde_json::to_value(store.read_result(&id).unwrap()).unwrap();
+    assert_eq!((&result["source"], &result["correction"]), (&json!("teleop"), &Value::Null), "{result}");
+    let record = json_of(&store, &id, "operator.json");
+    let by: Vec<&Value> = record["in_command"].as_array().unwrap().iter().map(|stretch| &stretch["policy"]).collect();
+    let planned = json!("go_to");
+    assert_eq!(by, [&Value::Null, &planned, &Value::Null, &planned, &Value::Null, &Value::Null], "{record}");
     assert!(replays(&studio, &store, &id));
 }
