@@ -73,6 +73,8 @@ impl PlannedBridge {
 /// The published transfer as a policy. It reads object poses from the simulator, as the original does.
 pub struct MimicGen {
     sources: Vec<Source>,
+    /// Standard deviation of the noise on normalised actions.
+    noise: f64,
     /// Planner of the bridges; `None` for the published interpolated steps.
     bridge: Option<PlannedBridge>,
     spec: PolicySpec,
@@ -124,6 +126,7 @@ impl MimicGen {
         let spec = PolicySpec { privileged: true, action, ..PolicySpec::native("mimicgen", RATE_HZ) };
         Self {
             sources,
+            noise: NOISE,
             bridge: None,
             spec,
             objects,
@@ -134,6 +137,12 @@ impl MimicGen {
             left: Vec::new(),
             last: None,
         }
+    }
+
+    /// The same without noise on its actions.
+    #[must_use]
+    pub fn without_noise(self) -> Self {
+        Self { noise: 0.0, ..self }
     }
 
     /// The same with planned motions between the segments.
@@ -187,6 +196,7 @@ impl MimicGen {
     fn stepped(&mut self, tool: &Pose, target: &Pose, is_noisy: bool) -> Pose {
         let turn = target.rotation * tool.rotation.inverse();
         let turn = if turn.w < 0.0 { -turn } else { turn }.to_scaled_axis();
+        let noise = self.noise;
         let mut normal = || {
             let (u, v): (f64, f64) = (self.rng.random_range(f64::MIN_POSITIVE..1.0), self.rng.random_range(0.0..1.0));
             (-2.0 * u.ln()).sqrt() * (TAU * v).cos()
@@ -194,7 +204,7 @@ impl MimicGen {
         let mut step = |delta: DVec3, most: f64| {
             let mut share = delta / most;
             if is_noisy {
-                share += DVec3::new(normal(), normal(), normal()) * NOISE;
+                share += DVec3::new(normal(), normal(), normal()) * noise;
             }
             share.clamp(DVec3::NEG_ONE, DVec3::ONE) * most
         };

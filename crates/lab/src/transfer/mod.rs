@@ -52,11 +52,12 @@ pub struct TransferArguments {
 }
 
 /// Limitations of the measurement, for people.
-const NOTES: [&str; 4] = [
+const NOTES: [&str; 5] = [
     "the operator is scripted: virtual devices with reaction time, tremor, overshoot and pauses; it reads poses from the simulator (oracle)",
     "all arms read object poses from the simulator (oracle)",
     "each scene has one object, alone on the table; pick_and_place has a plate, which moves by a quarter of the offsets",
     "mimicgen is written from the published description: marks from the segments of each source, two subtasks, body frame, 20 Hz",
+    "the published noise meets position control here, which passes it on to the hand; the original's compliant control filters it",
 ];
 
 /// Measures with one thread.
@@ -151,6 +152,10 @@ impl Bench<'_> {
                 self.ablate(&stage, &found, &episode, own_seed, &mut ablated)?;
             }
             if self.arguments.ablate {
+                let mut calm = MimicGen::new(sources.clone(), self.objects()).without_noise();
+                let calm = self.run(&stage, &mut calm, &format!("{id}-calm"), own_seed)?;
+                detail.without_noise_settled_and_any_step[0] += usize::from(calm.result.success);
+                detail.without_noise_settled_and_any_step[1] += usize::from(self.held_at_any_step(&stage, &calm));
                 let bridge = PlannedBridge { planner: Arc::clone(self.resources.planner), stage: stage.clone() };
                 let mut planned = MimicGen::new(sources.clone(), self.objects()).with_planned_bridges(bridge);
                 let planned = self.run(&stage, &mut planned, &format!("{id}-skillgen"), own_seed)?;
