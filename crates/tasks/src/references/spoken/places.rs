@@ -259,7 +259,7 @@ impl Listener {
         // `take the spoon out of the pot and leave it beside it`
         if let ([subject], [topic]) = (self.mind.subjects.as_slice(), self.mind.topic.as_slice())
             && subject == topic
-            && let Some(place) = subject.at.as_deref().or(self.mind.place.as_ref())
+            && let Some(place) = subject.at.as_deref()
         {
             return Some(place.objects.clone());
         }

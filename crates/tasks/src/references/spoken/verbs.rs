@@ -57,7 +57,7 @@ pub(super) fn is_verb(word: &str) -> bool {
 pub(super) fn base_of_third_person(word: &str) -> Option<&'static str> {
     let words = vocabulary();
     let classes = [&words.carry, &words.take, &words.state, &words.build, &words.fill, &words.swap, &words.discard];
-    let verbs = classes.into_iter().flatten().map(|verb| verb.split(' ').next().unwrap_or(verb)).chain(["give"]);
+    let verbs = classes.into_iter().flatten().copied().filter(|verb| !verb.contains(' ')).chain(["give"]);
     let is_third = |verb: &str| {
         let stem = word.strip_suffix('s');
         stem == Some(verb)
@@ -77,6 +77,7 @@ mod tests {
             assert_eq!(base_of_third_person(word), Some(base));
         }
         assert_eq!(base_of_third_person("put"), None);
+        assert_eq!(base_of_third_person("goes"), None);
     }
 
     #[test]
