@@ -2,9 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use arrow_array::Int64Array;
-use genmanip_data::columns::Column;
-use genmanip_data::table::Table;
+use std::sync::Arc;
+
+use arrow_array::types::Float32Type;
+use arrow_array::{Array, ArrayRef, Int64Array, LargeBinaryArray, LargeListArray, RecordBatch, StringArray};
+use genmanip_data::columns::{Column, image_files};
+use genmanip_data::table::{Purpose, Table, TableWriter};
 use genmanip_dataset_tools::import::{self, ImportSettings};
 
 use crate::checking::{checked, listed};
@@ -39,6 +42,65 @@ fn versions_of_other_tools_are_checked_and_imported() {
         let video = out.join("videos/observation.images.front/chunk-000/file-000.mp4");
         assert!(video.is_file(), "{name}: {}", video.display());
     }
+}
+
+/// Rows as Polars writes them: large lists, images in a large binary column; and a column that `info.json` does not list.
+fn as_polars(path: &Path) {
+    let batch = Table::open(path).unwrap().whole(|_| true).unwrap();
+    let converted = |column: &ArrayRef| -> ArrayRef {
+        if let Some(files) = image_files(column) {
+            return Arc::new(LargeBinaryArray::from_iter(files));
+        }
+        let Some(found) = Column::of(column).filter(|found| found.width > 1) else { return Arc::clone(column) };
+        let row = |row| Some(found.row(row).iter().map(|value| Some(*value as f32)).collect::<Vec<_>>());
+        Arc::new(LargeListArray::from_iter_primitive::<Float32Type, _, _>((0..column.len()).map(row)))
+    };
+    let note: ArrayRef = Arc::new(StringArray::from(vec!["a note"; batch.num_rows()]));
+    let schema = batch.schema();
+    let names = schema.fields().iter().map(|field| field.name().as_str());
+    let columns = names.zip(batch.columns().iter().map(converted)).chain([("note", note)]);
+    let changed = RecordBatch::try_from_iter(columns).unwrap();
+    let mut writer = TableWriter::new(path, changed.schema(), Purpose::Dataset).unwrap();
+    writer.write(&changed).unwrap();
+    std::fs::write(path, writer.finish().unwrap()).unwrap();
+}
+
+/// Tables of Polars, and metadata from an editor that adds marks and blank lines, hold the same dataset.
+#[test]
+fn tables_and_texts_of_other_writers_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["data_v21_plain", "data_v21_image"] {
+        let copy = folder.path().join(name);
+        copied(&source(name), &copy);
+        for file in files_below(&copy.join("data")) {
+            as_polars(&file);
+        }
+        for file in ["info.json", "tasks.jsonl", "episodes.jsonl", "episodes_stats.jsonl"] {
+            let path = copy.join("meta").join(file);
+            let text = std::fs::read_to_string(&path).unwrap().replace('\n', "\r\n");
+            std::fs::write(&path, format!("\u{feff}{text}\r\n  \r\n")).unwrap();
+        }
+        let found = listed(&checked(&copy));
+        assert!(found.lines().all(|line| line.contains("column note")), "{name}: {found}");
+        let out = folder.path().join(format!("{name}_out"));
+        let made = import::import(&copy, &ImportSettings::default(), &out, &mut |_| {}).unwrap();
+        let note = "column note is left out, since info.json does not list it";
+        assert!(made.imported.notes.iter().any(|said| said == note), "{name}: {:?}", made.imported.notes);
+        let original = files_below(&source(name).join("data"));
+        let mut actions: Vec<f64> = Vec::new();
+        for file in ["episode_000000.parquet", "episode_000001.parquet"] {
+            actions.extend(column(original.iter().find(|path| path.ends_with(file)).unwrap(), "action"));
+        }
+        assert_eq!(column(&out.join("data/chunk-000/file-000.parquet"), "action"), actions, "{name}");
+    }
+    // What stands in place of the files of a repository is named.
+    let copy = folder.path().join("data_v21_plain");
+    for file in files_below(&copy.join("data")) {
+        std::fs::write(file, "version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n").unwrap();
+    }
+    let error = import::import(&copy, &ImportSettings::default(), &folder.path().join("lfs"), &mut |_| {}).unwrap_err();
+    assert!(error.to_string().contains("a pointer of Git LFS"), "{error}");
+    assert!(error.hint().is_some_and(|hint| hint.contains("git lfs pull")), "{error}");
 }
 
 /// A value that is not finite is named by its row, once an episode; its statistics are no further findings.
@@ -88,6 +150,11 @@ fn hdf5_of_robomimic_and_libero_is_imported() {
     assert_eq!(column(&rows, "action"), (0..21).map(f64::from).collect::<Vec<_>>());
     assert_eq!(column(&rows, "observation.state").len(), 3 * 9);
     assert!(made.imported.notes.iter().any(|note| note.contains("there is no sentence")), "{:?}", made.imported);
+    let (made, _) = imported("nested");
+    for name in ["camera", "elsewhere"] {
+        let note = format!("`obs/{name}` of the demonstrations is left out");
+        assert!(made.imported.notes.contains(&note), "{note}: {:?}", made.imported.notes);
+    }
     // A file that is cut off is refused by name, and nothing is left.
     let cut = folder.path().join("cut.hdf5");
     std::fs::write(&cut, &std::fs::read(sources.join("lift.hdf5")).unwrap()[..6000]).unwrap();

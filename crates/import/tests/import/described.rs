@@ -136,6 +136,45 @@ fn missing_meshes_are_left_out_and_noted() {
     assert!(refused(&files, "45132/mobility.urdf").to_string().contains("no such file"));
 }
 
+/// Joints of objects that have no limits, or should follow another one, are read with a note; one with an empty range is
+/// held where it is.
+#[test]
+fn joints_of_unusual_objects_are_noted() {
+    let link = |name: &str, up: f64| {
+        format!(
+            "<link name='{name}'><visual><origin xyz='0 0 {up}'/><geometry><box size='0.1 0.1 0.02'/></geometry></visual>\
+             <visual><geometry><heightmap/></geometry></visual></link>"
+        )
+    };
+    let joint = |name: &str, child: &str, rest: &str| {
+        format!(
+            "<joint name='{name}' type='prismatic'><parent link='a'/><child link='{child}'/><axis xyz='0 0 1'/>{rest}</joint>"
+        )
+    };
+    let limits = "<limit lower='0' upper='0.05' effort='1' velocity='1'/>";
+    let text = [
+        "<robot name='stand'>".to_owned(),
+        ["a", "b", "c", "d"].iter().zip([0.0, 0.03, 0.06, 0.09]).map(|(name, up)| link(name, up)).collect(),
+        joint("free", "b", ""),
+        joint("led", "c", &format!("{limits}<mimic joint='free'/>")),
+        joint("held", "d", "<limit lower='0.2' upper='0.2' effort='1' velocity='1'/>"),
+        "</robot>".to_owned(),
+    ]
+    .concat();
+    let object = import_from(&disk(&[("stand.urdf", text.as_bytes())]), "stand.urdf", &Given::default()).unwrap();
+    let slide = JointKind::Prismatic;
+    assert_eq!(joints(&object.model), [("free", slide, [-0.2, 0.2]), ("led", slide, [0.0, 0.05])]);
+    assert!((object.model.card.size_m.z - 0.31).abs() < 1e-3, "held at 0.2 m: {}", object.model.card.size_m);
+    for note in [
+        "joint free states no limits: -0.20 to 0.20 are assumed",
+        "joint led should follow free; joints of an object move by themselves",
+        "joint held has an empty range: taken as fixed at 0.2",
+        "line 1: visual geometry of an unknown kind is left out",
+    ] {
+        assert!(object.report.repairs.iter().any(|said| said == note), "{note}: {:?}", object.report.repairs);
+    }
+}
+
 /// Found by `genmanip-lab hostile`: a plausible diagonal with products of inertia that no body can have.
 #[test]
 fn an_impossible_inertia_is_replaced_and_reported() {

@@ -257,6 +257,29 @@ fn colours_of_vertices_and_of_old_materials_are_seen() {
     assert!(texture.rgb.chunks_exact(3).any(|pixel| pixel == [170, 0, 85]), "{texture:?}");
 }
 
+/// Lines continued by a backslash, several libraries in one line, and roughness and metalness of the newer MTL; what is
+/// not used is said.
+#[test]
+fn obj_of_other_exporters_is_read() {
+    let (corners, triangles) = upright_box([0.05, 0.2, 0.03]);
+    let mut text = String::from("mtllib a.mtl b.mtl\nusemtl red\n");
+    text.extend(corners.iter().map(|[x, y, z]| format!("v {x} \\\n {y} {z}\n")));
+    text.extend(triangles.iter().map(|[a, b, c]| format!("f {} {} \\\r\n{}\n", a + 1, b + 1, c + 1)));
+    let files = disk(&[
+        ("soap.obj", text.as_bytes()),
+        ("a.mtl", b"newmtl blue\nKd 0 0 1\n"),
+        ("b.mtl", b"newmtl red\nKd 1 0 0\nPr 0.25\nPm 0.8\nbump dents.png\nmap_d holes.png\n"),
+    ]);
+    let object = import_from(&files, "soap.obj", &Given::default()).unwrap();
+    let material = &object.model.links[0].visual[0].material;
+    assert_eq!((material.roughness, material.metallic, object.model.card.colors[0].as_str()), (0.25, 0.8, "red"));
+    let note = "b.mtl: not used: bump, map_d";
+    assert!(object.report.repairs.iter().any(|said| said == note), "{:?}", object.report.repairs);
+    let damaged = [text.as_bytes(), b"f 1 2 \\"].concat();
+    let error = import_from(&disk(&[("soap.obj", &damaged)]), "soap.obj", &Given::default()).map(drop).unwrap_err();
+    assert!(error.to_string().contains("a face with 2 vertices"), "{error}");
+}
+
 /// Scenes besides the default one are not read, which is said.
 #[test]
 fn other_scenes_are_noted() {

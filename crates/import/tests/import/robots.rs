@@ -33,7 +33,7 @@ pub const ARM: &str = r#"<robot name="six">
     <axis xyz="1 0 0"/><limit lower="-3" upper="3" velocity="2"/></joint>
 </robot>"#;
 
-const BRICK: &str = "v -0.15 -0.03 -0.03\nv 0.15 -0.03 -0.03\nv -0.15 0.03 -0.03\nv 0.15 0.03 -0.03\n\
+pub const BRICK: &str = "v -0.15 -0.03 -0.03\nv 0.15 -0.03 -0.03\nv -0.15 0.03 -0.03\nv 0.15 0.03 -0.03\n\
                      v -0.15 -0.03 0.03\nv 0.15 -0.03 0.03\nv -0.15 0.03 0.03\nv 0.15 0.03 0.03\nv 0 0 0\n";
 
 /// Reads a robot from files in a folder, the first of which is the URDF.

@@ -1,9 +1,10 @@
 //! URDFs of unusual spelling: encodings, unlimited values, joints that cannot move.
 
+use genmanip_core::glam::DVec3;
 use genmanip_core::{Pose, RobotModel};
-use genmanip_import::robots::Choices;
+use genmanip_import::robots::{Choices, add};
 
-use crate::robots::{ARM, read, read_files, with};
+use crate::robots::{ARM, BRICK, read, read_files, with};
 
 /// XML in the encodings and with the beginnings that editors and generators leave.
 #[test]
@@ -89,5 +90,72 @@ fn joints_that_cannot_move_are_held_where_they_are() {
             "{name}: {:?}",
             robot.notes
         );
+    }
+}
+
+/// Names of meshes with codes for blanks are decoded; what cannot be found is told apart.
+#[test]
+fn names_of_meshes_are_decoded_or_told_apart() {
+    let named = |named: &str, file: &str, text: &str| {
+        let urdf = ARM.replace("fore.obj", named);
+        read_files(&[("arm.urdf", urdf.as_bytes()), (file, text.as_bytes())], Choices::default()).map(drop)
+    };
+    assert_eq!(named("my%20fore.obj", "my fore.obj", BRICK), Ok(()));
+    for (mesh, file, text, message) in [
+        ("100%.obj", "fore.obj", BRICK, "`100%.obj`: no such file"),
+        ("FORE.OBJ", "fore.obj", BRICK, "fore.obj differs from it in upper and lower case only"),
+        ("$(find six)/fore.obj", "fore.obj", BRICK, "an expression of xacro (expand the file first"),
+        ("fore.obj", "fore.obj", "version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "a pointer of Git LFS"),
+    ] {
+        let error = named(mesh, file, text).unwrap_err();
+        assert!(error.contains(message), "{mesh}: {error}");
+    }
+}
+
+/// What is written in another form is refused with what to do, or read with a note.
+#[test]
+fn other_forms_are_named() {
+    for (old, new, message) in [
+        ("xyz=\"0 0 0.4\"", "xyz=\"0 0 ${length}\"", "expected numbers (expand the file first: `xacro FILE"),
+        ("xyz=\"0 0 0.4\"", "xyz=\"0, 0, 0.4\"", "(numbers are separated by blanks"),
+        ("<link name=\"roll\"/>", "<link name=\"roll\"/><link name=\"eye\"/>", "got 2: eye, world (attach"),
+    ] {
+        let error = with(old, new).unwrap_err();
+        assert!(error.contains(message), "{new}: {error}");
+    }
+    for (tag, message) in [("sdf", "this is SDF"), ("mujoco", "this is MJCF")] {
+        let error = read(&format!("<{tag}/>")).unwrap_err();
+        assert!(error.contains(message), "{error}");
+    }
+    for (old, new, note) in [
+        ("rpy=\"0 0.1 0\"", "rpy=\"0 90 0\"", "joint j2 is turned by more than two turns: is its rpy in degrees?"),
+        ("lower=\"-2.5\" upper=\"2.5\"", "lower=\"-90\" upper=\"90\"", "joint j3 has limits of more than two turns"),
+        ("<sphere radius=\"0.07\"/>", "<sphere radius=\"0.07\"/><box size=\"1 1 1\"/>", "only the first of 2 shapes"),
+    ] {
+        let notes = with(old, new).unwrap_or_else(|error| panic!("{new}: {error}")).notes;
+        assert!(notes.iter().any(|found| found.contains(note)), "{new}: {notes:?}");
+    }
+}
+
+/// Arms whose tool hangs from a slide, as of SCARA arms: the gripper points down, whichever way the axes point.
+#[test]
+fn the_gripper_of_a_scara_points_down() {
+    let joint = |name: &str, kind: &str, parent: &str, child: &str, origin: &str, axis: &str, limit: &str| {
+        format!(
+            "<link name='{child}'/><joint name='{name}' type='{kind}'><parent link='{parent}'/><child link='{child}'/>\
+             <origin xyz='{origin}'/><axis xyz='{axis}'/><limit {limit} velocity='1' effort='50'/></joint>"
+        )
+    };
+    for (axis, limit) in [("0 0 -1", "lower='0' upper='0.3'"), ("0 0 1", "lower='-0.3' upper='0'")] {
+        let joints = [
+            joint("one", "revolute", "base", "a", "0 0 0.45", "0 0 1", "lower='-2.5' upper='2.5'"),
+            joint("two", "revolute", "a", "b", "0.35 0 0", "0 0 1", "lower='-2.5' upper='2.5'"),
+            joint("three", "prismatic", "b", "quill", "0.3 0 0", axis, limit),
+            joint("four", "revolute", "quill", "tool", "0 0 0", axis, "lower='-3' upper='3'"),
+        ];
+        let read = read(&format!("<robot name='scara'><link name='base'/>{}</robot>", joints.concat())).unwrap();
+        let found = add::propose(read, "scara", None).unwrap();
+        let approach = found.model.tcp_pose(&found.model.home).transform_vector(DVec3::Z);
+        assert!(approach.z < -0.99 && found.model.reach.is_some(), "{axis}: {approach}, {:?}", found.notes);
     }
 }
