@@ -27,6 +27,16 @@ pub struct ContactReport {
 }
 
 impl ContactReport {
+    /// Normal force on the robot by a body that is not part of it, N, in the world; `None` for other contacts.
+    pub(crate) fn force_on_robot(&self) -> Option<DVec3> {
+        match (self.a, self.b) {
+            (BodyId::Robot { .. }, BodyId::Robot { .. }) => None,
+            (BodyId::Robot { .. }, _) => Some(-self.normal * self.normal_force),
+            (_, BodyId::Robot { .. }) => Some(self.normal * self.normal_force),
+            _ => None,
+        }
+    }
+
     /// The partner of `body` in this contact; `None` if `body` takes no part in it.
     pub fn other(&self, body: BodyId) -> Option<BodyId> {
         match body {

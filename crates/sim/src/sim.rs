@@ -34,8 +34,8 @@ pub struct RobotStep {
     pub torques: Vec<f64>,
     /// Index of the object pressed by both fingers; `None` without one.
     pub grasped: Option<usize>,
-    /// Contact force between the robot and anything but the grasped object, N.
-    pub stray_contact_n: f64,
+    /// Sum of the normal contact forces on the robot, N, in the world: the two forces of a grasp balance each other.
+    pub contact_force: DVec3,
 }
 
 impl std::fmt::Debug for Sim {
@@ -193,13 +193,13 @@ impl Sim {
             ctrl[robot.velocity_ctrl[joint]] = velocities[joint];
         }
         let mut touches = TouchTally::default();
-        let mut torques = Vec::new();
+        let (mut torques, mut contact_force) = (Vec::new(), DVec3::ZERO);
         self.step_with(|scene, data| {
             touches.add(fingers(robot, data), robot.model.hand, contacts(scene, data));
+            contact_force = contacts(scene, data).filter_map(|contact| contact.force_on_robot()).sum();
             torques = robot.arm_dof.iter().map(|&dof| data.qfrc_actuator()[dof]).collect();
         })?;
-        let grasped = touches.grasped();
-        Ok(RobotStep { torques, grasped, stray_contact_n: touches.stray().map_or(0.0, |(force_n, _)| force_n) })
+        Ok(RobotStep { torques, grasped: touches.grasped(), contact_force })
     }
 
     /// Runs the engine's own step function without checks, for timing comparisons.

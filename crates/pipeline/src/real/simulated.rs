@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use genmanip_core::glam::DVec3;
 use genmanip_core::{CameraRequest, ImageChannels, ObjectState, RgbdImage, RobotModel, Seed};
 use genmanip_real::bridge::server::Clock;
 use genmanip_real::bridge::{
@@ -23,7 +24,8 @@ pub struct SimulatedArmSettings {
     pub lag_s: f64,
     /// Standard deviation of measured joint positions, rad.
     pub noise_rad: f64,
-    /// Contact force at which a reflex stops the arm, N; the grasped object does not count. 0 for no reflexes.
+    /// External force at which a reflex stops the arm, N: the sum of its contacts, in which the two forces of a grasp
+    /// balance each other. 0 for no reflexes.
     pub reflex_n: f64,
 }
 
@@ -36,6 +38,9 @@ impl Default for SimulatedArmSettings {
 
 /// Error word of a reflex.
 const REFLEX: &str = "cartesian_reflex";
+/// Time constant of the estimate of the external force, s. Chosen by hand: joint torque sensors do not see the shock of
+/// one physics step.
+const FORCE_S: f64 = 0.01;
 /// Time without reflexes after a recovery, s.
 const GRACE_S: f64 = 0.1;
 /// Time behind schedule after which a driver gives up catching up, s.
@@ -85,6 +90,8 @@ pub struct SimulatedArm {
     width_m: f64,
     torques: Vec<f64>,
     grasped: Option<usize>,
+    /// Estimate of the external force, N, in the world.
+    force: DVec3,
     has_reflex: bool,
     /// Control periods without reflexes after a recovery.
     grace_ticks: u64,
@@ -113,6 +120,7 @@ impl SimulatedArm {
             setpoints,
             width_m,
             grasped: None,
+            force: DVec3::ZERO,
             has_reflex: false,
             grace_ticks: 0,
         }
@@ -196,7 +204,8 @@ impl SimulatedArm {
         let step = self.sim.robot_step(&positions, &velocities, self.width_m)?;
         self.torques = step.torques;
         self.grasped = step.grasped;
-        let is_hit = self.settings.reflex_n > 0.0 && step.stray_contact_n > self.settings.reflex_n;
+        self.force += (step.contact_force - self.force) * (self.step_s / FORCE_S).min(1.0);
+        let is_hit = self.settings.reflex_n > 0.0 && self.force.length() > self.settings.reflex_n;
         if is_hit && !self.has_reflex && self.grace_ticks == 0 {
             // The arm holds where it is; the brakes of a real one are as abrupt.
             self.has_reflex = true;

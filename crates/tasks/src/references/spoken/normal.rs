@@ -65,7 +65,8 @@ pub(super) fn tokens(text: &str) -> Vec<String> {
         let rest = &words[next..];
         let stands = |phrase: &str| {
             let length = phrase.split(' ').count();
-            (rest.len() >= length && phrase.split(' ').zip(rest).all(|(one, word)| one == word)).then_some(length)
+            let is_one_of = |(words, word): (&str, &String)| words.split('|').any(|one| one == word);
+            (rest.len() >= length && phrase.split(' ').zip(rest).all(is_one_of)).then_some(length)
         };
         let found = vocabulary().phrases.iter().filter_map(|(phrase, other)| Some((stands(phrase)?, *other)));
         let (length, other) = found.max_by_key(|(length, _)| *length).unwrap_or((1, rest[0].as_str()));

@@ -20,7 +20,8 @@ type Pairs = Vec<(&'static str, &'static str)>;
 pub(super) struct Vocabulary {
     /// Contractions and their full forms.
     pub contractions: Pairs,
-    /// Words and phrases with their plain form, tried in this order; an empty one is a courtesy or a filler.
+    /// Words and phrases with their plain form, of which the longest counts; `this|that` is either word, and an empty form
+    /// a courtesy or a filler.
     pub phrases: Pairs,
     /// Spelling variants and other words for the same.
     pub spellings: Pairs,
