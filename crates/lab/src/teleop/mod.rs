@@ -134,7 +134,7 @@ pub struct DeviceReport {
 
 /// Limitations of the measurement, for people.
 const NOTES: [&str; 4] = [
-    "input_to_image_ms_p95 and images_per_s are null: the page in the browser does not exist yet",
+    "input_to_image_ms_p95 and images_per_s are null: they take the page in a browser, which is not started here",
     "devices are virtual: HID reports by their descriptor, gamepad states and key events go in where a device's would",
     "input_to_command_ms_p95 is simulated time; late_steps counts control steps computed in more time than they last",
     "the operator is scripted and reads the pose of the object from the simulator (oracle)",
