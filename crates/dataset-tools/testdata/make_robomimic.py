@@ -67,12 +67,11 @@ def main() -> None:
             demo.create_dataset("actions", data=np.arange(3, dtype=np.float32)[:, None])
             for key, values in columns.items():
                 demo.create_dataset(f"obs/{key}", data=values)
-    # A group among the observations, and a link that leads nowhere.
+    # A group among the observations.
     with h5py.File(folder / "nested.hdf5", "w") as file:
         demo = file.create_group("data/demo_0")
         demo.create_dataset("actions", data=np.arange(3, dtype=np.float32)[:, None])
         demo.create_dataset("obs/camera/depth", data=np.ones((3, 4), np.float32))
-        demo["obs/elsewhere"] = h5py.ExternalLink("gone.hdf5", "/force")
 
 
 main()

@@ -155,7 +155,7 @@ pub(crate) struct Metadata {
 pub(crate) fn read_info(root: &Path, findings: &mut Findings) -> Result<Info, DataError> {
     let path = root.join(INFO);
     let bytes = files::read(&path, limits::SETTINGS)?;
-    let json: Value = serde_json::from_slice(&bytes)
+    let json: Value = serde_json::from_slice(without_mark(&bytes))
         .map_err(|error| DataError::mismatch(path.display().to_string(), "JSON", error))?;
     let version = match json["codebase_version"].as_str() {
         Some("v3.0") => Version::V30,

@@ -155,7 +155,7 @@ impl Robomimic {
             Ok(observed) => {
                 let datasets = observed.datasets().map_err(|error| damaged(path, &error))?;
                 let (groups, others) = observed.member_names().map_err(|error| damaged(path, &error))?;
-                // Groups, and links that lead nowhere.
+                // Groups, mostly.
                 let is_read = |name: &String| datasets.iter().any(|dataset| dataset.name() == name.as_str());
                 for name in groups.iter().chain(&others).filter(|name| !is_read(name)) {
                     columns.notes.insert(format!("`obs/{name}` of the demonstrations is left out"));

@@ -151,10 +151,8 @@ fn hdf5_of_robomimic_and_libero_is_imported() {
     assert_eq!(column(&rows, "observation.state").len(), 3 * 9);
     assert!(made.imported.notes.iter().any(|note| note.contains("there is no sentence")), "{:?}", made.imported);
     let (made, _) = imported("nested");
-    for name in ["camera", "elsewhere"] {
-        let note = format!("`obs/{name}` of the demonstrations is left out");
-        assert!(made.imported.notes.contains(&note), "{note}: {:?}", made.imported.notes);
-    }
+    let note = "`obs/camera` of the demonstrations is left out";
+    assert!(made.imported.notes.iter().any(|said| said == note), "{:?}", made.imported.notes);
     // A file that is cut off is refused by name, and nothing is left.
     let cut = folder.path().join("cut.hdf5");
     std::fs::write(&cut, &std::fs::read(sources.join("lift.hdf5")).unwrap()[..6000]).unwrap();
