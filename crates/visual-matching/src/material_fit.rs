@@ -9,11 +9,13 @@ use glam::Vec3A;
 /// Candidate roughnesses.
 pub const ROUGHNESSES: [f64; 12] = [0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0];
 /// Widest 95 % interval of a roughness that counts as identified.
-pub const WIDEST: f64 = 0.3;
+const WIDEST: f64 = 0.3;
 /// Residual beyond which a pixel counts less and less, relative to the mean radiance: shifted texture, dirt.
 const OUTLIER: f64 = 0.15;
 /// Smallest residual that a rendered surface is expected to leave, relative to the mean radiance.
-const MODEL_SD: f64 = 0.015;
+const MODEL_SD: f64 = 0.03;
+/// Largest residual, relative to the mean radiance, with which renderings still explain the photographs.
+const MISFIT: f64 = 0.08;
 /// Number of neighbouring pixels whose residuals are taken as one: texture and rendering errors are correlated.
 const CORRELATED: f64 = 40.0;
 /// Rise of χ² at the ends of a 95 % interval.
@@ -49,6 +51,8 @@ pub struct Roughness {
     pub value: f64,
     /// Its 95 % interval.
     pub interval: [f64; 2],
+    /// Root mean square of the robust residuals, relative to the mean radiance.
+    pub misfit: f64,
 }
 
 impl Pixels {
@@ -98,7 +102,8 @@ impl Pixels {
         let costs: Vec<f64> = fits.iter().map(|fit| fit.cost).collect();
         let best = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).unwrap_or_default();
         let (value, least) = lowest(&costs, best);
-        let variance = (least.max(0.0) / (3 * self.len().max(1)) as f64).max((MODEL_SD * self.brightness()).powi(2));
+        let misfit = (least.max(0.0) / (3 * self.len().max(1)) as f64).sqrt() / self.brightness();
+        let variance = (misfit.max(MODEL_SD) * self.brightness()).powi(2);
         let limit = least + CHI_SQUARE * CORRELATED * variance;
         let ends = [ROUGHNESSES[0], ROUGHNESSES[ROUGHNESSES.len() - 1]];
         let crossing = |inner: usize, outer: usize| {
@@ -107,7 +112,7 @@ impl Pixels {
         };
         let low = (0..best).rev().find(|&at| costs[at] > limit).map_or(ends[0], |at| crossing(at + 1, at));
         let high = (best + 1..costs.len()).find(|&at| costs[at] > limit).map_or(ends[1], |at| crossing(at - 1, at));
-        Roughness { value, interval: [low.min(value), high.max(value)] }
+        Roughness { value, interval: [low.min(value), high.max(value)], misfit }
     }
 }
 
@@ -131,7 +136,12 @@ fn lowest(costs: &[f64], best: usize) -> (f64, f64) {
 impl Roughness {
     /// True if the pixels tell the roughness.
     pub fn is_identified(&self) -> bool {
-        self.interval[1] - self.interval[0] <= WIDEST
+        self.is_explained() && self.interval[1] - self.interval[0] <= WIDEST
+    }
+
+    /// True if renderings explain the photographs.
+    pub fn is_explained(&self) -> bool {
+        self.misfit <= MISFIT
     }
 }
 

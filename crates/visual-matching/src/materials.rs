@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use crate::difference::delta_e;
 use crate::error::MatchError;
-use crate::material_fit::{Fit, Pixels, ROUGHNESSES, Rendered, factor_at};
+use crate::material_fit::{Fit, Pixels, ROUGHNESSES, Rendered, Roughness, factor_at};
 use crate::request::{MatchRequest, Photo};
 use crate::scene::pictured;
 use crate::unidentified::Unidentified;
@@ -21,8 +21,14 @@ const FEWEST_PIXELS: usize = 30;
 const MOST_PIXELS: usize = 4_000;
 /// Passes of the fit: light between surfaces depends on the colours that the pass before found.
 const PASSES: usize = 2;
-/// Exposure at which candidates are rendered, so that highlights do not clip below twice a white surface.
-const EXPOSURE: f64 = 0.5;
+/// Response with which candidates are rendered: highlights do not clip below twice a white surface.
+const IDEAL: CameraResponse = CameraResponse {
+    exposure: 0.5,
+    white_balance: [1.0; 3],
+    matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+    contrast: 1.0,
+    white: 1.0,
+};
 
 /// Material of a part of an object.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -32,7 +38,7 @@ pub struct FoundMaterial {
     pub material: MeasuredMaterial,
     /// Mean base colour of the part, linear RGB.
     pub base_color: [f64; 3],
-    /// Roughness that fits best, if the light's direction is known, and its 95 % interval.
+    /// Roughness that fits best; `None` without a known direction of the light, or if none explains the photographs.
     pub roughness_fit: Option<f64>,
     /// 95 % interval of the roughness.
     pub roughness_interval: Option<[f64; 2]>,
@@ -83,6 +89,9 @@ pub fn materials(
     if pixels.is_empty() {
         return Ok(Vec::new());
     }
+    let failed = |source| MatchError::NotDrawn { camera: shots[0].camera.name.clone(), source };
+    let look = RenderVariation::of_world(world).map_err(failed)?;
+    let ideal = ideal(&look);
     let bare = |key: &Key| MeasuredMaterial {
         object: key.0.clone(),
         part: key.1.clone(),
@@ -95,7 +104,7 @@ pub fn materials(
         let mut fits: BTreeMap<&Key, Vec<Fit>> = BTreeMap::new();
         // The first candidate is the roughness of the object's file.
         for roughness in std::iter::once(None).chain(ROUGHNESSES.map(Some)) {
-            let rendered = rendered(&shots, world, &present, roughness)?;
+            let rendered = rendered(&shots, &ideal, &present, roughness)?;
             for (key, pixels) in &pixels {
                 fits.entry(key).or_default().extend(rendered.get(key).map(|rendered| pixels.fit(rendered)));
             }
@@ -107,12 +116,12 @@ pub fn materials(
             found.insert(key.clone(), entry);
         }
     }
-    let [before, after] = [&[][..], &present].map(|materials| differences(&shots, world, materials));
+    let [before, after] = [&[][..], &present].map(|materials| differences(&shots, &look, materials));
     let (before, after) = (before?, after?);
     for (key, entry) in &mut found {
         entry.delta_e = [before[key], after[key]];
         if !entry.has_roughness {
-            unidentified.push(no_roughness(entry));
+            unidentified.push(no_roughness(entry, has_direction));
         }
     }
     Ok(found.into_values().collect())
@@ -163,15 +172,23 @@ fn response_of(world: &World, camera: &str) -> CameraResponse {
     entry.map_or_else(CameraResponse::default, |entry| entry.response.clone())
 }
 
+/// The look with ideal cameras in place of the measured ones.
+fn ideal(look: &RenderVariation) -> RenderVariation {
+    let response = Response::new(&IDEAL).map(Arc::new);
+    let mut look = look.clone();
+    for (look, response) in look.looks.iter_mut().zip(response.iter().cycle()) {
+        look.response = Arc::clone(response);
+    }
+    look
+}
+
 /// Renderings of the compared pixels with one roughness of all parts, `None` for each part's own.
 fn rendered(
     shots: &[Shot<'_>],
-    world: &World,
+    ideal: &RenderVariation,
     present: &[MeasuredMaterial],
     roughness: Option<f64>,
 ) -> Result<BTreeMap<Key, Rendered>, MatchError> {
-    let ideal = CameraResponse { exposure: EXPOSURE, ..CameraResponse::default() };
-    let response = Response::new(&ideal).map(Arc::new);
     let mut found: BTreeMap<Key, Rendered> = BTreeMap::new();
     for shot in shots {
         let [black, colored] = [0.0, 1.0].map(|share| {
@@ -180,12 +197,8 @@ fn rendered(
                 roughness,
                 ..it.clone()
             };
-            let mut variation = variation(shot, world, present.iter().map(candidate).collect())?;
-            for (look, response) in variation.looks.iter_mut().zip(response.iter().cycle()) {
-                look.response = Arc::clone(response);
-            }
-            let rgb = drawn(shot, variation)?;
-            Ok::<_, MatchError>(linear(&ideal, &Photo { rgb, ..shot.photo.clone() }))
+            let rgb = drawn(shot, ideal, present.iter().map(candidate).collect())?;
+            Ok::<_, MatchError>(linear(&IDEAL, &Photo { rgb, ..shot.photo.clone() }))
         });
         let (black, colored) = (black?, colored?);
         for (key, pixels) in &shot.pixels {
@@ -196,13 +209,9 @@ fn rendered(
     Ok(found)
 }
 
-fn variation(shot: &Shot<'_>, world: &World, measured: Vec<MeasuredMaterial>) -> Result<RenderVariation, MatchError> {
-    let failed = |source| MatchError::NotDrawn { camera: shot.camera.name.clone(), source };
-    Ok(RenderVariation { measured, ..RenderVariation::of_world(world).map_err(failed)? })
-}
-
-fn drawn(shot: &Shot<'_>, variation: RenderVariation) -> Result<Vec<u8>, MatchError> {
-    let mut renderer = Renderer::new(Arc::clone(&shot.posed.0), variation);
+/// Image of a shot with these materials.
+fn drawn(shot: &Shot<'_>, look: &RenderVariation, measured: Vec<MeasuredMaterial>) -> Result<Vec<u8>, MatchError> {
+    let mut renderer = Renderer::new(Arc::clone(&shot.posed.0), RenderVariation { measured, ..look.clone() });
     Ok(pictured(&mut renderer, &shot.posed.1, shot.camera, Channels::RGB)?.rgb)
 }
 
@@ -215,7 +224,7 @@ fn estimated(
     has_direction: bool,
 ) -> FoundMaterial {
     let (own, candidates) = (&fits[0], &fits[1..]);
-    let told = has_direction.then(|| pixels.roughness(candidates));
+    let told = has_direction.then(|| pixels.roughness(candidates)).filter(Roughness::is_explained);
     let has_roughness = told.is_some_and(|told| told.is_identified());
     // A wide interval still excludes values: the roughness of the file moves into it, no further.
     let roughness = told.and_then(|told| match (has_roughness, told.interval) {
@@ -251,12 +260,12 @@ fn part_of(scene: &Scenes, key: &Key) -> (Vec3A, f64) {
 /// Mean ΔE2000 of the compared pixels of each part, rendered with these materials.
 fn differences(
     shots: &[Shot<'_>],
-    world: &World,
+    look: &RenderVariation,
     materials: &[MeasuredMaterial],
 ) -> Result<BTreeMap<Key, f64>, MatchError> {
     let mut sums: BTreeMap<Key, (f64, f64)> = BTreeMap::new();
     for shot in shots {
-        let image = drawn(shot, variation(shot, world, materials.to_vec())?)?;
+        let image = drawn(shot, look, materials.to_vec())?;
         let off = delta_e(&shot.photo.rgb, &image);
         for (key, pixels) in &shot.pixels {
             let sum = sums.entry(key.clone()).or_default();
@@ -266,9 +275,10 @@ fn differences(
     Ok(sums.into_iter().map(|(key, (sum, count))| (key, sum / f64::max(count, 1.0))).collect())
 }
 
-fn no_roughness(found: &FoundMaterial) -> Unidentified {
+fn no_roughness(found: &FoundMaterial, has_direction: bool) -> Unidentified {
     let MeasuredMaterial { object, part, .. } = &found.material;
     let why = match found.roughness_interval {
+        None if has_direction => "no roughness explains the photographs well".to_owned(),
         None => "the direction of the light is not known".to_owned(),
         Some([low, high]) => format!("no clear highlight is seen: anything from {low:.2} to {high:.2} fits"),
     };
