@@ -180,7 +180,7 @@ fn request(hidden: &Hidden) -> Result<MatchRequest, WorkspaceError> {
         world: hidden.world.clone(),
         robot: Arc::clone(&hidden.robot),
         empty: vec![hidden.photo(0, arm, &[], "empty")?],
-        arm: kind.arm.then(|| (home, hidden.robot.gripper.max_width)),
+        arm: kind.arm.then(|| (home.clone(), hidden.robot.gripper.max_width)),
         charts,
         objects: objects.collect::<Result<_, _>>()?,
         table_color: None,
