@@ -182,3 +182,48 @@ fn is_blocked(world_from_tcp: &Pose, others: &[Aabb]) -> bool {
         others.iter().any(hits)
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points on the wall of an upright cup of radius `radius_m`, and on its handle towards +x if it has one.
+    fn cup(radius_m: f64, has_handle: bool) -> Vec<DVec3> {
+        let mut points = Vec::new();
+        for level in 0..=30 {
+            let z = 0.003 * f64::from(level);
+            for sector in 0..90 {
+                let (sin, cos) = (f64::from(sector) / 90.0 * std::f64::consts::TAU).sin_cos();
+                points.push(DVec3::new(radius_m * cos, radius_m * sin, z));
+            }
+            if has_handle && (7..=28).contains(&level) {
+                points.extend((1..=9).map(|step| DVec3::new(radius_m + 0.003 * f64::from(step), 0.0, z)));
+            }
+        }
+        points
+    }
+
+    #[test]
+    fn the_hand_grips_around_what_fits_between_its_open_fingers_but_not_over_a_handle() {
+        let all = 2 * DIRECTIONS;
+        for (radius_m, has_handle, expected) in
+            [(0.035, false, all..all + 1), (0.035, true, 1..all), (0.039, false, 0..1), (0.05, false, 0..1)]
+        {
+            let surface = cup(radius_m, has_handle);
+            let grips = grips_around(&surface, DVec3::new(0.0, 0.0, 0.04), 0.08);
+            assert!(expected.contains(&grips.len()), "{radius_m} {has_handle}: {}", grips.len());
+            for grip in &grips {
+                assert!(gap_m(grip, &surface, 0.08) > GAP_M);
+                let closing = grip.transform_vector(DVec3::Y);
+                assert!(!has_handle || closing.x.abs() < 0.99, "over the handle: {closing}");
+            }
+        }
+    }
+
+    #[test]
+    fn open_fingers_do_not_fit_over_the_wall_of_a_cup() {
+        let wall = DVec3::new(0.0, 0.029, 0.05);
+        let over = Pose::from_axes(wall, DVec3::X, DVec3::NEG_Y, DVec3::NEG_Z);
+        assert!(gap_m(&over, &cup(0.03, false), 0.08) < 0.0);
+    }
+}
