@@ -13,7 +13,7 @@ const WIDEST: f64 = 0.3;
 /// Residual beyond which a pixel counts less and less, relative to the mean radiance: shifted texture, dirt.
 const OUTLIER: f64 = 0.15;
 /// Smallest residual that a rendered surface is expected to leave, relative to the mean radiance.
-const MODEL_SD: f64 = 0.03;
+const MODEL_SD: f64 = 0.05;
 /// Largest residual, relative to the mean radiance, with which renderings still explain the photographs.
 const MISFIT: f64 = 0.08;
 /// Number of neighbouring pixels whose residuals are taken as one: texture and rendering errors are correlated.
