@@ -8,7 +8,7 @@ use glam::Vec3A;
 
 /// Candidate roughnesses.
 pub const ROUGHNESSES: [f64; 12] = [0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0];
-/// Widest 95 % interval of a roughness that counts as identified.
+/// Widest range of a roughness that counts as identified.
 const WIDEST: f64 = 0.3;
 /// Residual beyond which a pixel counts less and less, relative to the mean radiance: shifted texture, dirt.
 const OUTLIER: f64 = 0.15;
@@ -18,7 +18,7 @@ const MODEL_SD: f64 = 0.05;
 const MISFIT: f64 = 0.08;
 /// Number of neighbouring pixels whose residuals are taken as one: texture and rendering errors are correlated.
 const CORRELATED: f64 = 40.0;
-/// Rise of χ² at the ends of a 95 % interval.
+/// Rise of χ² at the ends of the range.
 const CHI_SQUARE: f64 = 3.84;
 /// Iterations of the reweighted least squares.
 const ITERATIONS: usize = 8;
@@ -44,13 +44,14 @@ pub struct Fit {
     pub cost: f64,
 }
 
-/// A roughness and its 95 % interval.
+/// A roughness, and the range that fits nearly as well.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Roughness {
     /// Estimate.
     pub value: f64,
-    /// Its 95 % interval.
-    pub interval: [f64; 2],
+    /// Roughnesses that fit nearly as well. Errors of the light count only roughly ([`MODEL_SD`]), so this is no
+    /// confidence interval: in tests it holds the truth in two of three cases.
+    pub range: [f64; 2],
     /// Root mean square of the robust residuals, relative to the mean radiance.
     pub misfit: f64,
 }
@@ -112,7 +113,7 @@ impl Pixels {
         };
         let low = (0..best).rev().find(|&at| costs[at] > limit).map_or(ends[0], |at| crossing(at + 1, at));
         let high = (best + 1..costs.len()).find(|&at| costs[at] > limit).map_or(ends[1], |at| crossing(at - 1, at));
-        Roughness { value, interval: [low.min(value), high.max(value)], misfit }
+        Roughness { value, range: [low.min(value), high.max(value)], misfit }
     }
 }
 
@@ -136,7 +137,7 @@ fn lowest(costs: &[f64], best: usize) -> (f64, f64) {
 impl Roughness {
     /// True if the pixels tell the roughness.
     pub fn is_identified(&self) -> bool {
-        self.is_explained() && self.interval[1] - self.interval[0] <= WIDEST
+        self.is_explained() && self.range[1] - self.range[0] <= WIDEST
     }
 
     /// True if renderings explain the photographs.
@@ -184,7 +185,7 @@ mod tests {
             assert_eq!(found.is_identified(), is_told, "{strength}: {found:?}");
             if is_told {
                 assert!((found.value - 0.34).abs() < 0.03, "{strength}: {found:?}");
-                assert!((found.interval[0]..=found.interval[1]).contains(&0.34), "{strength}: {found:?}");
+                assert!((found.range[0]..=found.range[1]).contains(&0.34), "{strength}: {found:?}");
             }
             for (factor, truth) in factor_at(&fits, found.value).iter().zip([1.2, 0.5, 1.0]) {
                 assert!((factor / truth - 1.0).abs() < 0.04, "{strength}: {factor} for {truth}");

@@ -40,8 +40,8 @@ pub struct FoundMaterial {
     pub base_color: [f64; 3],
     /// Roughness that fits best; `None` without a known direction of the light, or if none explains the photographs.
     pub roughness_fit: Option<f64>,
-    /// 95 % interval of the roughness.
-    pub roughness_interval: Option<[f64; 2]>,
+    /// Roughnesses that fit nearly as well; no confidence interval.
+    pub roughness_range: Option<[f64; 2]>,
     /// True if the photographs tell the roughness.
     pub has_roughness: bool,
     /// Number of pixels compared.
@@ -226,8 +226,8 @@ fn estimated(
     let (own, candidates) = (&fits[0], &fits[1..]);
     let told = has_direction.then(|| pixels.roughness(candidates)).filter(Roughness::is_explained);
     let has_roughness = told.is_some_and(|told| told.is_identified());
-    // A wide interval still excludes values: the roughness of the file moves into it, no further.
-    let roughness = told.and_then(|told| match (has_roughness, told.interval) {
+    // A wide range still excludes values: the roughness of the file moves into it, no further.
+    let roughness = told.and_then(|told| match (has_roughness, told.range) {
         (true, _) => Some(told.value),
         (false, [low, high]) => (!(low..=high).contains(&own_roughness)).then(|| own_roughness.clamp(low, high)),
     });
@@ -240,7 +240,7 @@ fn estimated(
         material: MeasuredMaterial { color_factor, roughness, ..present.clone() },
         base_color: [0, 1, 2].map(|channel| color_factor[channel] * f64::from(mean[channel])),
         roughness_fit: told.map(|told| told.value),
-        roughness_interval: told.map(|told| told.interval),
+        roughness_range: told.map(|told| told.range),
         has_roughness,
         pixels: pixels.len(),
         delta_e: [0.0; 2],
@@ -277,7 +277,7 @@ fn differences(
 
 fn no_roughness(found: &FoundMaterial, has_direction: bool) -> Unidentified {
     let MeasuredMaterial { object, part, .. } = &found.material;
-    let why = match found.roughness_interval {
+    let why = match found.roughness_range {
         None if has_direction => "no roughness explains the photographs well".to_owned(),
         None => "the direction of the light is not known".to_owned(),
         Some([low, high]) => format!("no clear highlight is seen: anything from {low:.2} to {high:.2} fits"),

@@ -23,7 +23,7 @@ pub struct MaterialReport {
     pub roughness_found: usize,
     /// Error of the roughness where it was found.
     pub roughness_error: Spread,
-    /// Number of those whose 95 % interval holds the truth.
+    /// Number of those whose range holds the truth.
     pub roughness_covered: usize,
     /// Median over a held-out view of the objects at other places of their mean ΔE2000, with their own materials and with
     /// the found ones, both in the matched light.
@@ -62,7 +62,7 @@ impl Errors {
             self.color_before.push(worst([1.0; 3]));
             if let (true, Some(value), Some(truth)) = (found.has_roughness, found.material.roughness, truth.roughness) {
                 self.roughness.push((value - truth).abs());
-                let holds = found.roughness_interval.is_some_and(|[low, high]| (low..=high).contains(&truth));
+                let holds = found.roughness_range.is_some_and(|[low, high]| (low..=high).contains(&truth));
                 self.covered += usize::from(holds);
             }
         }
@@ -98,7 +98,7 @@ impl Errors {
 pub fn describe(report: &MaterialReport) -> String {
     format!(
         "colours of objects  {} % in {} parts (median / 95th percentile), {} % before\n\
-         roughness           {} (median / 95th percentile), found in {}, {} of them within the 95 % interval\n\
+         roughness           {} (median / 95th percentile), found in {}, {} of them within their range\n\
          objects elsewhere   ΔE2000 {:.2} with their own materials, {:.2} with the found ones\n",
         report.color_error.text(100.0),
         report.parts,

@@ -221,7 +221,7 @@ fn describe(out: &Path, matched: &Matched, views: &[ViewReport]) -> String {
 
 /// Found materials, one row per part; empty without any.
 fn materials_table(found: &[FoundMaterial]) -> String {
-    let head = ["object", "part", "pixels", "base colour", "roughness", "95 %", "ΔE2000 before", "after"];
+    let head = ["object", "part", "pixels", "base colour", "roughness", "range", "ΔE2000 before", "after"];
     let mut rows = vec![head.map(String::from).to_vec()];
     for entry in found {
         let [before, after] = entry.delta_e;
@@ -231,7 +231,7 @@ fn materials_table(found: &[FoundMaterial]) -> String {
             entry.pixels.to_string(),
             entry.base_color.map(|value| format!("{value:.2}")).join(", "),
             entry.material.roughness.map_or_else(|| "as it was".into(), |value| format!("{value:.2}")),
-            entry.roughness_interval.map_or_else(String::new, |[low, high]| format!("{low:.2}-{high:.2}")),
+            entry.roughness_range.map_or_else(String::new, |[low, high]| format!("{low:.2}-{high:.2}")),
             format!("{before:.2}"),
             format!("{after:.2}"),
         ]);
