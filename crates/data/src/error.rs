@@ -136,7 +136,7 @@ pub enum DataError {
     Png(String),
 }
 
-/// What stands in place of a large file that a repository holds elsewhere.
+/// Placeholder of a large file that a repository holds elsewhere.
 pub const LFS: &str = "a pointer of Git LFS";
 
 impl DataError {

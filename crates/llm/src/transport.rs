@@ -10,7 +10,7 @@ use crate::error::{ChatError, shortened};
 use crate::retry::retry_after_s;
 use crate::secret::ApiKey;
 
-/// What some gateways put before a text in UTF-8.
+/// Mark that some gateways put before a text in UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Limits on time and size of one request.

@@ -3,6 +3,7 @@
 pub mod add;
 pub mod hulls;
 mod model;
+mod mount;
 mod plausible;
 mod srdf;
 mod tool_frame;

@@ -112,7 +112,7 @@ fn names_of_meshes_are_decoded_or_told_apart() {
     }
 }
 
-/// What is written in another form is refused with what to do, or read with a note.
+/// Other forms are refused with what to do, or read with a note.
 #[test]
 fn other_forms_are_named() {
     for (old, new, message) in [

@@ -7,7 +7,7 @@ use genmanip_workspace::WorkspaceError;
 use serde::Serialize;
 
 use super::hidden::Hidden;
-use super::{difference, drawn, medians};
+use super::views::{Difference, OTHER_POSTURE, difference, drawn, medians};
 use crate::quantile::Spread;
 
 /// Errors of the materials of the objects' parts.
@@ -37,7 +37,7 @@ pub struct Errors {
     color_before: Vec<f64>,
     roughness: Vec<f64>,
     covered: usize,
-    views: Vec<[super::Difference; 2]>,
+    views: Vec<[Difference; 2]>,
 }
 
 impl Errors {
@@ -67,7 +67,7 @@ impl Errors {
             }
         }
         let [.., held_out] = &hidden.layouts;
-        let truth = hidden.photo(0, Some(&super::OTHER_POSTURE), held_out, "materials")?;
+        let truth = hidden.photo(0, Some(&OTHER_POSTURE), held_out, "materials")?;
         let plain = World {
             appearance: matched.world.appearance.clone().map(|it| WorkspaceAppearance { materials: Vec::new(), ..it }),
             ..matched.world.clone()

@@ -1,5 +1,4 @@
-//! What the author of a sentence means by a noun among all objects of a catalogue, and what to offer where nothing has
-//! the name.
+//! Objects of a whole catalogue that the author of a sentence means by a noun, and near ones where nothing has the name.
 
 use genmanip_core::ObjectCard;
 use genmanip_core::names::near_misses;

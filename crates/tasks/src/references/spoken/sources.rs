@@ -1,4 +1,4 @@
-//! Where an object comes from: `off the tray`, `out of the bowl`.
+//! Sources of an object: `off the tray`, `out of the bowl`.
 
 use genmanip_core::Relation;
 
