@@ -175,10 +175,17 @@ impl JointState {
     /// State after one tick towards a target.
     ///
     /// The joint follows the moving reference as fast as it can, as seen from the reference, but never so fast that it
-    /// could not come to rest at the target: a stream that ends makes no overshoot.
-    fn towards(&self, target: &Target, limits: &JointLimits, tick_s: f64) -> Self {
+    /// could not come to rest at the target: a stream that ends makes no overshoot. A joint therefore lags behind, the more
+    /// the less it can decelerate for its velocity. `braking_per_s`, the ratio of deceleration to velocity that every
+    /// moving joint is capable of, makes the lag the same for all joints, so that the arm stays on its path.
+    fn towards(&self, target: &Target, limits: &JointLimits, braking_per_s: f64, tick_s: f64) -> Self {
         let bounds = self.before_ends(self.viable(limits, tick_s), limits, tick_s);
-        let resting = self.acceleration_towards(target.position, bounds, limits, tick_s);
+        let share = match target.velocity {
+            0.0 => 1.0,
+            velocity => (braking_per_s * velocity.abs() / limits.acceleration).min(1.0),
+        };
+        let softer = JointLimits { acceleration: share * limits.acceleration, jerk: share * limits.jerk, ..*limits };
+        let resting = self.acceleration_towards(target.position, bounds, &softer, tick_s);
         let acceleration = match target.velocity {
             0.0 => resting,
             velocity => {
@@ -322,8 +329,10 @@ impl Interpolator {
     /// Advances by one tick; returns the new setpoints.
     pub fn tick(&mut self) -> &[JointState] {
         let Self { limits, joints, targets, tick_s, .. } = self;
+        let ratios = targets.iter().zip(limits.iter()).map(|(target, it)| it.acceleration / target.velocity.abs());
+        let braking_per_s = ratios.fold(f64::INFINITY, f64::min);
         for ((joint, limits), target) in joints.iter_mut().zip(limits.iter()).zip(targets.iter_mut()) {
-            *joint = joint.towards(target, limits, *tick_s);
+            *joint = joint.towards(target, limits, braking_per_s, *tick_s);
             target.tick(*tick_s);
         }
         &self.joints

@@ -154,6 +154,32 @@ fn a_stream_is_followed_smoothly_and_without_overshoot() {
     }
 }
 
+/// Joints whose accelerations differ keep to the straight path of a fast stream whose commands come unevenly.
+#[test]
+fn all_joints_lag_alike() {
+    let limits = JointLimits::PANDA;
+    let start: Vec<f64> = limits.iter().map(|it| f64::midpoint(it.lower, it.upper)).collect();
+    let way = [0.3, 0.5, -0.4, 0.6, 0.1, -0.5, 0.7];
+    let length = way.iter().map(|it| it * it).sum::<f64>().sqrt();
+    let mut interpolator = Interpolator::new(&limits, &start, TICK_S).unwrap();
+    let rng = &mut Seed::new(7).rng();
+    let (mut worst_rad, mut next) = (0.0_f64, 0);
+    for tick in 0..1500 {
+        // There and back, at up to 1.2 rad/s.
+        let share = 0.5 - 0.5 * (4.2 * f64::from(tick) * TICK_S).cos();
+        if tick == next {
+            let target: Vec<f64> = start.iter().zip(way).map(|(from, way)| from + share * way).collect();
+            interpolator.aim(&target, 0.05);
+            next += rng.random_range(8..26);
+        }
+        let off: Vec<f64> = interpolator.tick().iter().zip(&start).map(|(joint, from)| joint.position - from).collect();
+        let along = off.iter().zip(way).map(|(off, way)| off * way).sum::<f64>() / length;
+        let aside = off.iter().zip(way).map(|(off, way)| (off - along * way / length).powi(2)).sum::<f64>().sqrt();
+        worst_rad = worst_rad.max(aside);
+    }
+    assert!(worst_rad < 2e-3, "{worst_rad} rad beside the path");
+}
+
 /// Time from the passed deadline to the first braking tick and to rest, s.
 fn stop_times(limits: &[JointLimits]) -> (f64, f64) {
     let start: Vec<f64> = limits.iter().map(|it| it.lower + 0.1).collect();
