@@ -148,7 +148,7 @@ fn the_gripper_of_a_scara_points_down() {
     };
     for (axis, limit) in [("0 0 -1", "lower='0' upper='0.3'"), ("0 0 1", "lower='-0.3' upper='0'")] {
         let joints = [
-            joint("one", "revolute", "base", "a", "0 0 0.45", "0 0 1", "lower='-2.5' upper='2.5'"),
+            joint("one", "revolute", "base", "a", "0 0 0.35", "0 0 1", "lower='-2.5' upper='2.5'"),
             joint("two", "revolute", "a", "b", "0.35 0 0", "0 0 1", "lower='-2.5' upper='2.5'"),
             joint("three", "prismatic", "b", "quill", "0.3 0 0", axis, limit),
             joint("four", "revolute", "quill", "tool", "0 0 0", axis, "lower='-3' upper='3'"),
