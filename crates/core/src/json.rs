@@ -121,6 +121,11 @@ pub fn text(bytes: &[u8]) -> Result<&str, DocumentError> {
     })
 }
 
+/// Bytes of a text in UTF-8 without the byte order mark that other programs put before it; our own files have none.
+pub fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
+}
+
 /// Likely cause of a syntax error.
 fn hint(text: &str, error: &serde_json::Error) -> &'static str {
     if text.trim().is_empty() {

@@ -3,15 +3,13 @@
 use std::io::Read;
 use std::time::Duration;
 
+use genmanip_core::json::without_mark;
 use serde_json::Value;
 
 use crate::dialect::error_message;
 use crate::error::{ChatError, shortened};
 use crate::retry::retry_after_s;
 use crate::secret::ApiKey;
-
-/// Mark that some gateways put before a text in UTF-8.
-const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Limits on time and size of one request.
 #[derive(Clone, Copy, Debug)]
@@ -73,8 +71,7 @@ impl Transport {
         let retry_after_s = retry_after_s(header("retry-after"), header("date"));
         let bytes = self.read(url, response)?;
         // Redact before truncating: half a key is a secret, too.
-        let json = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&bytes);
-        let parsed: Result<Value, _> = serde_json::from_slice(json).map(|value| self.redact_all(value));
+        let parsed: Result<Value, _> = serde_json::from_slice(without_mark(&bytes)).map(|value| self.redact_all(value));
         let beginning = || shortened(&self.redact(&String::from_utf8_lossy(&bytes)), 120);
         let url = url.to_owned();
         if !(200..300).contains(&status) {

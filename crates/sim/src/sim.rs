@@ -195,8 +195,8 @@ impl Sim {
         let mut touches = TouchTally::default();
         let (mut torques, mut contact_force) = (Vec::new(), DVec3::ZERO);
         self.step_with(|scene, data| {
-            touches.add(fingers(robot, data), robot.model.hand, contacts(scene, data));
-            contact_force = contacts(scene, data).filter_map(|contact| contact.force_on_robot()).sum();
+            let felt = |contact: &ContactReport| contact_force += contact.force_on_robot().unwrap_or_default();
+            touches.add(fingers(robot, data), robot.model.hand, contacts(scene, data).inspect(felt));
             torques = robot.arm_dof.iter().map(|&dof| data.qfrc_actuator()[dof]).collect();
         })?;
         Ok(RobotStep { torques, grasped: touches.grasped(), contact_force })

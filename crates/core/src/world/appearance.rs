@@ -57,6 +57,13 @@ pub struct MeasuredMaterial {
     pub roughness: Option<f64>,
 }
 
+impl MeasuredMaterial {
+    /// True for the material of this part of an object.
+    pub fn is_of(&self, object: &AssetUid, part: &str) -> bool {
+        self.object == *object && self.part == part
+    }
+}
+
 /// Measured appearance of one camera's images.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -206,7 +213,7 @@ impl WorkspaceAppearance {
         }
         for (index, entry) in self.materials.iter().enumerate() {
             let place = format!("appearance.materials[{index}]");
-            if self.materials[..index].iter().any(|it| (&it.object, &it.part) == (&entry.object, &entry.part)) {
+            if self.materials[..index].iter().any(|it| it.is_of(&entry.object, &entry.part)) {
                 let got = format!("a second one of `{}`, part `{}`", entry.object, entry.part);
                 faults.push(WorldFault::new(&*place, "one entry per part of an object", got));
             }

@@ -108,8 +108,7 @@ impl World {
 
     /// The support surfaces that tasks may refer to: all but the table.
     pub fn named_surfaces(&self) -> Vec<NamedSurface> {
-        let named = |surface: &SupportSurface| NamedSurface { id: surface.id.clone(), name: surface.name.clone() };
-        self.surfaces.iter().skip(1).map(named).collect()
+        self.surfaces.iter().skip(1).map(SupportSurface::named).collect()
     }
 
     /// A camera by name; `None` if there is none.

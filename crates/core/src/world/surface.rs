@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::workspace::Workspace;
-use crate::{Aabb, Piece, Pose, Shape, SurfaceId};
+use crate::{Aabb, NamedSurface, Piece, Pose, Shape, SurfaceId};
 
 /// A fixed, level slab that objects stand on: the table, a shelf, a side table.
 ///
@@ -53,6 +53,11 @@ pub struct Board {
 }
 
 impl SupportSurface {
+    /// The surface as tasks name it.
+    pub fn named(&self) -> NamedSurface {
+        NamedSurface { id: self.id.clone(), name: self.name.clone() }
+    }
+
     /// `world_from_surface`; the origin is at the centre of the top.
     pub fn world_from_surface(&self) -> Pose {
         Pose::from_position_yaw(self.top_center_m, self.yaw_rad)

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use arrow_array::RecordBatch;
+use genmanip_core::json::without_mark;
 use genmanip_core::{ActionContract, Document, limits};
 use serde_json::Value;
 
@@ -213,11 +214,6 @@ pub(crate) fn read_json(root: &Path, name: &str, findings: &mut Findings) -> Val
             Value::Null
         }
     }
-}
-
-/// Bytes of a text without the mark that editors of other systems put before it.
-pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
-    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
 }
 
 /// Reads the action contract, if there is one. `None` if it is missing or invalid; an invalid one becomes a finding.

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use genmanip_core::json::without_mark;
 use genmanip_core::limits;
 use serde_json::Value;
 
@@ -120,7 +121,7 @@ fn lines(root: &Path, name: &str, findings: &mut Findings) -> Vec<Value> {
     };
     let mut documents = Vec::new();
     let is_blank = |line: &[u8]| line.trim_ascii().is_empty();
-    let lines = metadata::without_mark(&bytes).split(|byte| *byte == b'\n').enumerate();
+    let lines = without_mark(&bytes).split(|byte| *byte == b'\n').enumerate();
     for (number, line) in lines.filter(|(_, line)| !is_blank(line)) {
         match serde_json::from_slice(line).or_else(|error| without_nan(line).ok_or(error)) {
             Ok(document) => documents.push(document),

@@ -93,9 +93,9 @@ fn joints_that_cannot_move_are_held_where_they_are() {
     }
 }
 
-/// Names of meshes with codes for blanks are decoded; what cannot be found is told apart.
+/// Percent-encoded file names of meshes are decoded; a mesh that cannot be read is refused with the reason.
 #[test]
-fn names_of_meshes_are_decoded_or_told_apart() {
+fn file_names_of_meshes_are_decoded_or_refused_with_the_reason() {
     let named = |named: &str, file: &str, text: &str| {
         let urdf = ARM.replace("fore.obj", named);
         read_files(&[("arm.urdf", urdf.as_bytes()), (file, text.as_bytes())], Choices::default()).map(drop)

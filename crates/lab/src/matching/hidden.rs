@@ -294,10 +294,10 @@ fn repainted(models: impl Iterator<Item = Arc<ObjectModel>>, seed: Seed) -> Vec<
         for part in model.links.iter().flat_map(|link| &link.visual).filter(|part| part.material.opacity >= 1.0) {
             let mean = PaintedMaterial::new(&part.material).mean_color().to_array().map(f64::from);
             let factor = [0, 1, 2].map(|channel| rng.random_range(0.6..1.4_f64).min(0.9 / mean[channel].max(1e-3)));
-            let (object, name) = (model.card.uid.clone(), part.name.clone());
             let roughness = Some(rng.random_range(0.1..0.95));
-            if found.iter().all(|it| (&it.object, &it.part) != (&object, &name)) {
-                found.push(MeasuredMaterial { object, part: name, color_factor: factor, roughness });
+            if !found.iter().any(|it| it.is_of(&model.card.uid, &part.name)) {
+                let (object, part) = (model.card.uid.clone(), part.name.clone());
+                found.push(MeasuredMaterial { object, part, color_factor: factor, roughness });
             }
         }
     }

@@ -50,10 +50,8 @@ impl Errors {
             return Ok(());
         }
         for found in &matched.materials {
-            let is_of = |truth: &&genmanip_core::MeasuredMaterial| {
-                (&truth.object, &truth.part) == (&found.material.object, &found.material.part)
-            };
-            let Some(truth) = hidden.materials.iter().find(is_of) else { continue };
+            let (object, part) = (&found.material.object, &found.material.part);
+            let Some(truth) = hidden.materials.iter().find(|truth| truth.is_of(object, part)) else { continue };
             let worst = |factor: [f64; 3]| {
                 let shares = factor.iter().zip(truth.color_factor).map(|(found, truth)| (found / truth - 1.0).abs());
                 shares.fold(0.0, f64::max)

@@ -157,7 +157,8 @@ fn grips_around(surface: &[DVec3], middle: DVec3, open_m: f64) -> Vec<Pose> {
         let closing = DVec3::new(cos, sin, 0.0);
         let at = |position: DVec3| Pose::from_axes(position, closing.cross(DVec3::NEG_Z), closing, DVec3::NEG_Z);
         let here = at(middle.with_z(height_m));
-        let seen = surface.iter().map(|point| here.inverse().transform_point(*point));
+        let here_from_world = here.inverse();
+        let seen = surface.iter().map(|point| here_from_world.transform_point(*point));
         let between = seen.filter(|point| point.x.abs() < FINGER_SIDE_M && point.z < 0.0 && point.z > -PAD_M);
         let (low_m, high_m) = between
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), point| (low.min(point.y), high.max(point.y)));

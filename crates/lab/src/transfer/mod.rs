@@ -57,7 +57,7 @@ const NOTES: [&str; 5] = [
     "all arms read object poses from the simulator (oracle)",
     "each scene has one object, alone on the table; pick_and_place has a plate, which moves by a quarter of the offsets",
     "mimicgen is written from the published description: marks from the segments of each source, two subtasks, body frame, 20 Hz",
-    "the published noise meets position control here, which passes it on to the hand; the original's compliant control filters it",
+    "the published noise meets stiff position control here; the original's controller is compliant",
 ];
 
 /// Measures with one thread.

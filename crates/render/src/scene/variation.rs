@@ -1,6 +1,6 @@
 //! Variation of a rendering: light, exposure, background, support surface and paint of objects.
 
-use genmanip_core::{MeasuredMaterial, Seed};
+use genmanip_core::{MeasuredMaterial, ObjectModel, Seed};
 use glam::Vec3A;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
@@ -98,10 +98,8 @@ impl RenderVariation {
     /// Material of a part before the paint is varied.
     fn as_measured(&self, part: &Part, assets: &RenderAssets) -> Material {
         let own = part.material.clone();
-        let is_of = |it: &&MeasuredMaterial| {
-            it.part == part.name && assets.object_of(part).is_some_and(|object| object.card.uid == it.object)
-        };
-        let Some(found) = self.measured.iter().find(is_of) else { return own };
+        let measured = |object: &ObjectModel| self.measured.iter().find(|it| it.is_of(&object.card.uid, &part.name));
+        let Some(found) = assets.object_of(part).and_then(measured) else { return own };
         let factor = Vec3A::from_array(found.color_factor.map(|factor| factor as f32));
         // No surface reflects more light than it gets; a texture's dark texels may be brightened beyond that.
         let texture = own.texture.as_ref().map_or(Vec3A::ONE, |texture| texture.mean());

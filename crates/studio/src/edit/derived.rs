@@ -1,6 +1,6 @@
 //! Derived parts of a task: groups of interchangeable instances, and named surfaces.
 
-use genmanip_core::{Atom, NamedSurface, ReferenceId, Scenario};
+use genmanip_core::{Atom, NamedSurface, ReferenceId, Scenario, SupportSurface};
 use genmanip_tasks::references;
 
 use super::error::EditError;
@@ -44,5 +44,5 @@ fn surfaces(scenario: &Scenario) -> Vec<NamedSurface> {
     let edges = edges.flat_map(|edge| [Some(&edge.reference), edge.second_reference.as_ref()]);
     let named: Vec<&ReferenceId> = goal.chain(edges.flatten()).collect();
     let surfaces = scenario.world.surfaces.iter().filter(|surface| named.iter().any(|id| surface.id == **id));
-    surfaces.map(|surface| NamedSurface { id: surface.id.clone(), name: surface.name.clone() }).collect()
+    surfaces.map(SupportSurface::named).collect()
 }

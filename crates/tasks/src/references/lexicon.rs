@@ -65,6 +65,12 @@ pub(super) struct SceneObject<'c, Id = &'c InstanceId> {
     pub card: &'c ObjectCard,
 }
 
+/// Words of a noun phrase before the descriptions that follow its noun: `the mug` of `the mug with a red rim`.
+fn undescribed<'p, 'w>(words: &'p [&'w str]) -> &'p [&'w str] {
+    let end = words.iter().position(|word| TRAITS.contains(word) || *word == "of");
+    &words[..end.unwrap_or(words.len())]
+}
+
 /// True if the word names a colour.
 pub(super) fn is_color(word: &str) -> bool {
     LEXICON.colors.contains(word)
@@ -266,8 +272,7 @@ impl Lexicon {
         if self.vague.contains(&words.join(" ")) {
             return words.to_vec();
         }
-        let said = words.iter().position(|word| TRAITS.contains(word) || *word == "of").unwrap_or(words.len());
-        words[..said].last().copied().into_iter().collect()
+        undescribed(words).last().copied().into_iter().collect()
     }
 
     /// True if the word is the plural of a noun for whole objects rather than for the content of one.

@@ -66,9 +66,8 @@ fn materials_are_found_in_photographs() {
         assert!(!matched.materials.is_empty(), "seed {seed}");
         let names: Vec<&str> = matched.unidentified.iter().map(|it| it.what.as_str()).collect();
         for found in &matched.materials {
-            let is_of =
-                |it: &&MeasuredMaterial| (&it.object, &it.part) == (&found.material.object, &found.material.part);
-            let truth = truth.iter().find(is_of).unwrap();
+            let material = &found.material;
+            let truth = truth.iter().find(|it| it.is_of(&material.object, &material.part)).unwrap();
             let shares = found.material.color_factor.iter().zip(truth.color_factor);
             colors.push(shares.map(|(found, truth)| (found / truth - 1.0).abs()).fold(0.0, f64::max));
             let what = format!("roughness of {}, part {}", found.material.object, found.material.part);

@@ -3,14 +3,14 @@
 use genmanip_core::ObjectCard;
 use genmanip_core::names::near_misses;
 
-use super::{Lexicon, TRAITS, is_of};
+use super::{Lexicon, is_of, undescribed};
 
 impl Lexicon {
     /// Those of some cards that a phrase means first: of the category that is its noun, or of the first sort that the
     /// noun may mean, and among these the ones with all its words in their names; and whether the noun is that category.
     pub fn plainest<'c>(&self, words: &[&str], cards: &[&'c ObjectCard]) -> (Vec<&'c ObjectCard>, bool) {
-        let with = words.iter().position(|word| TRAITS.contains(word) || *word == "of").unwrap_or(words.len());
-        let Some((noun, before)) = words[..with].split_last() else { return (Vec::new(), false) };
+        let words = undescribed(words);
+        let Some((noun, before)) = words.split_last() else { return (Vec::new(), false) };
         let noun = self.singular(noun);
         let pair = before.last().map(|before| format!("{before} {noun}"));
         let among = |keep: &dyn Fn(&ObjectCard) -> bool| -> Vec<&'c ObjectCard> {
@@ -32,7 +32,7 @@ impl Lexicon {
         if !of_kind.is_empty() {
             return (called(of_kind), true);
         }
-        let head = self.head(&words[..with]).map_or_else(|| noun.clone(), |(head, _)| head);
+        let head = self.head(words).map_or_else(|| noun.clone(), |(head, _)| head);
         let sorts = self.heads.get(&head).map_or(&[][..], Vec::as_slice);
         let first = sorts.iter().map(|sort| among(&|card| is_of(sort, card))).find(|found| !found.is_empty());
         (called(first.unwrap_or_default()), false)
@@ -40,14 +40,14 @@ impl Lexicon {
 
     /// True if a noun is known only from the labels of packages: there are tins of pineapple, but no pineapple.
     pub fn is_label(&self, words: &[&str], cards: &[&ObjectCard]) -> bool {
-        let with = words.iter().position(|word| TRAITS.contains(word) || *word == "of").unwrap_or(words.len());
-        let Some(noun) = words[..with].last().map(|noun| self.singular(noun)) else { return false };
+        let front = undescribed(words);
+        let Some(noun) = front.last().map(|noun| self.singular(noun)) else { return false };
         let is_called = |card: &&ObjectCard| {
             let name = card.name.to_lowercase();
             let core = name.split(" with ").next().unwrap_or_default();
             core.split(' ').next_back() == Some(noun.as_str()) || card.category.split(' ').any(|word| word == noun)
         };
-        let pair = words[..with].split_last().and_then(|(_, before)| Some(format!("{} {noun}", before.last()?)));
+        let pair = front.split_last().and_then(|(_, before)| Some(format!("{} {noun}", before.last()?)));
         let is_known = |noun: &String| self.heads.contains_key(noun);
         !is_known(&noun)
             && !pair.is_some_and(|pair| is_known(&pair))
@@ -58,8 +58,7 @@ impl Lexicon {
 
     /// True if the author of a phrase may mean an object that fits it.
     pub fn is_likely(&self, phrase: &[&str], card: &ObjectCard) -> bool {
-        let end = phrase.iter().position(|word| TRAITS.contains(word) || *word == "of").unwrap_or(phrase.len());
-        let unlikely = self.head(&phrase[..end]).and_then(|(noun, _)| self.unlikely.get(&noun));
+        let unlikely = self.head(undescribed(phrase)).and_then(|(noun, _)| self.unlikely.get(&noun));
         !unlikely.is_some_and(|sorts| sorts.iter().any(|sort| is_of(sort, card)))
     }
 
