@@ -1035,6 +1035,14 @@ withMock("editing stops when the server says so", async () => {
   assert.equal(await revision(page), before);
   await page.click(".banner button");
   await page.waitForSelector(".banner", { state: "detached" });
+  // Editing goes on once a change was stored, whoever made it.
+  server.studio.tell(key, { type: "stopped", message: "no space left on the device" });
+  await page.waitForSelector(".banner:has-text('no space left')");
+  const other = await openPage(page.url());
+  await selectFirst(other);
+  await other.keyboard.press("PageUp");
+  await page.waitForSelector(".banner", { state: "detached" });
+  await other.context().close();
   await page.context().close();
 });
 

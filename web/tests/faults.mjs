@@ -160,6 +160,7 @@ export async function withstand(browser, server, key, { count, seed, kinds = CON
     },
   };
   for (let number = 0; number < count; number++) {
+    if (number > 0 && number % 50 === 0) console.log(`        ${number} of ${count} faults`);
     const kind = kinds[random(kinds.length)];
     cuts[kind] = (cuts[kind] ?? 0) + 1;
     try {

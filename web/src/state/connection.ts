@@ -164,6 +164,8 @@ function acceptState(state: ScenarioState, id: string): void {
       sayOpen();
       void loadScenarios();
     } else if (key === openKey.value && confirmed.value) {
+      // Whoever could not be stored before can be now, e.g. when the disk has room again.
+      stopped.value = null;
       const before = new Set(confirmed.value.objects.map((object) => object.id));
       confirm(state);
       updateRow(key, state);

@@ -95,7 +95,7 @@ impl<'a> Tally<'a> {
 }
 
 /// Indices of the selected candidates of a suite: as [`select`], but in at least half of the spatial tasks two objects
-/// are identified by their place.
+/// are identified by their place, as far as there are enough such candidates for `per_kind`.
 pub fn choose(candidates: &[Candidate], per_kind: usize, targets: &Targets) -> BTreeSet<usize> {
     let has_one_clue = |index: &usize| {
         candidates[*index].traits.get("clues").is_some_and(|clues| clues.iter().any(|clue| clue == "one"))
@@ -106,8 +106,14 @@ pub fn choose(candidates: &[Candidate], per_kind: usize, targets: &Targets) -> B
         let chosen: BTreeSet<usize> = select(&offered, per_kind, targets).into_iter().map(|at| left[at]).collect();
         let with_one: Vec<usize> = chosen.iter().copied().filter(has_one_clue).collect();
         let superfluous = with_one.iter().rev().find(|&&index| !candidates[index].is_preferred);
+        let spare = |index: usize| {
+            let of_kind = left.iter().filter(|&&other| candidates[other].kind == candidates[index].kind);
+            of_kind.count() > per_kind
+        };
         match superfluous {
-            Some(superfluous) if with_one.len() > per_kind.div_ceil(2) => left.retain(|index| index != superfluous),
+            Some(&superfluous) if with_one.len() > per_kind.div_ceil(2) && spare(superfluous) => {
+                left.retain(|&index| index != superfluous);
+            }
             _ => return chosen,
         }
     }

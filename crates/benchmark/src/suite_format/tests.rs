@@ -69,3 +69,21 @@ fn targets_are_followed() {
     let chosen = select(&all, 12, &targets);
     assert_eq!(chosen.iter().filter(|&&index| index % 2 == 0).count(), 9);
 }
+
+/// At most half of the tasks of a kind have an object that is identified by its place and no second one, unless the
+/// suite would be smaller for it.
+#[test]
+fn clues_are_shared_out_where_there_is_a_choice() {
+    let with_clues = |clues: &str, thing: usize| {
+        let mut candidate = candidate(0, 0, 0, thing);
+        candidate.traits.insert("clues".into(), vec![clues.into()]);
+        candidate
+    };
+    for (one, two, expected) in [(8, 8, (2, 2)), (8, 2, (2, 2)), (8, 1, (3, 1)), (8, 0, (4, 0)), (2, 1, (2, 1))] {
+        let all: Vec<Candidate> =
+            (0..one + two).map(|at| with_clues(if at < one { "one" } else { "two" }, at)).collect();
+        let chosen = choose(&all, 4, &Targets::new());
+        let with_one = chosen.iter().filter(|&&index| index < one).count();
+        assert_eq!((with_one, chosen.len() - with_one), expected, "{one} {two}");
+    }
+}

@@ -2,6 +2,7 @@
 
 mod franka;
 mod numeric;
+mod reach;
 #[cfg(test)]
 mod tests;
 
@@ -13,6 +14,7 @@ use crate::chain::Chain;
 use crate::rigid::Rigid;
 use franka::FrankaGeometry;
 use numeric::{DescentSettings, FewJoints, Range, descend};
+use reach::Reach;
 
 /// Settings for the search and ranking of IK solutions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -73,13 +75,14 @@ impl Default for IkSettings {
 pub struct InverseKinematics {
     chain: Chain,
     franka: Option<FrankaGeometry>,
+    reach: Reach,
     settings: IkSettings,
 }
 
 impl InverseKinematics {
     /// Solver for an arm, closed-form if its geometry is that of the Panda.
     pub fn new(chain: Chain, settings: IkSettings) -> Self {
-        Self { franka: FrankaGeometry::of(&chain), chain, settings }
+        Self { franka: FrankaGeometry::of(&chain), reach: Reach::of(&chain), chain, settings }
     }
 
     /// True if the closed-form solver is used.
@@ -121,7 +124,7 @@ impl InverseKinematics {
         let finite = world_from_tcp.position.is_finite() && world_from_tcp.rotation.is_finite();
         let wanted = Rigid::from(world_from_tcp);
         let mut solutions = Vec::new();
-        if finite && reference.len() == self.chain.dof() {
+        if finite && reference.len() == self.chain.dof() && self.reach.may_contain(&wanted) {
             solutions = self.ranked(search(self, &wanted, reference), reference);
         }
         // Refinement restores the digits that the closed form loses near singularities.
@@ -134,11 +137,11 @@ impl InverseKinematics {
         let mut solutions = Vec::new();
         if let Some(franka) = &self.franka {
             solutions = self.sweep(franka, wanted, reference, self.settings.free_joint_values);
-            if solutions.is_empty() && self.is_maybe_reachable(wanted) {
+            if solutions.is_empty() {
                 solutions = self.sweep(franka, wanted, reference, self.settings.fine_free_joint_values);
             }
         }
-        if solutions.is_empty() && self.is_maybe_reachable(wanted) {
+        if solutions.is_empty() {
             solutions = self.descend_from_random_starts(wanted, reference);
         }
         solutions
@@ -310,19 +313,6 @@ impl InverseKinematics {
             inside.push(q);
         }
         Some(inside)
-    }
-
-    /// Cheap check that rejects poses far out of reach.
-    fn is_maybe_reachable(&self, wanted: &Rigid) -> bool {
-        let joints = self.chain.moving();
-        let slide = |joint: &crate::chain::ChainJoint| {
-            if joint.is_prismatic { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 }
-        };
-        let first = joints.first().map_or(glam::DVec3::ZERO, |joint| joint.parent_from_joint.translation);
-        let links: f64 = joints.iter().skip(1).map(|joint| joint.parent_from_joint.translation.length()).sum();
-        let is_prismatic: f64 = joints.iter().map(slide).sum();
-        let reach = links + is_prismatic + self.chain.tcp_mount().1.translation.length();
-        (wanted.translation - first).length() <= reach + 1e-9
     }
 
     fn ranked(&self, solutions: Vec<Vec<f64>>, reference: &[f64]) -> Vec<Vec<f64>> {

@@ -74,7 +74,7 @@ impl Range {
 }
 
 /// Maximum position error of a solution of an arm with fewer than six joints, m.
-const FEW_POSITION: f64 = 2e-4;
+pub(crate) const FEW_POSITION: f64 = 2e-4;
 /// Relative decrease of the error per iteration below which such an arm counts as converged to its nearest pose.
 const FEW_STALLED: f64 = 1e-3;
 

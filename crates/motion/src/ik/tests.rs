@@ -1,4 +1,5 @@
-use genmanip_core::{Pose, Seed, glam::DVec3};
+use genmanip_core::glam::{DQuat, DVec3};
+use genmanip_core::{Pose, Seed};
 use rand::{Rng, RngExt};
 
 use super::*;
@@ -131,9 +132,27 @@ fn poses_out_of_reach_have_no_solution() {
     let (_, ik) = solver();
     let home = test_panda().home.clone();
     for position in [DVec3::new(2.0, 0.0, 0.5), DVec3::new(0.5, 0.0, 1.2), DVec3::splat(f64::NAN)] {
-        let pose = Pose { position, rotation: genmanip_core::glam::DQuat::IDENTITY };
+        let pose = Pose { position, rotation: DQuat::IDENTITY };
         assert_eq!(ik.solve(&pose, &home), Vec::<Vec<f64>>::new());
     }
+}
+
+/// The bound holds for every configuration, and is tight enough to reject what lies just beyond the reach from above.
+#[test]
+fn the_reach_is_bounded() {
+    let (chain, ik) = solver();
+    let mut rng = Seed::new(3).rng();
+    for _ in 0..1000 {
+        let pose = chain.tcp_pose(&random_config(&chain, 0.0, &mut rng));
+        assert!(ik.reach.may_contain(&Rigid::from(&pose)), "{pose:?}");
+    }
+    let down = DQuat::from_rotation_x(std::f64::consts::PI);
+    let above = |x_m: f64| Pose::new(DVec3::new(x_m, 0.0, 0.12), down);
+    let home = test_panda().home.clone();
+    let places = (60..90).map(|x_cm| f64::from(x_cm) / 100.0);
+    let farthest_m = places.filter(|&x_m| !ik.solve(&above(x_m), &home).is_empty()).fold(0.0, f64::max);
+    assert!((0.6..0.89).contains(&farthest_m), "{farthest_m}");
+    assert!(!ik.reach.may_contain(&Rigid::from(&above(farthest_m + 0.05))), "{farthest_m}");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Edited scenario: the scenario's file, and the log of operations that it results from.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -289,6 +290,11 @@ impl EditedScenario {
             return Err(EditError::invalid("revision", message, "`--history` lists them"));
         };
         if self.history.is_undone(target) { self.apply_again(target, stamp) } else { self.take_back(target, stamp) }
+    }
+
+    /// Names of all who gave a command, sorted.
+    pub fn authors(&self) -> BTreeSet<&str> {
+        self.history.authors()
     }
 
     /// True if the author has a command to undo.

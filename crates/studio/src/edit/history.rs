@@ -1,6 +1,6 @@
 //! History of a scenario: its commands, those that are in effect, and those that an author can undo and redo.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::fields::overlap;
 use super::log::{CommandLine, Snapshot};
@@ -72,6 +72,11 @@ impl History {
     pub fn record_snapshot(&mut self, snapshot: Snapshot) {
         self.known.insert(snapshot.stamp.client_operation_id.clone(), snapshot.revision);
         self.snapshots.push(snapshot);
+    }
+
+    /// Names of all who gave a command, sorted.
+    pub fn authors(&self) -> BTreeSet<&str> {
+        self.entries.iter().map(|entry| entry.line.stamp.author.as_str()).collect()
     }
 
     /// Revision of the author's command in effect that was applied or redone last; `None` without one.

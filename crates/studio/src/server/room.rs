@@ -87,7 +87,7 @@ pub enum Event {
     Run(Arc<Value>),
 }
 
-/// Two flags per author of a tab: undo is possible, redo is possible.
+/// Two flags per author: undo is possible, redo is possible.
 #[derive(Clone, Debug, Default)]
 pub struct Steps(BTreeMap<String, (bool, bool)>);
 
@@ -189,13 +189,10 @@ impl Room {
         let revision = revision_of(&document.edited);
         let state = Arc::new(describe(&revision)?);
         let stamp = request.stamp();
-        let mut authors: Vec<String> = self.authors();
-        authors.push(stamp.author.clone());
-        let step = |author: String| {
-            let steps = (document.edited.can_undo(&author), document.edited.can_redo(&author));
-            (author, steps)
-        };
-        let steps = Arc::new(Steps(authors.into_iter().map(step).collect()));
+        let step =
+            |author: &str| (author.to_owned(), (document.edited.can_undo(author), document.edited.can_redo(author)));
+        // Of all who ever edited, not of the present tabs: one that opens at this moment gets the event too.
+        let steps = Arc::new(Steps(document.edited.authors().into_iter().map(step).collect()));
         // A repeated command (same operation id) made no new revision.
         if revision.number != before {
             // Both locks are held, so that no verdict is sent before its state and none of an older revision is kept.
@@ -319,7 +316,7 @@ impl StageVerdict {
 }
 
 impl Steps {
-    /// The state with the undo and redo flags of this author; both false for an author who is not in the list.
+    /// The state with the undo and redo flags of this author; both false for one who has not edited.
     pub fn complete(&self, state: &Value, author: &str) -> Value {
         let (can_undo, can_redo) = self.0.get(author).copied().unwrap_or_default();
         let mut state = state.clone();

@@ -90,6 +90,11 @@ fn check_two_authors(name: &str, draws: &[Draw]) {
     drop(document);
     let last = fs::read(&path).unwrap();
     let document = open(&path);
+    // Tabs are told what these authors can undo and redo; nobody else can.
+    assert!(draws.iter().all(|draw| {
+        let author = AUTHORS[usize::from(draw.second_author)];
+        document.authors().contains(author) || !(document.can_undo(author) || document.can_redo(author))
+    }));
     assert_eq!(genmanip_core::Document::to_json(document.scenario().as_ref()).into_bytes(), last);
 }
 
