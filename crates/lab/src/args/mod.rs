@@ -120,8 +120,7 @@ pub enum LabCommand {
     Studio(LabStudioArguments),
     /// Lay designed tasks out, once each, and audit the layouts
     #[command(after_help = "Example:\n  genmanip-lab layout --seed 2000 --count 1000 --json\n\n\
-                      One thread; the audit (every edge, state and goal again, 2 s of physics with sleep off, \
-                      visibility) is not timed.")]
+                      One thread; the audit (edges, states, goal, 2 s of physics, visibility) is not timed.")]
     Layout(LabLayoutArguments),
     /// Try grasps from point clouds in physics: lift, shake, hold
     #[command(after_help = "Example:\n  genmanip-lab grasp --seed 2000 --count 100 --view one --json\n\n\

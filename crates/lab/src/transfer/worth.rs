@@ -1,5 +1,5 @@
-//! What generated demonstrations are worth: policies trained on a few takes, on episodes transferred from them, and on
-//! as many of the analytic expert, on the same unseen layouts.
+//! Policies trained on a few takes, on episodes transferred from them, and on as many of the analytic expert, compared
+//! on the same unseen layouts.
 //!
 //! All three read the simulator's poses (preset `state`) and have the same number of training steps and the same seed.
 
