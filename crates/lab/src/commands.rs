@@ -3,7 +3,7 @@
 use genmanip_workspace::task_files;
 use genmanip_workspace::workers;
 use genmanip_workspace::worlds;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
@@ -30,8 +30,9 @@ use genmanip_lab::strangers::StrangersArguments;
 use genmanip_lab::studio::StudioArguments;
 use genmanip_lab::teleop::TeleopArguments;
 use genmanip_lab::transfer::TransferArguments;
+use genmanip_lab::transfer::worth::{self, WorthArguments};
 use genmanip_lab::{
-    agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hand_eye, hostile,
+    LabError, agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hand_eye, hostile,
     identification, layout, learn, learned_controls, matching, motion, readers, relations, render, rendered, scale,
     segment, statistics, strangers, studio, suite, teleop, transfer, wording,
 };
@@ -168,22 +169,24 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let measured = transfer::measure(&amounts, Seed::new(seed), printer)?;
             printer.data(&measured, &transfer::describe(&measured));
         }
+        LabCommand::Worth(arguments) => {
+            let args::WorthArguments { seed, source_demos, count, layouts, steps, .. } = *arguments;
+            let amounts =
+                WorthArguments { skills: arguments.skills.clone(), source_demos, count, layouts, steps: steps as u64 };
+            let measured = in_folder("worth", arguments.out.as_deref(), |folder| {
+                worth::measure(&amounts, Seed::new(seed), folder, printer)
+            })?;
+            printer.data(&measured, &worth::describe(&measured));
+        }
         LabCommand::Data(arguments) => {
             // Synthetic episodes reuse the layouts of 24 tasks in turn.
             let count = if arguments.synthetic { 24 } else { arguments.episodes };
             let tasks = task_files::designed_tasks(count, arguments.seed, Catalogue::builtin())?;
-            let temporary = std::env::temp_dir().join(format!("genmanip-lab-data-{}", std::process::id()));
-            let folder = arguments.out.as_ref().unwrap_or(&temporary);
             let seed = Seed::new(arguments.seed);
-            let measured = match arguments.synthetic {
+            let measured = in_folder("data", arguments.out.as_deref(), |folder| match arguments.synthetic {
                 true => data::measure_synthetic((arguments.episodes, arguments.shards), &tasks, seed, folder, printer),
                 false => data::measure(&tasks, seed, folder, printer),
-            };
-            if arguments.out.is_none() {
-                // A folder that cannot be removed lies in the system's temporary folder.
-                let _ = std::fs::remove_dir_all(&temporary);
-            }
-            let measured = measured?;
+            })?;
             printer.data(&measured, &data::describe(&measured));
         }
         LabCommand::Fit(arguments) => {
@@ -229,14 +232,9 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             printer.data(&measured, &layout::describe(&measured));
         }
         LabCommand::Learn(arguments) => {
-            let temporary = std::env::temp_dir().join(format!("genmanip-lab-learn-{}", std::process::id()));
-            let folder = arguments.out.as_ref().unwrap_or(&temporary);
-            let learned = learn::measure(&learn_arguments(arguments), Seed::new(arguments.seed), folder, printer);
-            if arguments.out.is_none() {
-                // A folder that cannot be removed lies in the system's temporary folder.
-                let _ = std::fs::remove_dir_all(&temporary);
-            }
-            let measured = learned?;
+            let measured = in_folder("learn", arguments.out.as_deref(), |folder| {
+                learn::measure(&learn_arguments(arguments), Seed::new(arguments.seed), folder, printer)
+            })?;
             printer.data(&measured, &learn::describe(&measured));
         }
         LabCommand::LearnedControls(arguments) => {
@@ -284,6 +282,22 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
         }
     }
     Ok(ExitStatus::Done)
+}
+
+/// Measures in a folder, or in a temporary one that is removed.
+fn in_folder<T>(
+    name: &str,
+    out: Option<&Path>,
+    measure: impl FnOnce(&Path) -> Result<T, LabError>,
+) -> Result<T, LabError> {
+    if let Some(out) = out {
+        return measure(out);
+    }
+    let temporary = std::env::temp_dir().join(format!("genmanip-lab-{name}-{}", std::process::id()));
+    let measured = measure(&temporary);
+    // A folder that cannot be removed lies in the system's temporary folder.
+    let _ = std::fs::remove_dir_all(&temporary);
+    measured
 }
 
 fn learn_arguments(arguments: &args::LabLearnArguments) -> LearnArguments {

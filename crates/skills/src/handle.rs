@@ -55,10 +55,15 @@ impl Handle {
 }
 
 /// `handle_from_tcp` for a handle of another size: a tool inside the handle's bounds keeps its share of the size along
-/// each axis, one outside keeps its distance from the surface.
+/// each axis, one outside keeps its distance from the surface. Into a longer handle the tool reaches no deeper, since
+/// its fingers do not grow.
 pub fn rescaled(handle_from_tcp: &Pose, from_half_m: DVec3, to_half_m: DVec3) -> Pose {
+    let into = handle_from_tcp.rotation * DVec3::Z;
     let along = |axis: usize| {
         let (at, from, to) = (handle_from_tcp.position[axis], from_half_m[axis], to_half_m[axis]);
+        if into[axis].abs() > STEEP && to > from {
+            return at - (to - from) * into[axis].signum();
+        }
         let beyond = at.abs() - from;
         match beyond > 0.0 || from < MIN_HALF_M {
             true => at + (to - from) * at.signum(),
@@ -68,6 +73,8 @@ pub fn rescaled(handle_from_tcp: &Pose, from_half_m: DVec3, to_half_m: DVec3) ->
     Pose { position: DVec3::new(along(0), along(1), along(2)), ..*handle_from_tcp }
 }
 
+/// Cosine of the angle between a tool's direction and an axis up to which the tool reaches along that axis.
+const STEEP: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Half size of a handle below which shares of it are meaningless, m.
 const MIN_HALF_M: f64 = 1e-4;
 
@@ -86,5 +93,29 @@ pub fn verb(model: &ObjectModel, change: &JointChange) -> Verb {
         true if affords("lift") => Verb::Lift,
         true => Verb::Pull,
         false => Verb::Push,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tool_keeps_its_share_of_a_handle_its_distance_from_it_and_its_depth_in_a_longer_one() {
+        let down = DQuat::from_rotation_x(std::f64::consts::PI);
+        let small = DVec3::new(0.02, 0.03, 0.04);
+        for (what, rotation, at, half_m, expected) in [
+            ("a share to the side", down, [0.01, 0.0, 0.0], [0.04, 0.03, 0.04], [0.02, 0.0, 0.0]),
+            ("beside it", down, [0.025, 0.0, 0.0], [0.04, 0.03, 0.04], [0.045, 0.0, 0.0]),
+            ("above it", down, [0.0, 0.0, 0.05], [0.02, 0.03, 0.06], [0.0, 0.0, 0.07]),
+            ("as deep in a taller one", down, [0.0, 0.0, 0.01], [0.02, 0.03, 0.06], [0.0, 0.0, 0.03]),
+            ("from below likewise", DQuat::IDENTITY, [0.0, 0.0, -0.01], [0.02, 0.03, 0.06], [0.0, 0.0, -0.03]),
+            ("less deep in a flatter one", down, [0.0, 0.0, 0.02], [0.02, 0.03, 0.02], [0.0, 0.0, 0.01]),
+        ] {
+            let pose = Pose { position: at.into(), rotation };
+            let moved = rescaled(&pose, small, half_m.into());
+            assert!(moved.position.abs_diff_eq(expected.into(), 1e-12), "{what}: {}", moved.position);
+            assert_eq!(moved.rotation, rotation);
+        }
     }
 }

@@ -22,7 +22,7 @@ mod suites;
 mod transfer;
 
 use motion::{BRIDGE_HELP, IDENTIFY_HELP, MATCH_HELP};
-use transfer::TRANSFER_HELP;
+use transfer::{TRANSFER_HELP, WORTH_HELP};
 
 /// Measurements of GenManip on unseen seeds and files: agreement, validity, success rates, time
 #[derive(Debug, Parser)]
@@ -120,8 +120,7 @@ pub enum LabCommand {
     Studio(LabStudioArguments),
     /// Lay designed tasks out, once each, and audit the layouts
     #[command(after_help = "Example:\n  genmanip-lab layout --seed 2000 --count 1000 --json\n\n\
-                      One thread; the audit (every edge, state and goal again, 2 s of physics with sleep off, \
-                      visibility) is not timed.")]
+                      One thread; the audit (edges, states, goal, 2 s of physics, visibility) is not timed.")]
     Layout(LabLayoutArguments),
     /// Try grasps from point clouds in physics: lift, shake, hold
     #[command(after_help = "Example:\n  genmanip-lab grasp --seed 2000 --count 100 --view one --json\n\n\
@@ -138,6 +137,9 @@ pub enum LabCommand {
     /// Transfer skills from a few takes to many scenes, against the analytic skills and MimicGen as published
     #[command(after_help = TRANSFER_HELP)]
     Transfer(TransferArguments),
+    /// Train policies on a few takes, on episodes transferred from them, and on as many of the analytic expert
+    #[command(after_help = WORTH_HELP)]
+    Worth(WorthArguments),
     /// Step through episodes in the environment: cost relative to the bare simulation, and exactness
     #[command(after_help = "Examples:\n  genmanip-lab environment --seed 1 --count 10 --json\n  \
                       genmanip-lab environment --store out/run --json\n\n\

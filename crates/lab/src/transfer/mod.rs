@@ -7,6 +7,7 @@ mod mimicgen;
 mod report;
 mod resets;
 mod sources;
+pub mod worth;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -28,7 +29,7 @@ use genmanip_workspace::{Progress, worlds};
 use self::mimicgen::{MimicGen, PlannedBridge, Source};
 use self::report::ABLATIONS;
 pub use self::report::{Details, Report, SkillReport, describe};
-use self::resets::{CASES, RANGES, SkillCase, base, reset};
+use self::resets::{RANGES, SkillCase, base, case_of, reset};
 use self::sources::{Demonstration, demonstrations};
 use crate::LabError;
 use crate::clock::cpu_clock;
@@ -75,8 +76,7 @@ pub fn measure(arguments: &TransferArguments, seed: Seed, progress: &dyn Progres
     let store = EpisodeStore::create(folder).map_err(|error| LabError::broken("episodes cannot be stored", error))?;
     let (mut skills, mut details) = (BTreeMap::new(), BTreeMap::new());
     for verb in &arguments.skills {
-        let case = CASES.iter().find(|case| case.verb == *verb);
-        let case = case.ok_or_else(|| LabError::input(format!("no scenes to {}", verb.name())))?;
+        let case = case_of(*verb)?;
         let bench = Bench { case, resources, settings: &settings, store: &store, arguments };
         let (report, detail) = bench.measure(seed.fork(verb.name()), progress)?;
         skills.insert(verb.name(), report);

@@ -56,7 +56,7 @@ const SIDES_M: [f64; 2] = [0.2, -0.22];
 const UNDER_SHARE: f64 = 0.25;
 
 /// The families of each skill.
-pub const CASES: [SkillCase; 6] = [
+const CASES: [SkillCase; 6] = [
     SkillCase {
         verb: Verb::Pull,
         family: "drawer-cabinet",
@@ -106,6 +106,11 @@ pub const CASES: [SkillCase; 6] = [
         under: "008",
     },
 ];
+
+/// The case of a kind of manipulation.
+pub fn case_of(verb: Verb) -> Result<&'static SkillCase, LabError> {
+    CASES.iter().find(|case| case.verb == verb).ok_or_else(|| LabError::input(format!("no scenes to {}", verb.name())))
+}
 
 /// Layout of an instance, alone on the table or with the object that it is placed on; resets move them.
 pub fn base(

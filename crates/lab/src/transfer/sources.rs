@@ -8,7 +8,7 @@ use genmanip_rollout::collect::Resources;
 use genmanip_rollout::{RolloutError, RolloutSettings, Stage};
 use genmanip_skills::operator::{joint_script, squeeze_m};
 use genmanip_skills::{Skill, record};
-use genmanip_studio::teleop::Take;
+use genmanip_studio::teleop::{Take, is_replayed};
 use genmanip_teleop::scripted::{Habits, ScriptedOperator, VirtualKind, Waypoint};
 use genmanip_teleop::{TeleopSettings, Teleoperation};
 use serde::Serialize;
@@ -39,6 +39,8 @@ pub struct Takes {
     pub made: usize,
     /// Number of those whose goal held after settling.
     pub succeeded: usize,
+    /// Number of stored takes whose commands and whose raw events both replay to the same states, bit for bit.
+    pub replay_equal: usize,
     /// Reasons why others gave no skill.
     pub refused: Vec<String>,
 }
@@ -63,6 +65,7 @@ pub fn demonstrations(
         takes.made += 1;
         let episode = take(&stage, case, kind, &id, own, resources.grasps, store)?;
         takes.succeeded += usize::from(episode.result.success);
+        takes.replay_equal += usize::from(is_replayed(&stage, store, &id, &rollout_settings())?);
         let hash = store.record_hash(&id).map_err(|error| LabError::broken("a take cannot be read back", error))?;
         match record(&stage, &episode, &id, &hash) {
             Ok(skill) => found.push(Demonstration { stage, episode, skill }),
@@ -87,6 +90,10 @@ fn waypoints(stage: &Stage, case: &SkillCase, grasps: &GraspLibrary) -> Option<V
     joint_script(&stage.models[0], &placed.pose, &placed.joint_positions, &change, &tcp)
 }
 
+fn rollout_settings() -> RolloutSettings {
+    RolloutSettings { horizon_s: HORIZON_S, ..RolloutSettings::default() }
+}
+
 /// Runs and stores a take of the scripted operator.
 fn take(
     stage: &Stage,
@@ -107,9 +114,8 @@ fn take(
     let operator = ScriptedOperator::new(kind, script, Habits::default(), settings.mapping.clone(), period_s);
     let mut policy = Teleoperation::new(settings, Box::new(operator), &stage.robot, &stage.scenario.world)
         .map_err(LabError::input)?;
-    let rollout = RolloutSettings { horizon_s: HORIZON_S, ..RolloutSettings::default() };
     let broke = |error: RolloutError| LabError::broken(format!("take {id} broke"), error);
-    let take = Take::run(stage, &mut policy, id, seed, &rollout, &mut |_| Ok(())).map_err(broke)?;
+    let take = Take::run(stage, &mut policy, id, seed, &rollout_settings(), &mut |_| Ok(())).map_err(broke)?;
     take.store(store).map_err(|error| LabError::broken("a take cannot be stored", error))?;
     Ok(take.episode)
 }

@@ -5,6 +5,7 @@
 mod motion;
 mod strangers;
 mod teleop;
+mod worth;
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -68,6 +69,7 @@ fn help_of_every_subcommand_reads_well() {
         "motion",
         "strangers",
         "teleop",
+        "worth",
         "grasp",
         "fit",
         "scale",
