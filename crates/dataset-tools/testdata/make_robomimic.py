@@ -72,6 +72,22 @@ def main() -> None:
         demo = file.create_group("data/demo_0")
         demo.create_dataset("actions", data=np.arange(3, dtype=np.float32)[:, None])
         demo.create_dataset("obs/camera/depth", data=np.ones((3, 4), np.float32))
+    # Links that lead nowhere or into another file, in groups of the old format, of the present one, and of one with more
+    # links than a header holds; a named type.
+    for name, version, links in (("links_old", "earliest", 1), ("links_new", "latest", 1), ("links_many", "latest", 20)):
+        with h5py.File(folder / f"{name}.hdf5", "w", libver=version) as file:
+            data = file.create_group("data")
+            data["demo_1"] = h5py.ExternalLink("elsewhere.hdf5", "/data/demo_0")
+            demo = data.create_group("demo_0")
+            demo.create_dataset("actions", data=np.arange(3, dtype=np.float32)[:, None])
+            demo["rewards"] = h5py.SoftLink("/rewards/gone")
+            demo.create_dataset("obs/joint_states", data=np.ones((3, 7)))
+            demo["obs/alias"] = h5py.SoftLink("joint_states")
+            demo["obs/kind"] = np.dtype("f8")
+            for number in range(links):
+                demo[f"obs/gone_{number}"] = h5py.SoftLink("/nowhere")
+    with h5py.File(folder / "../robomimic_refused/linked.hdf5", "w") as file:
+        file.create_group("data")["demo_0"] = h5py.ExternalLink("elsewhere.hdf5", "/data/demo_0")
 
 
 main()

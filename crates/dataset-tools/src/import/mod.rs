@@ -6,6 +6,7 @@
 //! re-encoding. Nothing in the source is executed.
 
 mod convert;
+mod hdf5_members;
 mod image_file;
 mod importer;
 mod lerobot;

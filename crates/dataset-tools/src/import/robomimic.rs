@@ -16,6 +16,7 @@ use hdf5_reader::group::Group;
 use hdf5_reader::{Dataset, Datatype, Hdf5File, OpenOptions, SliceInfo, SliceInfoElem};
 use serde_json::Value;
 
+use super::hdf5_members;
 use super::metadata::{self, ImportedMetadata};
 use super::{Importer, OnEpisode, SourceInfo};
 use genmanip_data::export::EpisodeRows;
@@ -96,6 +97,7 @@ impl Robomimic {
                 (name.trim_start_matches(|c: char| !c.is_ascii_digit()).parse::<u64>().ok(), name.clone())
             });
             demonstrations.extend(names.into_iter().map(|name| (path.clone(), name)));
+            note_passed_over(&path, &data, "data/", &mut notes)?;
             if file.group("mask").is_ok() {
                 notes.insert("the split into training and validation (`mask`) is left out".into());
             }
@@ -106,7 +108,8 @@ impl Robomimic {
         }
         if demonstrations.is_empty() {
             let what = format!("groups data/demo_… in {}", source.display());
-            return Err(DataError::mismatch(what, "at least one demonstration", 0));
+            let found = notes.into_iter().find(|note| note.starts_with("`data/demo")).unwrap_or_else(|| "none".into());
+            return Err(DataError::mismatch(what, "at least one demonstration", found));
         }
         let stated: Vec<f64> = rates.iter().flatten().map(|bits| f64::from_bits(*bits)).collect();
         let fps = match stated.as_slice() {
@@ -160,6 +163,7 @@ impl Robomimic {
                 for name in groups.iter().chain(&others).filter(|name| !is_read(name)) {
                     columns.notes.insert(format!("`obs/{name}` of the demonstrations is left out"));
                 }
+                note_passed_over(path, &observed, "obs/", columns.notes)?;
                 datasets
             }
             Err(_) => {
@@ -175,6 +179,7 @@ impl Robomimic {
         {
             columns.notes.insert(format!("`{name}` of the demonstrations is left out"));
         }
+        note_passed_over(path, &demonstration, "", columns.notes)?;
         let mut parts: Vec<Feature> = Vec::new();
         for dataset in &observed {
             let key = dataset.name().to_owned();
@@ -462,6 +467,18 @@ fn group(path: &Path, file: &Hdf5File, name: &str) -> Result<Group, DataError> {
         let expected = format!("a group `{name}` with demonstrations, as robomimic and LIBERO write it");
         DataError::mismatch(path.display().to_string(), expected, "none")
     })
+}
+
+/// Notes the members of a group, which is called `folder`, that are neither groups nor data sets of this file; a name
+/// that several demonstrations share is noted once.
+fn note_passed_over(path: &Path, group: &Group, folder: &str, notes: &mut BTreeSet<String>) -> Result<(), DataError> {
+    for (name, what) in hdf5_members::passed_over(group).map_err(|error| damaged(path, &error))? {
+        let start = format!("`{folder}{name}` is left out: ");
+        if !notes.iter().any(|note| note.starts_with(&start)) {
+            notes.insert(start + &what);
+        }
+    }
+    Ok(())
 }
 
 fn damaged(path: &Path, error: &dyn Display) -> DataError {

@@ -161,6 +161,35 @@ fn hdf5_of_robomimic_and_libero_is_imported() {
     assert!(error.contains("cut.hdf5") && !out.exists(), "{error}");
 }
 
+/// Links that lead nowhere or into another file are noted, in groups of every format; links that lead somewhere are read.
+#[test]
+fn links_of_hdf5_are_followed_or_noted() {
+    let testdata = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata");
+    let folder = tempfile::tempdir().unwrap();
+    for (name, links) in [("links_old", 1), ("links_new", 1), ("links_many", 20)] {
+        let file = testdata.join("robomimic").join(format!("{name}.hdf5"));
+        let out = folder.path().join(name);
+        let made = import::import(&file, &ImportSettings::default(), &out, &mut |_| {}).unwrap();
+        assert_eq!((made.written.episodes, made.written.frames), (1, 3), "{name}");
+        assert_eq!(column(&out.join("data/chunk-000/file-000.parquet"), "observation.alias"), [1.0; 21], "{name}");
+        let left_out: Vec<&String> = made.imported.notes.iter().filter(|note| note.contains("left out")).collect();
+        let gone =
+            (0..links).map(|link| format!("`obs/gone_{link}` is left out: a link to `/nowhere`, which does not exist"));
+        let mut wanted: Vec<String> = gone.collect();
+        wanted.extend([
+            "`data/demo_1` is left out: a link to `/data/demo_0` of the file `elsewhere.hdf5`".into(),
+            "`obs/kind` is left out: neither a group nor a data set".into(),
+            "`rewards` is left out: a link to `/rewards/gone`, which does not exist".into(),
+        ]);
+        wanted.sort();
+        assert_eq!(left_out, wanted.iter().collect::<Vec<_>>(), "{name}");
+    }
+    let file = testdata.join("robomimic_refused/linked.hdf5");
+    let out = folder.path().join("linked");
+    let error = import::import(&file, &ImportSettings::default(), &out, &mut |_| {}).unwrap_err().to_string();
+    assert!(error.contains("of the file `elsewhere.hdf5`") && !out.exists(), "{error}");
+}
+
 /// Integers beyond 2^53, which no double holds, keep their values; numbers that no column can hold are named.
 #[test]
 fn integers_of_hdf5_are_exact_or_named() {

@@ -81,15 +81,21 @@ pub fn advised(error: ImportError) -> ImportError {
     error.hint(hint)
 }
 
-/// Vertices of a mesh file, in no particular order.
+/// Triangles of a mesh file by their corners; those of points without faces have three equal corners.
 ///
 /// # Errors
 /// As [`read`], but a file without triangles is no error.
-pub fn vertices(path: &str, files: &mut Files<'_>) -> Result<Vec<DVec3>, ImportError> {
+pub fn triangles(path: &str, files: &mut Files<'_>) -> Result<Vec<[DVec3; 3]>, ImportError> {
     match extension(path).as_str() {
-        "stl" => stl::corners(path, &files.bytes(path, IMPORTED_MESH)?, files.max_triangles),
-        "obj" => obj::vertices(path, files),
-        _ => Ok(mesh(path, files)?.positions),
+        "stl" => {
+            let corners = stl::corners(path, &files.bytes(path, IMPORTED_MESH)?, files.max_triangles)?;
+            Ok(corners.chunks(3).map(|some| [some[0], some[some.len() / 2], some[some.len() - 1]]).collect())
+        }
+        "obj" => obj::triangles(path, files),
+        _ => {
+            let RawMesh { positions, triangles, .. } = mesh(path, files)?;
+            Ok(triangles.iter().map(|triangle| triangle.map(|index| positions[index as usize])).collect())
+        }
     }
 }
 

@@ -35,22 +35,33 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     })
 }
 
-/// All vertices of an OBJ file, also those that no face uses.
+/// Triangles of an OBJ file by their corners; if it has no faces, its vertices as triangles with three equal corners.
 ///
 /// # Errors
-/// With the number of the invalid line.
-pub fn vertices(path: &str, files: &mut Files<'_>) -> Result<Vec<DVec3>, ImportError> {
+/// If a vertex or face is damaged.
+pub fn triangles(path: &str, files: &mut Files<'_>) -> Result<Vec<[DVec3; 3]>, ImportError> {
     let bytes = files.bytes(path, IMPORTED_MESH)?;
     let text = String::from_utf8_lossy(&bytes);
     let mut reader = Reader { path, ..Reader::default() };
+    let mut triangles = Vec::new();
     for (number, line) in lines(&text) {
         reader.line = number;
         let mut words = line.split_whitespace();
-        if words.next() == Some("v") {
-            reader.corner(words)?;
+        match words.next().unwrap_or_default() {
+            "v" => reader.corner(words)?,
+            "vt" => reader.place(words)?,
+            "f" => {
+                let named =
+                    words.map(|word| Ok(reader.corners[reader.named(word)?.0])).collect::<Result<Vec<_>, _>>()?;
+                triangles.extend(named.windows(2).skip(1).map(|pair| [named[0], pair[0], pair[1]]));
+            }
+            _ => {}
         }
     }
-    Ok(reader.corners)
+    if triangles.is_empty() {
+        triangles = reader.corners.iter().map(|&corner| [corner; 3]).collect();
+    }
+    Ok(triangles)
 }
 
 /// The surfaces of an OBJ file, one per group and material.

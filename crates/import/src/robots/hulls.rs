@@ -18,6 +18,8 @@ const TOLERANCE_M: f64 = 0.0005;
 /// Number of points above which the exact hull is not computed but approximated at once. Chosen by hand: bounds the
 /// time.
 const MAX_EXACT: usize = 1500;
+/// Number of directions along which the outermost points are found at first. Chosen by hand.
+const DIRECTIONS: usize = 256;
 /// Thickness given to flat meshes, m. Chosen by hand.
 const THICKNESS_M: f64 = 0.001;
 /// Distance below which vertices are merged, m.
@@ -38,7 +40,7 @@ pub struct Hull {
 pub fn hull(mut points: Vec<DVec3>) -> Option<Hull> {
     points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
     points.dedup();
-    let directions = spread();
+    let directions = spread(DIRECTIONS);
     let size = Aabb::from_points(points.iter().copied()).size();
     if points.is_empty() || !size.is_finite() {
         return None;
@@ -61,15 +63,14 @@ pub fn hull(mut points: Vec<DVec3>) -> Option<Hull> {
 }
 
 /// Unit vectors spread evenly over the sphere (Fibonacci lattice).
-fn spread() -> Vec<DVec3> {
-    const COUNT: usize = 256;
+pub(super) fn spread(count: usize) -> Vec<DVec3> {
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     let direction = |index: usize| {
-        let z = 1.0 - (2.0 * index as f64 + 1.0) / COUNT as f64;
+        let z = 1.0 - (2.0 * index as f64 + 1.0) / count as f64;
         let (sin, cos) = (golden * index as f64).sin_cos();
         DVec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z)
     };
-    (0..COUNT).map(direction).collect()
+    (0..count).map(direction).collect()
 }
 
 /// True if the extent in the thinnest direction vanishes.
@@ -116,7 +117,8 @@ fn outermost(points: Vec<DVec3>, directions: &[DVec3]) -> Vec<DVec3> {
     points.into_iter().filter(|point| !is_inside(point)).collect()
 }
 
-fn farthest(points: &[DVec3], along: DVec3) -> DVec3 {
+/// Farthest of some points along a direction; the origin without points.
+pub(super) fn farthest(points: &[DVec3], along: DVec3) -> DVec3 {
     let mut best = (f64::NEG_INFINITY, DVec3::ZERO);
     for &point in points {
         let reach = point.dot(along);

@@ -1,6 +1,7 @@
 //! Robots from URDF: a description with its meshes in ROS packages, and its SRDF.
 
 pub mod add;
+mod cuts;
 pub mod hulls;
 mod model;
 mod mount;

@@ -1,7 +1,7 @@
 //! Planning model of a robot from its description.
 //!
 //! Values missing in URDF are proposed here: accelerations, velocities, a home configuration, and the tool frame. Every
-//! collision mesh is replaced by its convex hull.
+//! collision mesh is replaced by its convex hull, or the hulls of its parts if it is bent.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,6 +10,7 @@ use genmanip_core::{
     glam::{DMat3, DVec3},
 };
 
+use super::cuts;
 use super::hulls::{self, MAX_CORNERS};
 use super::plausible::{self, MAX_ANGLE, MAX_LINKS};
 use super::srdf::Semantics;
@@ -71,14 +72,18 @@ pub fn build(
     let path = robot.place.0.clone();
     let mut notes = Vec::new();
     let described = urdf::links(robot, MAX_LINKS, &mut notes)?;
-    let mut builder = Builder { path: &path, files, notes, hulls: BTreeMap::new(), simplified: Vec::new() };
+    let mut builder =
+        Builder { path: &path, files, notes, hulls: BTreeMap::new(), cut: Vec::new(), simplified: Vec::new() };
     let mut links = builder.links(&described, choices)?;
     builder.follow(&described, &mut links)?;
     let would_move = |joint: &urdf::Joint<'_>| joint.motion.is_some() || joint.held.is_some();
     let has_motion = described.iter().any(|link| link.joint.as_ref().is_some_and(|(_, joint)| would_move(joint)));
-    let Builder { mut notes, simplified, .. } = builder;
+    let Builder { mut notes, cut, simplified, .. } = builder;
     if choices.visible {
         visual::add(robot, &described, &mut links, files, &mut notes)?;
+    }
+    if !cut.is_empty() {
+        notes.push(format!("bent meshes collide as the hulls of their parts: {}", listed(&cut)));
     }
     if let Some((name, from, to, error_m)) = simplified.iter().max_by(|a, b| a.3.total_cmp(&b.3)) {
         notes.push(format!(
@@ -178,8 +183,10 @@ struct Builder<'a, 'b> {
     path: &'a str,
     files: &'a mut Files<'b>,
     notes: Vec<String>,
-    /// Hull vertices of a mesh by file and scale.
-    hulls: BTreeMap<(String, [u64; 3]), Option<Vec<DVec3>>>,
+    /// Vertices of the hulls of a mesh by file and scale.
+    hulls: BTreeMap<(String, [u64; 3]), Vec<Vec<DVec3>>>,
+    /// Files that are cut, with the number of parts.
+    cut: Vec<String>,
     /// File, number of hull vertices before and after simplification, and error (m).
     simplified: Vec<(String, usize, usize, f64)>,
 }
@@ -198,12 +205,12 @@ impl Builder<'_, '_> {
             }
             let mut pieces = Vec::new();
             for collision in link.node.all("collision") {
-                pieces.extend(self.piece(collision)?);
+                pieces.extend(self.pieces(collision)?);
             }
             if pieces.is_empty() && link.node.first("visual").is_some() {
                 if choices.visuals_collide {
                     for visual in link.node.all("visual") {
-                        pieces.extend(self.piece(visual)?);
+                        pieces.extend(self.pieces(visual)?);
                     }
                     borrowed.push(link.name.to_owned());
                 } else {
@@ -353,22 +360,21 @@ impl Builder<'_, '_> {
         self.joint(joint.name, joint.node, &Motion { mimic: None, ..motion.clone() })
     }
 
-    /// Convex piece of a collision or visual element.
-    fn piece(&mut self, element: &Element) -> Result<Option<Piece>, ImportError> {
+    /// Convex pieces of a collision or visual element.
+    fn pieces(&mut self, element: &Element) -> Result<Vec<Piece>, ImportError> {
         let link_from_piece = urdf::origin(element)?;
-        let shape = match urdf::form(self.path, element, self.files, &mut self.notes)? {
-            None => return Ok(None),
-            Some(Form::Shape(shape)) => shape,
-            Some(Form::Mesh(file, scale)) => match self.corners(&file, scale)? {
-                Some(points) => Shape::Hull { points },
-                None => return Ok(None),
-            },
+        let shapes = match urdf::form(self.path, element, self.files, &mut self.notes)? {
+            None => Vec::new(),
+            Some(Form::Shape(shape)) => vec![shape],
+            Some(Form::Mesh(file, scale)) => {
+                self.hulls(&file, scale)?.into_iter().map(|points| Shape::Hull { points }).collect()
+            }
         };
-        Ok(Some(Piece { shape, link_from_piece }))
+        Ok(shapes.into_iter().map(|shape| Piece { shape, link_from_piece }).collect())
     }
 
-    /// Hull vertices of a mesh; `None` if it has no triangles.
-    fn corners(&mut self, file: &str, scale: DVec3) -> Result<Option<Vec<DVec3>>, ImportError> {
+    /// Vertices of the hulls that enclose a mesh; empty if it has no triangles.
+    fn hulls(&mut self, file: &str, scale: DVec3) -> Result<Vec<Vec<DVec3>>, ImportError> {
         let key = (file.to_owned(), scale.to_array().map(f64::to_bits));
         if let Some(known) = self.hulls.get(&key) {
             return Ok(known.clone());
@@ -376,24 +382,32 @@ impl Builder<'_, '_> {
         // A precomputed hull beside the mesh is read instead of the mesh.
         let beside = format!("{file}.convex.stl");
         let source = if std::path::Path::new(&beside).is_file() { beside } else { file.to_owned() };
-        let mut points = formats::vertices(&source, self.files).map_err(formats::advised)?;
-        points.iter_mut().for_each(|point| *point *= scale);
-        if !points.iter().all(|point| point.is_finite() && point.abs().max_element() < 1e3) {
+        let mut mesh = formats::triangles(&source, self.files).map_err(formats::advised)?;
+        mesh.as_flattened_mut().iter_mut().for_each(|corner| *corner *= scale);
+        if !mesh.as_flattened().iter().all(|corner| corner.is_finite() && corner.abs().max_element() < 1e3) {
             return Err(ImportError::new(source, "a vertex is not finite or more than 1 km away"));
         }
-        let count = points.len();
         let name = file.rsplit('/').next().unwrap_or(file);
-        let hull = hulls::hull(points);
-        match &hull {
-            None => self.notes.push(format!("mesh {name} has no triangles: it collides with nothing")),
-            Some(hull) if hull.thickened => self.notes.push(format!("mesh {name} is flat: it is taken as 1 mm thick")),
-            Some(hull) if hull.error_m > NOTED_M => {
-                self.simplified.push((name.to_owned(), count, hull.corners.len(), hull.error_m));
-            }
-            Some(_) => {}
+        let parts = cuts::parts(mesh);
+        if parts.len() > 1 {
+            self.cut.push(format!("{name} ({})", parts.len()));
         }
-        let corners = hull.map(|hull| hull.corners);
-        self.hulls.insert(key, corners.clone());
-        Ok(corners)
+        let mut found = Vec::new();
+        for part in parts {
+            let count = 3 * part.len();
+            match hulls::hull(part.concat()) {
+                None => self.notes.push(format!("mesh {name} has no triangles: it collides with nothing")),
+                Some(hull) => {
+                    if hull.thickened {
+                        self.notes.push(format!("mesh {name} is flat: it is taken as 1 mm thick"));
+                    } else if hull.error_m > NOTED_M {
+                        self.simplified.push((name.to_owned(), count, hull.corners.len(), hull.error_m));
+                    }
+                    found.push(hull.corners);
+                }
+            }
+        }
+        self.hulls.insert(key, found.clone());
+        Ok(found)
     }
 }

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
+mod bent_links;
 mod described;
 mod hostile;
 mod mjcf;
