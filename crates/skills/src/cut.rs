@@ -27,7 +27,7 @@ pub fn segments(travel: &[f64], contact: &[bool]) -> Result<Segments, SkillError
     let run_at = |step: usize| runs.iter().find(|run| run.start <= step && step <= run.end + GAP);
     let (first, last) = run_at(begin).zip(run_at(end)).ok_or(SkillError::NoContact { step: begin })?;
     if first != last {
-        return Err(SkillError::LetGo { step: first.end });
+        return Err(SkillError::Released { step: first.end });
     }
     let touched = first.start.min(begin);
     let left = first.end.max(end);
@@ -82,7 +82,7 @@ mod tests {
         // A touch on the way that ended long before does not count, nor does an instant without contact.
         check(200, &[10..15, 40..70, 75..120], 50..100, Ok(whole(40, 52, 99, 120)));
         check(200, &[], 50..100, Err("contact"));
-        check(200, &[40..60, 80..120], 50..100, Err("let go"));
+        check(200, &[40..60, 80..120], 50..100, Err("released the object"));
         check(200, whole_contact, 150..400, Err("moved"));
     }
 }

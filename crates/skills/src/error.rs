@@ -27,8 +27,10 @@ pub enum SkillError {
     #[error("the fingers did not hold the object: expected a grasp from the lift to the release")]
     NotHeld,
     /// The hand lost what it moved before the end.
-    #[error("the hand let go at control step {step}, before the motion ended: expected one contact from begin to end")]
-    LetGo {
+    #[error(
+        "the hand released the object at control step {step}, before the motion ended: expected one contact from begin to end"
+    )]
+    Released {
         /// Control step after the last one in contact.
         step: usize,
     },

@@ -1,7 +1,7 @@
 //! Scripts of the scripted operator for moving joints: hand poses that it wants to reach, from simulator truth.
 //!
 //! They stand in for a person who knows how such an object is handled: the hand comes to the handle from one direction,
-//! closes or not, moves it along by eye, lets go and leaves. Neither a planner nor a check of collisions or of the arm's
+//! closes or not, moves it along by eye, releases and leaves. Neither a planner nor a check of collisions or of the arm's
 //! reach is involved, and the operator steers to the poses by feedback through its device.
 
 use genmanip_core::glam::{DQuat, DVec3};
@@ -25,7 +25,7 @@ const SIDE_M: f64 = 0.0105;
 const FRONT_M: f64 = 0.005;
 /// Depth by which the tool stays behind the top of a handle that is gripped from above, m.
 const DEPTH_M: f64 = 0.008;
-/// Share of the wanted travel after which the hand lets go of a lid.
+/// Share of the wanted travel after which the hand releases a lid.
 const LID_SHARE: f64 = 0.88;
 /// Travel beyond the wanted position that the hand aims at while it pushes, m.
 const BEYOND_M: f64 = 0.003;
@@ -93,7 +93,7 @@ pub fn joint_script(
     let kind_of_motion = verb(model, change);
     let manner = Manner::of(kind_of_motion, &handle)?;
     let wanted = *change.targets.first()?;
-    // A person lets go of a lid before its stop.
+    // A person releases a lid before its stop.
     let share = if kind_of_motion == Verb::Lift { LID_SHARE } else { 1.0 };
     let target = change.from + (wanted - change.from) * share;
     let handle_at = |position: f64| handle.world_pose(model, world_from_object, joint_positions, position);

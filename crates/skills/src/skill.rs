@@ -119,7 +119,7 @@ pub struct JointMotion {
     pub joint: JointKind,
     /// Named states of the object at the start and at the end.
     pub states: [String; 2],
-    /// Position of the joint at the start, and when the hand let go, rad or m.
+    /// Position of the joint at the start, and when the hand released it, rad or m.
     pub from_to: [f64; 2],
     /// Nominal position of the joint in the state at the end, rad or m.
     pub nominal: f64,

@@ -15,7 +15,7 @@ pub(super) enum Phase {
     Closing(Box<Active>, usize, usize),
     /// Moves the joint: commands, and how many have been given.
     Moving(Box<Active>, Vec<Vec<f32>>, usize),
-    /// Waits until the hand is at rest before it lets go, as in `Arriving`.
+    /// Waits until the hand is at rest before it releases, as in `Arriving`.
     Stopping(Box<Active>, usize, Option<Pose>),
     /// Has returned its last commands.
     Done,
