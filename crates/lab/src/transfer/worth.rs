@@ -152,6 +152,9 @@ pub fn measure(
     Ok(WorthReport { skills, steps: arguments.steps, layouts: arguments.layouts, notes: NOTES })
 }
 
+/// A new policy for a scene.
+type MakePolicy<'a> = dyn Fn(&Stage) -> Result<Box<dyn Policy>, LabError> + 'a;
+
 /// One skill and what it is measured with.
 struct Course<'a> {
     case: &'a SkillCase,
@@ -237,7 +240,7 @@ impl Course<'_> {
         &self,
         name: &str,
         source: Option<EpisodeSource>,
-        policy: &dyn Fn(&Stage) -> Result<Box<dyn Policy>, LabError>,
+        policy: &MakePolicy<'_>,
     ) -> Result<Vec<String>, LabError> {
         let (count, mut hashes) = (self.arguments.count, Vec::new());
         self.progress.begin(&format!("demonstrating, {name}"), count);
