@@ -137,6 +137,32 @@ fn other_forms_are_named() {
     }
 }
 
+/// A rotation may be a quaternion, since URDF 1.1; it stands for the same pose as its angles.
+#[test]
+fn rotations_are_angles_or_quaternions() {
+    let turned = |rotation: &str| read(&ARM.replace("rpy=\"0 0.1 0\"", rotation));
+    let half = 0.05_f64;
+    let quaternion = format!("quat_xyzw=\"0 {} 0 {}\"", 2.0 * half.sin(), 2.0 * half.cos());
+    let [angles, quaternion] =
+        ["rpy=\"0 0.1 0\"", &quaternion].map(|rotation| flange(&turned(rotation).unwrap().model, 0.5));
+    assert!(angles.position.distance(quaternion.position) < 1e-9, "{angles:?} {quaternion:?}");
+    assert!(angles.rotation.angle_between(quaternion.rotation) < 1e-6, "{angles:?} {quaternion:?}");
+    for (wrong, message) in
+        [("rpy=\"0 0 0\" quat_xyzw=\"0 0 0 1\"", "got both"), ("quat_xyzw=\"0 0 0 0\"", "got zeros")]
+    {
+        let error = turned(wrong).unwrap_err();
+        assert!(error.contains(message) && error.contains("line"), "{error}");
+    }
+}
+
+/// A loop of joints is named as such.
+#[test]
+fn joints_in_a_loop_are_refused_as_such() {
+    let closed = "<joint name=\"back\" type=\"fixed\"><parent link=\"flange\"/><child link=\"world\"/></joint></robot>";
+    let error = read(&ARM.replace("</robot>", closed)).unwrap_err();
+    assert!(error.contains("form a loop") && error.contains("closes the loop"), "{error}");
+}
+
 /// Arms whose tool hangs from a slide, as of SCARA arms: the gripper points down, whichever way the axes point.
 #[test]
 fn the_gripper_of_a_scara_points_down() {

@@ -193,15 +193,24 @@ fn motion(node: &Element, kind: JointKind) -> Result<Motion<'_>, ImportError> {
     Ok(Motion { kind, continuous, axis, range, velocity: stated("velocity")?, effort: stated("effort")?, mimic })
 }
 
-/// Pose of the `<origin>` of an element.
+/// Pose of the `<origin>` of an element, whose rotation is `rpy` or, since URDF 1.1, `quat_xyzw`.
 ///
 /// # Errors
-/// If a number is invalid.
+/// If a number is invalid, or both rotations are given.
 pub fn origin(node: &Element) -> Result<Pose, ImportError> {
     let Some(origin) = node.first("origin") else { return Ok(Pose::IDENTITY) };
     let position = origin.exactly::<3>("xyz")?.unwrap_or_default();
-    let [roll, pitch, yaw] = origin.exactly::<3>("rpy")?.unwrap_or_default();
-    let rotation = DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
+    let rotation = match (origin.exactly::<3>("rpy")?, origin.exactly::<4>("quat_xyzw")?) {
+        (Some(_), Some(_)) => return Err(origin.wrong("expected rpy or quat_xyzw, got both")),
+        (None, Some(quaternion)) if quaternion.iter().all(|part| part.abs() < 1e-6) => {
+            return Err(origin.wrong("quat_xyzw: expected a rotation, got zeros"));
+        }
+        (None, Some(quaternion)) => DQuat::from_array(quaternion).normalize(),
+        (rpy, None) => {
+            let [roll, pitch, yaw] = rpy.unwrap_or_default();
+            DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll)
+        }
+    };
     Ok(Pose { position: DVec3::from_array(position), rotation })
 }
 
@@ -328,6 +337,11 @@ fn ordered<'x>(
         }
     }
     let roots: Vec<&str> = nodes.keys().copied().filter(|name| !hung.contains(name)).collect();
+    if roots.is_empty() {
+        return Err(robot
+            .wrong("expected exactly one root link, but every link has a parent joint: the joints form a loop")
+            .hint("remove the joint that closes the loop"));
+    }
     let [root] = roots.as_slice() else {
         let names = roots.iter().map(|name| shortened(name)).collect::<Vec<_>>().join(", ");
         return Err(robot
