@@ -330,13 +330,12 @@ impl Planner {
     /// A cheap check of goal poses before grasps are known.
     pub fn reaches_from_above(&self, point: DVec3) -> bool {
         let down = Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(std::f64::consts::PI) };
-        let home = &self.robot().home;
-        let reaches = |world_from_tcp: Pose| self.ik_each(&world_from_tcp, home).next().is_some();
-        let turned = (0..4).map(|turn| f64::from(turn) * std::f64::consts::FRAC_PI_4);
-        let mut straight_down = turned.map(|yaw| Pose::from_position_yaw(point, yaw) * down);
-        // The fine search is tried where the coarse one fails at every yaw.
-        straight_down.clone().any(|world_from_tcp| self.ik_coarse(&world_from_tcp, home).next().is_some())
-            || straight_down.any(reaches)
+        let reaches = |world_from_tcp: Pose| self.ik_each(&world_from_tcp, &self.robot().home).next().is_some();
+        let straight_down = (0..4).any(|turn| {
+            let yaw = f64::from(turn) * std::f64::consts::FRAC_PI_4;
+            reaches(Pose::from_position_yaw(point, yaw) * down)
+        });
+        straight_down
             || self.tool_dof() < 6
                 && OUTWARD_TILTS_RAD.iter().any(|&tilt| reaches(Pose::new(point, self.tilted_outward(point, tilt))))
     }
