@@ -52,6 +52,26 @@ fn unlimited_values_are_read_with_a_note() {
     with("<axis xyz=\"1 0 0\"/></joint>", "<axis xyz=\"1 0 0\"/><limit velocity=\"0.02\"/></joint>").unwrap();
 }
 
+/// Soft limits narrow the range, as MoveIt takes them; those that are wider, absent or contradictory do not.
+#[test]
+fn soft_limits_narrow_the_range() {
+    let limits = "<limit lower=\"-2.5\" upper=\"2.5\" velocity=\"2\"/>";
+    for (soft, expected, is_said) in [
+        ("soft_lower_limit=\"-2.25\" soft_upper_limit=\"2\"", [-2.25, 2.0], true),
+        ("soft_upper_limit=\"2\"", [-2.5, 2.0], true),
+        ("soft_lower_limit=\"-2.5\" soft_upper_limit=\"3\"", [-2.5, 2.5], false),
+        ("soft_lower_limit=\"0\" soft_upper_limit=\"0\"", [-2.5, 2.5], false),
+        ("k_velocity=\"10\"", [-2.5, 2.5], false),
+    ] {
+        let read = with(limits, &format!("{limits}<safety_controller {soft}/>")).unwrap();
+        let joint = read.model.arm_joints().find(|joint| joint.name == "j3").unwrap();
+        assert_eq!([joint.lower, joint.upper], expected, "{soft}");
+        assert_eq!(read.notes.iter().any(|note| note.contains("soft limits")), is_said, "{soft}: {:?}", read.notes);
+    }
+    let error = with(limits, &format!("{limits}<safety_controller soft_lower_limit=\"low\"/>")).unwrap_err();
+    assert!(error.contains("soft_lower_limit"), "{error}");
+}
+
 /// Pose of the flange with j3 at a position and all other joints at 0; without j3 if it does not move.
 fn flange(robot: &RobotModel, j3: f64) -> Pose {
     let config: Vec<f64> = robot.arm_joints().map(|joint| if joint.name == "j3" { j3 } else { 0.0 }).collect();

@@ -251,9 +251,10 @@ fn dropped(path: &Path, model: &genmanip_core::RobotModel, notes: &[String]) -> 
         of_tag.filter_map(|rest| rest.split('>').next()).collect()
     };
     let collisions = tags("<collision").len();
-    let pieces: usize = model.links.iter().map(|link| link.pieces.len()).sum();
-    if pieces < collisions && !said(&["left out", "no triangles"]) {
-        return Some(format!("{} of {collisions} collision geometries are missing", collisions - pieces));
+    // Counted per link: one mesh may give several pieces.
+    let missing: usize = text.split("<link").skip(1).map(|link| missing_pieces(link, model)).sum();
+    if missing > 0 && !said(&["left out", "no triangles"]) {
+        return Some(format!("{missing} of {collisions} collision geometries are missing"));
     }
     let moving = |tag: &&str| {
         ["revolute", "continuous", "prismatic", "floating", "planar"]
@@ -279,6 +280,16 @@ fn dropped(path: &Path, model: &genmanip_core::RobotModel, notes: &[String]) -> 
     }
     (collisions == 0 && !tags("<visual").is_empty() && !said(&["collision geometry", "hulls of visual"]))
         .then(|| "nothing collides".into())
+}
+
+/// Number of `<collision>` elements of a link, its text after `<link`, beyond the link's collision pieces.
+fn missing_pieces(link: &str, model: &genmanip_core::RobotModel) -> usize {
+    let Some((tag, rest)) = link.split_once('>').filter(|(tag, _)| !tag.ends_with('/')) else { return 0 };
+    let name = tag.split_once("name=").map_or("", |(_, name)| name);
+    let name = name.get(1..).and_then(|name| name.split(['"', '\'']).next()).unwrap_or_default();
+    let stated = rest.split("</link>").next().unwrap_or_default().matches("<collision").count();
+    let found = model.links.iter().find(|link| link.name == name).map_or(0, |link| link.pieces.len());
+    stated.saturating_sub(found)
 }
 
 /// A text without everything between two marks, the marks included.

@@ -275,6 +275,16 @@ impl<'a> Checker<'a> {
         stricter
     }
 
+    /// Reduces the clearance between links of the robot to `distance` (m) where it is larger.
+    pub(crate) fn limit_link_clearance(&mut self, distance: f64) {
+        for pair in &mut self.body_pairs {
+            if are_links(&self.bodies[pair.first], &self.bodies[pair.second]) {
+                pair.margin = pair.margin.min(distance);
+            }
+        }
+        self.refresh_fast_margins();
+    }
+
     /// True if the clearance of every pair is at least `distance` metres.
     pub(crate) fn has_min_clearance(&self, distance: f64) -> bool {
         let obstacles = self.obstacle_margin.iter().flatten();

@@ -25,9 +25,10 @@ enum Growth {
 
 /// Waypoints from `start` to one of `goals`; `None` after the maximum iterations.
 ///
-/// `iterations` counts the nodes added.
+/// `iterations` counts the nodes added. After [`PlanSettings::link_padding_after`] of them, the clearance between links
+/// of the robot is reduced; the trees remain valid.
 pub(super) fn connect(
-    checker: &Checker,
+    checker: &mut Checker,
     settings: &PlanSettings,
     spacing: f64,
     start: &[f64],
@@ -61,9 +62,13 @@ pub(super) fn connect(
         .collect();
     let mut samples = 0;
     let mut trees = [Tree::rooted(start.len(), &[start.to_vec()]), Tree::rooted(start.len(), goals)];
-    let mut growing = 0;
+    let (mut growing, mut is_link_clearance_limited) = (0, false);
     let budget = *iterations + settings.max_iterations;
     while *iterations < budget {
+        if *iterations >= settings.link_padding_after && !is_link_clearance_limited {
+            checker.limit_link_clearance(settings.link_padding);
+            is_link_clearance_limited = true;
+        }
         samples += 1;
         let ranges = if samples % 2 == 1 { &near } else { &limits };
         let sample: Vec<f64> = ranges.iter().map(|(lower, upper)| rng.random_range(*lower..=*upper)).collect();

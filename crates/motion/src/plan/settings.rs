@@ -8,6 +8,11 @@ use serde::{Deserialize, Serialize};
 pub struct PlanSettings {
     /// Clearance to everything that must not be touched (m).
     pub padding: f64,
+    /// Clearance between links of the robot (m) after [`PlanSettings::link_padding_after`] iterations: some arms are
+    /// built with gaps narrower than the padding.
+    pub link_padding: f64,
+    /// Number of iterations of the search with the whole padding between links of the robot.
+    pub link_padding_after: usize,
     /// Allowed penetration at start and goal (m), since physical contacts penetrate slightly.
     pub contact_tolerance: f64,
     /// Maximum edge of the search tree (rad) (`rrt_range` of the paper's planner, which used 0.001).
@@ -38,6 +43,8 @@ impl Default for PlanSettings {
     fn default() -> Self {
         Self {
             padding: 0.003,
+            link_padding: 0.0005,
+            link_padding_after: 5_000,
             contact_tolerance: 0.001,
             rrt_range: 0.7,
             max_iterations: 50_000,

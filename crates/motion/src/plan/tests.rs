@@ -93,6 +93,34 @@ fn a_way_too_narrow_for_the_arm_exhausts_the_search() {
     assert_eq!(report.other, "ahead", "the wall that the straight way runs into: {error}");
 }
 
+/// A cam on the first link passes a post on the base at 2 mm, wherever the other joints are.
+#[test]
+fn a_gap_between_links_narrower_than_the_padding_is_passed() {
+    let mut robot = test_panda().as_ref().clone();
+    let links = robot.links.len();
+    for (name, parent, center) in [("post", 0, DVec3::new(0.242, 0.0, 0.333)), ("cam", 1, DVec3::new(0.2, 0.0, 0.0))] {
+        let mut link = robot.links[0].clone();
+        link.name = name.into();
+        link.parent = Some(parent);
+        link.pieces = vec![Piece::at(center, Shape::Sphere { radius: 0.02 })];
+        robot.links.push(link);
+    }
+    robot.never_colliding.extend((0..links).flat_map(|link| [(link, links), (link, links + 1)]));
+    let (world, allowed) = (CollisionWorld::new(), AllowedCollisions::none());
+    let around = around(&world, &allowed);
+    let turned = |angle: f64| vec![angle, 0.6, 0.0, -2.0, 0.0, 0.8, 0.8];
+    for (link_padding, is_passed) in [(0.0005, true), (0.0025, false)] {
+        let plan =
+            crate::PlanSettings { link_padding, link_padding_after: 50, max_iterations: 1_000, ..Default::default() };
+        let settings = PlannerSettings { plan, ..Default::default() };
+        let planner = Planner::new(std::sync::Arc::new(robot.clone()), settings).unwrap();
+        let found = planner.plan_joint(&around, &turned(0.5), &[turned(-0.5)], Seed::new(1));
+        assert_eq!(found.is_ok(), is_passed, "{link_padding} m: {:?}", found.err());
+        let exact = planner.checker(&around, 0.0);
+        assert!(found.iter().flat_map(|path| path.states(0.002)).all(|state| exact.is_free(&state)));
+    }
+}
+
 /// The paper's planner took steps of 0.001 rad: thousands of nodes, but a bounded search like any other.
 #[test]
 fn tiny_steps_find_the_same_way_around() {

@@ -145,7 +145,16 @@ fn joint<'x>(node: &'x Element, notes: &mut Vec<String>) -> Result<Joint<'x>, Im
             None
         }
     };
-    let motion = kind.map(|kind| motion(node, kind)).transpose()?;
+    let mut motion = kind.map(|kind| motion(node, kind)).transpose()?;
+    if let Some(range) = motion.as_mut().and_then(|motion| motion.range.as_mut()) {
+        let soft = soft_range(node, *range)?;
+        if soft != *range {
+            let [[lower, upper], [from, to]] = [*range, soft];
+            let name = shortened(name);
+            notes.push(format!("joint {name} moves within its soft limits {from} to {to}, not {lower} to {upper}"));
+        }
+        *range = soft;
+    }
     let parent_from_joint = origin(node)?;
     if node.first("origin").map(|origin| origin.exactly::<3>("rpy")).transpose()?.flatten().is_some_and(is_in_degrees) {
         notes.push(format!("joint {} is turned by more than two turns: is its rpy in degrees?", shortened(name)));
@@ -191,6 +200,15 @@ fn motion(node: &Element, kind: JointKind) -> Result<Motion<'_>, ImportError> {
         None => None,
     };
     Ok(Motion { kind, continuous, axis, range, velocity: stated("velocity")?, effort: stated("effort")?, mimic })
+}
+
+/// The part of a range that the soft limits of a `<safety_controller>` leave, which drivers of the robot keep to; the
+/// whole range if they leave nothing.
+fn soft_range(node: &Element, range @ [lower, upper]: [f64; 2]) -> Result<[f64; 2], ImportError> {
+    let Some(safety) = node.first("safety_controller") else { return Ok(range) };
+    let from = safety.bounded("soft_lower_limit")?.map_or(lower, |soft| soft.max(lower));
+    let to = safety.bounded("soft_upper_limit")?.map_or(upper, |soft| soft.min(upper));
+    Ok(if to - from < MIN_RANGE { range } else { [from, to] })
 }
 
 /// Pose of the `<origin>` of an element, whose rotation is `rpy` or, since URDF 1.1, `quat_xyzw`.
