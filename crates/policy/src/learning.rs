@@ -1,6 +1,7 @@
 //! Neural networks of policies and their training.
 
 mod adam;
+mod ensemble;
 mod layers;
 mod neighbourhoods;
 mod network;
@@ -10,6 +11,7 @@ mod tensor;
 mod train;
 mod vision;
 
+pub use ensemble::Ensemble;
 pub use network::{Network, NetworkError, Prediction, Seen};
 pub use parameters::{Array, Parameters, ParametersError, Precision};
 pub use train::{Checkpoint, TrainError, Trainer, TrainingStep};

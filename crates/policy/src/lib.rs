@@ -23,6 +23,6 @@ pub use words::instruction_words;
 mod learning;
 #[cfg(feature = "learn")]
 pub use learning::{
-    Array, Checkpoint, Network, NetworkError, Parameters, ParametersError, Precision, Prediction, Seen, TrainError,
-    Trainer, TrainingStep,
+    Array, Checkpoint, Ensemble, Network, NetworkError, Parameters, ParametersError, Precision, Prediction, Seen,
+    TrainError, Trainer, TrainingStep,
 };

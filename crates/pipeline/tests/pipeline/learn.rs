@@ -139,6 +139,15 @@ fn one_episode_is_learned_by_heart() {
     let result = &reports[0].results[0];
     assert!(result.success && result.oracle, "{result:?}");
 
+    // Other settings of execution are other rows of results, and solve the layout too.
+    let named = |more: &str| PolicyFactory::resolve(&format!("learned:{}{more}", trained.policy.display()));
+    let ensembled = named(",ensemble=0.01").unwrap();
+    assert!(ensembled.label().ends_with("_ensemble=0.01"), "{}", ensembled.label());
+    assert!(evaluate(&suite, &[ensembled], &alone, &NoProgress, &never).unwrap()[0].results[0].success);
+    assert!(named(",execute=4").unwrap().label().ends_with("_execute=4"));
+    let refused = named(",execute=17").unwrap_err();
+    assert!(refused.hint().unwrap().contains("expected 1 to 16"), "{refused}");
+
     // Other weights than those of the description are refused, and so are damaged ones.
     let weights = trained.policy.join("weights.safetensors");
     let refused = || {
