@@ -66,8 +66,27 @@ named_enum! {
     }
 }
 
+named_enum! {
+    /// Output of a network, with its loss.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Head {
+        /// Actions, by the L1 loss: the median of what the demonstrations do.
+        #[default]
+        L1 = "l1",
+        /// Samples of the demonstrations' distribution, by conditional flow matching.
+        Flow = "flow",
+    }
+}
+
+impl Head {
+    fn is_l1(&self) -> bool {
+        *self == Self::L1
+    }
+}
+
 /// Architecture of the transformer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelSettings {
     /// Embedding dimension of tokens.
@@ -92,6 +111,9 @@ pub struct ModelSettings {
     /// [`ModelSettings::keypoints`]; 0 for none. Only training reads these labels.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub labelled_points: usize,
+    /// Output of the decoder.
+    #[serde(default, skip_serializing_if = "Head::is_l1")]
+    pub head: Head,
 }
 
 fn one() -> usize {

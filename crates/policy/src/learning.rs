@@ -2,6 +2,7 @@
 
 mod adam;
 mod ensemble;
+mod flow;
 mod layers;
 mod neighbourhoods;
 mod network;

@@ -13,7 +13,7 @@ mod words;
 pub use augmentation::normalised_pixel;
 pub use demonstrations::{Batch, Demonstration, Demonstrations, ImageBatch, RowImages, Sampler};
 pub use description::{
-    Augmentation, ImageInput, Inputs, ModelSettings, Normalisation, PolicyDescription, Preset, TrainingFacts,
+    Augmentation, Head, ImageInput, Inputs, ModelSettings, Normalisation, PolicyDescription, Preset, TrainingFacts,
     TrainingSettings,
 };
 pub use scale::Scale;

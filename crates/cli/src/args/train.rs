@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use genmanip_pipeline::learn::Preset;
+use genmanip_pipeline::learn::{Head, Preset};
 use genmanip_terminal::parse;
 
 use super::sources::SourceArguments;
@@ -29,6 +29,11 @@ pub struct TrainArguments {
     /// `tiny` sees two cameras and reads the instruction
     #[arg(long, value_name = "PRESET", value_parser = parse::variant(Preset::ALL, Preset::name))]
     pub preset: Preset,
+    /// Output of the network: `l1` predicts one chunk of actions, the median of the demonstrations; `flow` draws one
+    /// from their distribution (conditional flow matching), for demonstrations that do the same thing in several ways
+    #[arg(long, value_name = "HEAD", default_value = Head::L1.name(), conflicts_with = "check",
+          value_parser = parse::variant(Head::ALL, Head::name))]
+    pub head: Head,
     /// Number of optimiser steps
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub steps: Option<usize>,

@@ -33,9 +33,7 @@ pub(super) fn settings(preset: Preset, labels: bool) -> PresetSettings {
         encoder_layers: 3,
         decoder_layers: 1,
         chunk: 16,
-        channels: 0,
-        keypoints: 0,
-        labelled_points: 0,
+        ..ModelSettings::default()
     };
     let rows = ExportSettings {
         action: action(ActionSpace::EePose, RotationEncoding::SixD),

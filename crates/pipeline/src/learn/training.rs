@@ -79,6 +79,7 @@ pub fn train(
     };
     let PresetSettings { model, execute, training, privileged, .. } = preset;
     let arrays = &read.arrays;
+    let model = ModelSettings { head: options.head, ..model };
     let identity = Identity {
         preset: options.preset,
         run: read.run.clone(),

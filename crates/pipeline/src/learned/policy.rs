@@ -190,7 +190,7 @@ impl<F> ChunkPolicy<F> {
             let seen = observation.images.get(&image.camera).ok_or_else(|| missing(&image.camera))?;
             rgb.extend(&seen.rgb);
         }
-        Ok(Seen { numbers, words: self.words.clone(), rgb })
+        Ok(Seen { numbers, words: self.words.clone(), rgb, row: self.row })
     }
 }
 
@@ -219,9 +219,7 @@ mod tests {
                 encoder_layers: 1,
                 decoder_layers: 1,
                 chunk: CHUNK,
-                channels: 0,
-                keypoints: 0,
-                labelled_points: 0,
+                ..ModelSettings::default()
             },
             normalisation: Normalisation {
                 robot: scale(inputs.robot.len(), 1.0),
@@ -265,7 +263,8 @@ mod tests {
             Ok(Prediction { actions, end: (0..CHUNK).map(|at| f32::from(u8::from(at >= end))).collect() })
         };
         let mut policy = ChunkPolicy::seeing(NAME, &description, predict, observer).ensembling(ensemble);
-        let start = EpisodeStart { instruction: String::new(), seed: Seed::new(0), cameras: Vec::new(), scenario: None };
+        let start =
+            EpisodeStart { instruction: String::new(), seed: Seed::new(0), cameras: Vec::new(), scenario: None };
         policy.reset(&start).unwrap();
         let mut observation = Observation::default();
         let state = robot.home.iter().copied().chain([0.08]).collect();
@@ -294,7 +293,8 @@ mod tests {
             let oldest = (call + 1).saturating_sub(CHUNK);
             let weights: Vec<f64> = (0..=call - oldest).map(|age| (-decay * age as f64).exp()).collect();
             let values = (oldest..=call).map(|one| (100 * one + call - one) as f64);
-            (values.zip(&weights).map(|(value, weight)| value * weight).sum::<f64>() / weights.iter().sum::<f64>()) as f32
+            (values.zip(&weights).map(|(value, weight)| value * weight).sum::<f64>() / weights.iter().sum::<f64>())
+                as f32
         };
         for decay in [0.0, 0.3] {
             for (call, (actions, finished)) in acted(1, Some(decay), 9, CHUNK).into_iter().enumerate() {
