@@ -195,7 +195,7 @@ def train(
     """Trains a policy on the verified demonstrations of a run of collect(); None if it was stopped.
 
     preset: "state" sees true object poses, "tiny" sees two cameras and reads the instruction; with labels it also
-    learns to predict where the goal's objects are. head: "l1" predicts the median of the demonstrations' actions,
+    learns to predict where the goal's objects are. "act" is ACT with the inputs of "tiny", without labels. head: "l1" predicts the median of the demonstrations' actions,
     "flow" samples from their distribution. Its length is that many optimiser steps, or that much wall-clock
     time. A stopped training continues from its checkpoint. evaluate() takes the policy as f"learned:{out}".
     """

@@ -8,8 +8,10 @@ mod neighbourhoods;
 mod network;
 mod nn;
 mod parameters;
+mod style;
 mod tensor;
 mod train;
+mod trunk;
 mod vision;
 
 pub use ensemble::Ensemble;

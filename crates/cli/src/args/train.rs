@@ -26,7 +26,8 @@ pub struct TrainArguments {
     #[arg(long, value_name = "NAME", requires = "demos")]
     pub distribution: Option<String>,
     /// Inputs and sizes: `state` sees the poses of the objects as the simulator knows them (privileged), no images;
-    /// `tiny` sees two cameras and reads the instruction
+    /// `tiny` sees two cameras and reads the instruction; `act` sees the same through a residual network, as ACT, and
+    /// needs no simulator labels
     #[arg(long, value_name = "PRESET", value_parser = parse::variant(Preset::ALL, Preset::name))]
     pub preset: Preset,
     /// Output of the network: `l1` predicts one chunk of actions, the median of the demonstrations; `flow` draws one

@@ -91,6 +91,9 @@ fn learned_policies_with_other_images() {
         let reports = evaluate(&suite, &all, &short, &NoProgress, &never).unwrap();
         reports.iter().map(|report| report.results[0].tcp_path_m).collect()
     };
+    let act = TrainOptions { preset: Preset::Act, ..options(&folder, "act", 1) };
+    let act = train(&act, &NoProgress, &never).unwrap().unwrap();
+    assert!(!act.privileged && !act.labels, "ACT learns without the simulator: {act:?}");
     // Half of all initial networks say at once that they have finished.
     let moving = (0..8).map(paths_m).find(|paths_m| paths_m.iter().all(|path_m| *path_m > 0.01));
     let Some(&[own, none, other]) = moving.as_deref() else { panic!("no policy moves with all images: {moving:?}") };

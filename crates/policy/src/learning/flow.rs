@@ -38,10 +38,9 @@ fn normal(rng: &mut impl Rng) -> f32 {
 }
 
 impl Batch {
-    /// Draws noise and time of the samples of a step, as functions of the seed and of the sample's number, counted over
-    /// all steps.
-    pub(super) fn draw_noise(&mut self, seed: Seed, step: u64) {
-        let count = self.actions.len() / self.size.max(1);
+    /// Draws `count` entries of noise and the time of each sample of a step, as functions of the seed and of the
+    /// sample's number, counted over all steps.
+    pub(super) fn draw_noise(&mut self, count: usize, seed: Seed, step: u64) {
         for sample in 0..self.size as u64 {
             let seed = seed.fork("flow").fork_index(step * self.size as u64 + sample);
             self.noise.extend(noise(seed.fork("noise"), count));
@@ -86,7 +85,7 @@ mod tests {
             mask: vec![1.0, 0.0, 1.0, 1.0],
             ..Batch::default()
         };
-        batch.draw_noise(Seed::new(1), 7);
+        batch.draw_noise(4, Seed::new(1), 7);
         batch.time = vec![0.25, 1.0];
         let (noised, velocity) = (batch.noised(), batch.velocity());
         assert_eq!(noised[2..4], batch.noise[2..4], "after the end there is only noise");

@@ -1,11 +1,12 @@
-//! Transformer that predicts a chunk of actions at once, after ACT (Zhao et al., 2023) but without its variational
-//! encoder, since scripted demonstrations have little multimodality.
+//! Transformer that predicts a chunk of actions at once, after ACT (Zhao et al., 2023); its variational encoder
+//! ([`super::style`]) is optional, since scripted demonstrations have little multimodality.
 //!
 //! Tokens of the robot, the objects, the instruction and images pass through an encoder; learned queries, one per
 //! action of the chunk, read the encoder's output in a decoder by cross-attention. Layers are pre-norm.
 //!
-//! The keypoints of an image ([`super::vision`]) become a few tokens. Labelled keypoints are first located in 3D, then
-//! become one token each with their image features, in analogy to the object tokens of a privileged policy.
+//! Of an image, all cells become tokens ([`super::trunk`]), or its keypoints a few ([`super::vision`]). Labelled
+//! keypoints are first located in 3D, then become one token each with their image features, in analogy to the object
+//! tokens of a privileged policy.
 
 use genmanip_core::Seed;
 
@@ -15,6 +16,7 @@ use super::neighbourhoods::NetworkBackend;
 use super::parameters::{Array, Parameters};
 use super::tensor::Tensor;
 use super::vision::{self, Keypoints};
+use super::{style, trunk};
 use crate::{Batch, Head, ImageInput, Inputs, ModelSettings};
 
 /// Architecture of the network: sizes without weights.
@@ -36,6 +38,8 @@ pub struct Output<B: NetworkBackend> {
     pub points: Option<Tensor<B>>,
     /// Keypoints of the images of each camera.
     pub keypoints: Vec<Keypoints<B>>,
+    /// KL divergence of the latent style variable, summed over the batch; `None` without it.
+    pub divergence: Option<Tensor<B>>,
 }
 
 /// Output of the encoder.
@@ -69,9 +73,9 @@ impl Transformer {
         &self.inputs.images
     }
 
-    /// Output of the decoder.
-    pub fn head(&self) -> Head {
-        self.settings.head
+    /// Sizes of the network.
+    pub fn settings(&self) -> &ModelSettings {
+        &self.settings
     }
 
     /// Initial weights: uniform within the inverse square root of the number of inputs; biases are 0.
@@ -98,8 +102,15 @@ impl Transformer {
         let ModelSettings { channels, keypoints, labelled_points, .. } = self.settings;
         for image in 0..self.inputs.images.len() {
             let name = format!("image.{image}");
+            if self.settings.residual_blocks > 0 {
+                trunk::add(&name, &self.settings, &mut arrays);
+                continue;
+            }
             vision::add(&name, &self.settings, self.inputs.words > 0, &mut arrays);
-            arrays.linear(&format!("{name}.tokens"), keypoints * (channels + 2), self.image_tokens() * width);
+            arrays.linear(&format!("{name}.tokens"), keypoints * (channels + 2), self.keypoint_tokens() * width);
+        }
+        if self.settings.latent > 0 {
+            style::add(&self.settings, self.inputs.robot.len(), self.action, &mut arrays);
         }
         if labelled_points > 0 {
             let (robot, images) = (self.inputs.robot.len(), self.inputs.images.len());
@@ -134,11 +145,16 @@ impl Transformer {
     fn tokens(&self) -> usize {
         let Inputs { slots, words, images, .. } = &self.inputs;
         let points = self.settings.labelled_points;
-        1 + slots + usize::from(*words > 0) + images.len() * self.image_tokens() + points
+        let of_image = |image: &ImageInput| match self.settings.residual_blocks {
+            0 => self.keypoint_tokens(),
+            _ => trunk::grid(image).iter().product(),
+        };
+        let style = usize::from(self.settings.latent > 0);
+        1 + slots + usize::from(*words > 0) + images.iter().map(of_image).sum::<usize>() + points + style
     }
 
-    /// Number of tokens of one image.
-    fn image_tokens(&self) -> usize {
+    /// Number of tokens of the keypoints of one image.
+    fn keypoint_tokens(&self) -> usize {
         self.settings.keypoints.div_ceil(KEYPOINTS_PER_TOKEN)
     }
 
@@ -151,7 +167,10 @@ impl Transformer {
     /// Forward pass for the loss of a batch.
     pub fn forward<B: NetworkBackend>(&self, weights: &Weights<B>, batch: &Batch) -> Output<B> {
         let layers = Layers { weights, heads: self.settings.heads };
-        let encoded = self.encode(&layers, batch);
+        let robot = self.inputs.robot.len();
+        let style = (self.settings.latent > 0).then(|| style::sample(&layers, &self.settings, robot, batch));
+        let (latent, divergence) = style.map(|[latent, divergence]| (latent, divergence)).unzip();
+        let encoded = self.encode(&layers, batch, latent);
         let (actions, end) = match self.settings.head {
             Head::L1 => self.actions(&layers, &encoded.memory),
             Head::Flow => {
@@ -159,13 +178,13 @@ impl Transformer {
                 (self.velocity(&layers, &encoded.memory, noised, &batch.time), self.end(&layers, &encoded.memory))
             }
         };
-        Output { actions, end, points: encoded.points, keypoints: encoded.keypoints }
+        Output { actions, end, points: encoded.points, keypoints: encoded.keypoints, divergence }
     }
 
     /// Actions predicted for a batch, and logits of the end. A flow starts from the batch's noise.
     pub fn predict<B: NetworkBackend>(&self, weights: &Weights<B>, batch: &Batch) -> [Tensor<B>; 2] {
         let layers = Layers { weights, heads: self.settings.heads };
-        let Encoded { memory, .. } = self.encode(&layers, batch);
+        let Encoded { memory, .. } = self.encode(&layers, batch, None);
         if self.settings.head == Head::L1 {
             return self.actions(&layers, &memory).into();
         }
@@ -235,8 +254,8 @@ impl Transformer {
         layers.linear(layers.norm(queries, "decoder.norm"), "head")
     }
 
-    /// Encodes the inputs of a batch.
-    fn encode<B: NetworkBackend>(&self, layers: &Layers<B>, batch: &Batch) -> Encoded<B> {
+    /// Encodes the inputs of a batch, with the latent variable of its style; `None` for 0.
+    fn encode<B: NetworkBackend>(&self, layers: &Layers<B>, batch: &Batch, latent: Option<Tensor<B>>) -> Encoded<B> {
         let (size, width) = (batch.size, self.settings.width);
         let image_numbers = self.settings.keypoints * (self.settings.channels + 2);
         let Inputs { robot, object, slots, images, words } = &self.inputs;
@@ -252,17 +271,25 @@ impl Transformer {
         let mut seen = Vec::new();
         for (index, (image, batch)) in images.iter().zip(&batch.images).enumerate() {
             let name = format!("image.{index}");
+            if self.settings.residual_blocks > 0 {
+                tokens.push(trunk::tokens(layers, &name, &self.settings, image, batch));
+                continue;
+            }
             let found = vision::keypoints(layers, &name, &self.settings, instruction.as_ref(), image, batch);
             let all = Tensor::join(vec![found.features.clone(), found.pixels.clone()], 2);
             let all = layers.linear(all.reshape(&[size, 1, image_numbers]), &format!("{name}.tokens"));
-            tokens.push(all.reshape(&[size, self.image_tokens(), width]));
+            tokens.push(all.reshape(&[size, self.keypoint_tokens(), width]));
             seen.push(found);
         }
         let points = (self.settings.labelled_points > 0).then(|| self.locate(layers, batch, &seen, &mut tokens));
+        if self.settings.latent > 0 {
+            let count = self.settings.latent;
+            let latent = latent.unwrap_or_else(|| Tensor::owned(vec![0.0; size * count], &[size, count]));
+            tokens.push(layers.linear(latent.reshape(&[size, 1, count]), "latent"));
+        }
         let mut memory = Tensor::join(tokens, 1).add(layers.get("tokens"));
         for layer in 0..self.settings.encoder_layers {
-            memory = layers.attend(memory, None, &format!("encoder.{layer}.attention"));
-            memory = layers.feed_forward(memory, &format!("encoder.{layer}"));
+            memory = layers.encode(memory, &format!("encoder.{layer}"));
         }
         Encoded { memory: layers.norm(memory, "encoder.norm"), points, keypoints: seen }
     }

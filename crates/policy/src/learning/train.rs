@@ -194,14 +194,15 @@ impl<'a> Trainer<'a> {
             size: self.settings.batch as f64,
             points: self.demonstrations.points,
             end_weight: self.settings.end_weight,
+            kl_weight: self.settings.kl_weight,
             label_weight: self.settings.label_weight,
         };
-        let (mut action_loss, mut l1, mut end_loss, mut label_loss) = (0.0, 0.0, 0.0, 0.0);
+        let (mut total, mut l1, mut end_loss, mut label_loss) = (0.0_f64, 0.0, 0.0, 0.0);
         let mut gradients: Vec<Vec<f32>> =
             self.parameters.arrays.iter().map(|array| vec![0.0; array.values.len()]).collect();
         for parts in parts.chunks(self.threads.max(1)) {
             for part in loss.of_parts(parts) {
-                action_loss += part.actions;
+                total += part.total;
                 l1 += part.l1;
                 end_loss += part.end;
                 label_loss += part.labels;
@@ -210,8 +211,7 @@ impl<'a> Trainer<'a> {
                 }
             }
         }
-        let losses: [f64; 3] = [action_loss, end_loss, label_loss];
-        if !(losses.iter().all(|loss| loss.is_finite()) && gradients.iter().flatten().all(|value| value.is_finite())) {
+        if !(total.is_finite() && gradients.iter().flatten().all(|value| value.is_finite())) {
             return Err(TrainError::NotFinite { step });
         }
         let learning_rate = learning_rate(step, steps, &self.settings);
@@ -224,8 +224,10 @@ impl<'a> Trainer<'a> {
     fn parts(&mut self, step: u64) -> Result<Vec<Batch>, TrainError> {
         let Self { demonstrations, images, normalisation, settings, .. } = self;
         let mut batch = self.sampler.batch(demonstrations, *images, normalisation, step, settings.batch)?;
-        if self.network.head() == Head::Flow {
-            batch.draw_noise(self.seed, step);
+        let ModelSettings { head, latent, .. } = *self.network.settings();
+        let noise = if head == Head::Flow { batch.actions.len() / batch.size.max(1) } else { latent };
+        if noise > 0 {
+            batch.draw_noise(noise, self.seed, step);
         }
         let part = if demonstrations.inputs.images.is_empty() { PART } else { PART_WITH_IMAGES };
         Ok(batch.parts(part, &demonstrations.inputs))
@@ -316,13 +318,14 @@ struct Loss<'a> {
     /// Number of labelled keypoints per sample.
     points: usize,
     end_weight: f64,
+    kl_weight: f64,
     label_weight: f64,
 }
 
 /// Contribution of a part to losses and gradients of its batch.
 struct PartLoss {
-    /// Loss of the actions: the L1 error, or the squared error of the velocities of a flow head.
-    actions: f64,
+    /// Weighted sum of all losses, whose gradients these are.
+    total: f64,
     l1: f64,
     end: f64,
     labels: f64,
@@ -353,13 +356,13 @@ impl Loss<'_> {
         let output = self.network.forward(&weights, part);
         let chunk = part.mask.len() / part.size;
         let mask = Tensor::new(&part.mask, &[part.size, chunk, 1]);
-        let targets = match self.network.head() {
+        let targets = match self.network.settings().head {
             Head::L1 => Tensor::new(&part.actions, &[part.size, chunk, self.action]),
             Head::Flow => Tensor::new(&part.velocity(), &[part.size, chunk, self.action]),
         };
         let error = output.actions.sub(targets).mul(mask);
         let absolute = error.clone().abs();
-        let (actions, l1) = match self.network.head() {
+        let (actions, l1) = match self.network.settings().head {
             Head::L1 => (absolute.clone(), absolute),
             Head::Flow => {
                 // The remaining time turns an error of velocity into one of the actions that it leads to.
@@ -372,16 +375,21 @@ impl Loss<'_> {
         let over = Tensor::new(&part.mask.iter().map(|there| 1.0 - there).collect::<Vec<_>>(), &[part.size, chunk, 1]);
         let end = output.end.clone().softplus().sub(output.end.mul(over)).sum().scale(1.0 / self.queries);
         let value = |tensor: &Tensor<CpuTraining>| tensor.clone().values().first().map_or(f64::NAN, |x| f64::from(*x));
-        let (actions_value, l1_value, end_value) = (value(&actions), value(&l1), value(&end));
+        let (l1_value, end_value) = (value(&l1), value(&end));
         let loss = actions.add(end.scale(self.end_weight));
+        let loss = match output.divergence {
+            Some(divergence) => loss.add(divergence.scale(self.kl_weight / self.size)),
+            None => loss,
+        };
         let labels = self.labels(&output.points, &output.keypoints, part);
         let labels_value = labels.as_ref().map_or(0.0, value);
         let loss = match labels {
             Some(labels) => loss.add(labels.scale(self.label_weight)),
             None => loss,
         };
+        let total = value(&loss);
         let gradients = loss.gradients(&leaves);
-        PartLoss { actions: actions_value, l1: l1_value, end: end_value, labels: labels_value, gradients }
+        PartLoss { total, l1: l1_value, end: end_value, labels: labels_value, gradients }
     }
 
     /// Auxiliary loss of the labelled keypoints, in 3D and in each image that shows them; `None` without labels.
