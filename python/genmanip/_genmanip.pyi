@@ -145,6 +145,7 @@ def train(
     run: _Path,
     out: _Path,
     preset: str,
+    head: str,
     steps: int | None,
     budget_s: int | None,
     seed: int,

@@ -184,6 +184,7 @@ def train(
     out: Path,
     *,
     preset: str,
+    head: str = "l1",
     steps: int | None = None,
     budget_s: int | None = None,
     seed: int = 0,
@@ -194,12 +195,13 @@ def train(
     """Trains a policy on the verified demonstrations of a run of collect(); None if it was stopped.
 
     preset: "state" sees true object poses, "tiny" sees two cameras and reads the instruction; with labels it also
-    learns to predict where the goal's objects are. Its length is that many optimiser steps, or that much wall-clock
+    learns to predict where the goal's objects are. "act" is ACT with the inputs of "tiny", without labels. head: "l1" predicts the median of the demonstrations' actions,
+    "flow" samples from their distribution. Its length is that many optimiser steps, or that much wall-clock
     time. A stopped training continues from its checkpoint. evaluate() takes the policy as f"learned:{out}".
     """
     length = (arguments.count_or_none("steps", steps), arguments.count_or_none("budget_s", budget_s))
     given = (*length, arguments.count("seed", seed), labels, *_running(workers, progress))
-    trained = json.loads(_genmanip.train(run, out, preset, *given))
+    trained = json.loads(_genmanip.train(run, out, preset, head, *given))
     return None if trained is None else Trained.of(trained)
 
 

@@ -16,7 +16,7 @@ use genmanip_pipeline::Run;
 use genmanip_pipeline::collect::CollectOptions;
 use genmanip_pipeline::export::{ExportOptions, Format};
 use genmanip_pipeline::layouts::{LayoutOutput, lay_out};
-use genmanip_pipeline::learn::{self, Length, Preset, TrainOptions};
+use genmanip_pipeline::learn::{self, Head, Length, Preset, TrainOptions};
 use genmanip_pipeline::plan::{MotionRequest, Target};
 use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::images::ImageSettings;
@@ -163,6 +163,7 @@ pub fn train(
     run: PathBuf,
     out: PathBuf,
     preset: &str,
+    head: &str,
     steps: Option<u64>,
     budget_s: Option<u64>,
     seed: u64,
@@ -176,8 +177,10 @@ pub fn train(
                     pip install ./python --config-settings=build-args='--features learn'";
         return Err(error(what.with_hint(hint)));
     }
-    let named = Preset::ALL.into_iter().find(|one| one.name() == preset);
-    let unknown = || error(WorkspaceError::unknown("preset", "presets", preset, &Preset::ALL.map(Preset::name)));
+    let unknown = |what, plural, got: &str, known: &[&str]| error(WorkspaceError::unknown(what, plural, got, known));
+    let preset =
+        Preset::named(preset).ok_or_else(|| unknown("preset", "presets", preset, &Preset::ALL.map(Preset::name)))?;
+    let head = Head::named(head).ok_or_else(|| unknown("head", "heads", head, &Head::ALL.map(Head::name)))?;
     let length = match (steps, budget_s) {
         (Some(steps), None) => Length::Steps(steps),
         (None, Some(budget_s)) => Length::BudgetS(budget_s),
@@ -186,11 +189,11 @@ pub fn train(
             return Err(error(what.with_hint("give steps=…, or budget_s=… (wall-clock time)")));
         }
     };
-    let preset = named.ok_or_else(unknown)?;
     let options = TrainOptions {
         run,
         sources: Vec::new(),
         preset,
+        head,
         length,
         seed: Seed::new(seed),
         labels,

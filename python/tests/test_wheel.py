@@ -342,6 +342,7 @@ class Stages(unittest.TestCase):
         self.assertEqual((result.episodes, result.oracle), (2, True))
         for call, words in [
             (lambda: genmanip.train(run, out, preset="stat", steps=2), "did you mean `state`"),
+            (lambda: genmanip.train(run, out, preset="state", head="flows", steps=2), "did you mean `flow`"),
             (lambda: genmanip.train(run, out, preset="state"), "a training has one length"),
             (lambda: genmanip.train(run, out, preset="state", steps=-2), "steps=-2 is not possible"),
             (lambda: genmanip.train(folder / "none", out, preset="state", steps=2), "none"),

@@ -305,6 +305,7 @@ fn learn_arguments(arguments: &args::LabLearnArguments) -> LearnArguments {
     LearnArguments {
         distribution: arguments.distribution.clone(),
         preset: arguments.preset,
+        head: arguments.head,
         demos: arguments.demos,
         length: arguments.budget.map_or(Length::Steps(steps), Length::BudgetS),
         labels: !arguments.no_labels,

@@ -14,7 +14,7 @@ use genmanip_core::Seed;
 use genmanip_pipeline::PolicyFactory;
 use genmanip_pipeline::evaluate::{EvaluateOptions, Suite, evaluate};
 use genmanip_pipeline::learn::{
-    CheckOptions, Length, Preset, SuiteDemonstrations, TRAINING, TrainOptions, check, demonstrate, train,
+    CheckOptions, Head, Length, Preset, SuiteDemonstrations, TRAINING, TrainOptions, check, demonstrate, train,
 };
 use genmanip_workspace::Progress;
 use serde::Serialize;
@@ -29,6 +29,8 @@ pub struct LearnArguments {
     pub distribution: String,
     /// Preset of inputs and network size.
     pub preset: Preset,
+    /// Output of the network, with its loss.
+    pub head: Head,
     /// Number of verified demonstrations to collect.
     pub demos: usize,
     /// Length of training: number of steps, or time.
@@ -87,7 +89,7 @@ pub fn measure(
     folder: &Path,
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
-    let LearnArguments { distribution, preset, demos, length, labels, layouts, workers } = arguments.clone();
+    let LearnArguments { distribution, preset, head, demos, length, labels, layouts, workers } = arguments.clone();
     let (started, stop, run) = (Instant::now(), AtomicBool::new(false), folder.join("run"));
     let place = suites::folder_of(Path::new(SUITE));
     let suite = Distributions::open(&place)?;
@@ -109,6 +111,7 @@ pub fn measure(
         sources: Vec::new(),
         run: run.clone(),
         preset,
+        head,
         length,
         seed: seed.fork("training"),
         labels,

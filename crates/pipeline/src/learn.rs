@@ -30,7 +30,7 @@ mod uninstalled;
 pub use check::check;
 #[cfg(feature = "learn")]
 pub use controls::controls;
-pub use genmanip_policy::Preset;
+pub use genmanip_policy::{Head, Preset};
 pub use options::{CheckOptions, Checked, Length, SuiteDemonstrations, TRAINING, TrainOptions, Trained};
 #[cfg(feature = "learn")]
 pub use suite::demonstrate;

@@ -11,6 +11,17 @@ pub(crate) mod policy;
 mod uninstalled;
 
 #[cfg(feature = "learn")]
-pub(crate) use policy::load;
+pub(crate) use policy::{Learned, load};
 #[cfg(not(feature = "learn"))]
-pub(crate) use uninstalled::{load, refusal};
+pub(crate) use uninstalled::{Learned, load, refusal};
+
+/// Settings of execution that a caller may choose for a trained policy.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(not(feature = "learn"), expect(dead_code, reason = "no policy can be loaded"))]
+pub(crate) struct Execution {
+    /// Actions of a chunk that are executed before the next observation; `None` for the trained number, or 1 with
+    /// `ensemble`.
+    pub execute: Option<usize>,
+    /// Decay of the weights of temporal ensembling, per prediction; `None` without it.
+    pub ensemble: Option<f64>,
+}

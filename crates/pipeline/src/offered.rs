@@ -6,7 +6,7 @@ use genmanip_assets::robots;
 use genmanip_core::{Policy, PolicySpec, RobotModel};
 use genmanip_workspace::WorkspaceError;
 
-use crate::learned;
+use crate::policies::load_learned;
 
 /// A policy for use outside the simulator, on the observations that its clients send.
 pub struct OfferedPolicy {
@@ -18,17 +18,16 @@ pub struct OfferedPolicy {
     pub make: Arc<dyn Fn() -> Box<dyn Policy> + Send + Sync>,
 }
 
-/// A policy to serve, given as `learned:FOLDER`.
+/// A policy to serve, given as `learned:FOLDER` or `learned:FOLDER,key=value`.
 ///
 /// # Errors
 /// When there is no such policy, its robot is unknown, or it reads simulator ground truth, which clients do not have.
 pub fn offered(policy: &str) -> Result<OfferedPolicy, WorkspaceError> {
-    let folder = policy.strip_prefix("learned:").map(|folder| folder.strip_prefix("folder=").unwrap_or(folder));
-    let Some(folder) = folder.filter(|folder| !folder.is_empty()) else {
+    let Some(folder) = policy.strip_prefix("learned:").filter(|folder| !folder.is_empty()) else {
         return Err(WorkspaceError::input(format!("policy `{policy}` cannot be served"))
             .with_hint("expected learned:FOLDER, a policy as `genmanip train` writes it"));
     };
-    let learned = learned::load(folder.as_ref())?;
+    let learned = load_learned(folder)?;
     let description = learned.description();
     if description.privileged {
         return Err(WorkspaceError::input(format!("{folder} reads simulator ground truth, which no client can send"))

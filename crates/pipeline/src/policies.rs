@@ -24,7 +24,8 @@ use genmanip_rollout::policies::{DoNothing, OpenLoop};
 use genmanip_rollout::{Cores, RolloutError, Stage};
 use genmanip_skills::{Skill, Transfer, TransferSettings};
 
-use crate::{learned, remote};
+use crate::learned::{self, Execution, Learned};
+use crate::remote;
 use genmanip_agent_sim::{AgentChoice, ModelChoice, UsageAccount};
 use genmanip_workspace::WorkspaceError;
 
@@ -38,6 +39,9 @@ use watched::{BeforeTurn, Watched};
 
 use crate::policy_spec::check_robot;
 pub use crate::policy_spec::{mistaken, read_spec};
+
+/// Largest decay of temporal ensembling, at which the oldest prediction alone counts.
+const MAX_DECAY: f64 = 100.0;
 
 /// All policies of the registry, in the order of lists for users.
 pub const POLICIES: [PolicyEntry; 13] = [
@@ -216,13 +220,27 @@ fn skill(given: &Given) -> Result<Prepared, WorkspaceError> {
 }
 
 fn learned(given: &Given) -> Result<Prepared, WorkspaceError> {
+    let learned = loaded(given)?;
+    // Its predicted end is only an estimate, so its episodes end once the goal holds.
+    Ok(Prepared::new(move |episode: &PolicyContext| learned.act_on(episode.stage)).never_finishing())
+}
+
+/// Loads the learned policy of `FOLDER` or `FOLDER,key=value`, the arguments after `learned:`.
+///
+/// # Errors
+/// For an unknown or invalid argument, or a policy that cannot be loaded.
+pub(crate) fn load_learned(arguments: &str) -> Result<Arc<Learned>, WorkspaceError> {
+    loaded(&Given::parse("learned", &LEARNED_ARGUMENTS, arguments)?)
+}
+
+fn loaded(given: &Given) -> Result<Arc<Learned>, WorkspaceError> {
     let Some(folder) = given.folder("folder") else {
         return Err(WorkspaceError::input("policy learned needs the folder of a policy")
             .with_hint("expected learned:FOLDER, a policy as `genmanip train` writes it"));
     };
-    let learned = learned::load(&folder)?;
-    // Its predicted end is only an estimate, so its episodes end once the goal holds.
-    Ok(Prepared::new(move |episode: &PolicyContext| learned.act_on(episode.stage)).never_finishing())
+    let execution =
+        Execution { execute: given.count("execute")?, ensemble: given.optional("ensemble", 0.0..=MAX_DECAY)? };
+    learned::load(&folder, execution)
 }
 
 fn do_nothing(given: &Given) -> Result<Prepared, WorkspaceError> {

@@ -149,6 +149,10 @@ pub struct Batch {
     pub actions: Vec<f32>,
     /// 1 where there is a target, 0 after the end: size × chunk.
     pub mask: Vec<f32>,
+    /// Noise of a flow head: size × chunk × action; of the latent style variable in training: size × latent; else empty.
+    pub noise: Vec<f32>,
+    /// Times of a flow head, from 0 (noise) to 1 (actions): size; empty for the L1 head and at inference.
+    pub time: Vec<f32>,
 }
 
 /// Sampler of batches; the order of samples is a function of seed and step.

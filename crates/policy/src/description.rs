@@ -63,11 +63,32 @@ named_enum! {
         State = "state",
         /// Images of two cameras and the instruction; small enough to train and run on a CPU.
         Tiny = "tiny",
+        /// ACT (Zhao et al., 2023) with the inputs of `tiny`, in sizes for a CPU; no simulator labels.
+        Act = "act",
+    }
+}
+
+named_enum! {
+    /// Output of a network, with its loss.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Head {
+        /// Actions, by the L1 loss: the median of what the demonstrations do.
+        #[default]
+        L1 = "l1",
+        /// Samples of the demonstrations' distribution, by conditional flow matching.
+        Flow = "flow",
+    }
+}
+
+impl Head {
+    fn is_l1(&self) -> bool {
+        *self == Self::L1
     }
 }
 
 /// Architecture of the transformer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelSettings {
     /// Embedding dimension of tokens.
@@ -92,6 +113,15 @@ pub struct ModelSettings {
     /// [`ModelSettings::keypoints`]; 0 for none. Only training reads these labels.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub labelled_points: usize,
+    /// Residual blocks per stage of the convolutional trunk of each camera, whose cells become tokens; 0 for keypoints.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub residual_blocks: usize,
+    /// Entries of the latent style variable (CVAE), which is 0 at inference; 0 without it.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub latent: usize,
+    /// Output of the decoder.
+    #[serde(default, skip_serializing_if = "Head::is_l1")]
+    pub head: Head,
 }
 
 fn one() -> usize {
@@ -100,6 +130,10 @@ fn one() -> usize {
 
 fn is_one(count: &usize) -> bool {
     *count == 1
+}
+
+fn is_none(weight: &f64) -> bool {
+    *weight == 0.0
 }
 
 fn is_zero(count: &usize) -> bool {
@@ -125,6 +159,15 @@ impl ModelSettings {
             Some((name, value, most)) => Err(format!("{name}: expected 1 to {most}, got {value}")),
             None if self.channels.max(self.keypoints) > MAX_WIDTH || self.labelled_points > self.keypoints => {
                 Err(format!("labelled_points: expected at most {} keypoints of {MAX_WIDTH}", self.keypoints))
+            }
+            None if self.residual_blocks.max(self.latent) > MAX_WIDTH => {
+                Err(format!("residual_blocks, latent: expected at most {MAX_WIDTH}"))
+            }
+            None if self.residual_blocks > 0 && self.keypoints > 0 => {
+                Err("keypoints: expected 0 beside residual_blocks".into())
+            }
+            None if self.latent > 0 && self.head == Head::Flow => {
+                Err("latent: expected 0 with a flow head, whose noise tells the demonstrations apart".into())
             }
             None if !self.width.is_multiple_of(self.heads) => {
                 Err(format!("width: expected a multiple of {} heads, got {}", self.heads, self.width))
@@ -223,6 +266,9 @@ pub struct TrainingSettings {
     /// motion under way does.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub start_copies: usize,
+    /// Weight of the KL divergence of the latent style variable, relative to the L1 loss of actions.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub kl_weight: f64,
     /// Weight of the auxiliary loss of labelled keypoints, relative to the L1 loss of actions.
     pub label_weight: f64,
     /// Data augmentation of the training samples.
@@ -253,6 +299,7 @@ impl Default for TrainingSettings {
             end_weight: 0.1,
             transition_copies: 2,
             start_copies: 1,
+            kl_weight: 0.0,
             label_weight: 0.0,
             augmentation: Augmentation::default(),
         }

@@ -13,7 +13,7 @@ mod words;
 pub use augmentation::normalised_pixel;
 pub use demonstrations::{Batch, Demonstration, Demonstrations, ImageBatch, RowImages, Sampler};
 pub use description::{
-    Augmentation, ImageInput, Inputs, ModelSettings, Normalisation, PolicyDescription, Preset, TrainingFacts,
+    Augmentation, Head, ImageInput, Inputs, ModelSettings, Normalisation, PolicyDescription, Preset, TrainingFacts,
     TrainingSettings,
 };
 pub use scale::Scale;
@@ -23,6 +23,6 @@ pub use words::instruction_words;
 mod learning;
 #[cfg(feature = "learn")]
 pub use learning::{
-    Array, Checkpoint, Network, NetworkError, Parameters, ParametersError, Precision, Prediction, Seen, TrainError,
-    Trainer, TrainingStep,
+    Array, Checkpoint, Ensemble, Network, NetworkError, Parameters, ParametersError, Precision, Prediction, Seen,
+    TrainError, Trainer, TrainingStep,
 };

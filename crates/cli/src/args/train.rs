@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use genmanip_pipeline::learn::Preset;
+use genmanip_pipeline::learn::{Head, Preset};
 use genmanip_terminal::parse;
 
 use super::sources::SourceArguments;
@@ -26,9 +26,15 @@ pub struct TrainArguments {
     #[arg(long, value_name = "NAME", requires = "demos")]
     pub distribution: Option<String>,
     /// Inputs and sizes: `state` sees the poses of the objects as the simulator knows them (privileged), no images;
-    /// `tiny` sees two cameras and reads the instruction
+    /// `tiny` sees two cameras and reads the instruction; `act` sees the same through a residual network, as ACT, and
+    /// needs no simulator labels
     #[arg(long, value_name = "PRESET", value_parser = parse::variant(Preset::ALL, Preset::name))]
     pub preset: Preset,
+    /// Output of the network: `l1` predicts one chunk of actions, the median of the demonstrations; `flow` draws one
+    /// from their distribution (conditional flow matching), for demonstrations that do the same thing in several ways
+    #[arg(long, value_name = "HEAD", default_value = Head::L1.name(), conflicts_with = "check",
+          value_parser = parse::variant(Head::ALL, Head::name))]
+    pub head: Head,
     /// Number of optimiser steps
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub steps: Option<usize>,

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use genmanip_benchmark::suites;
-use genmanip_pipeline::learn::Preset;
+use genmanip_pipeline::learn::{Head, Preset};
 use genmanip_terminal::parse;
 
 /// Arguments of `genmanip-lab learn`.
@@ -20,6 +20,9 @@ pub struct LabLearnArguments {
     /// Preset of inputs and network size
     #[arg(long, value_name = "PRESET", value_parser = parse::variant(Preset::ALL, Preset::name))]
     pub preset: Preset,
+    /// Output of the network, as `genmanip train --head`
+    #[arg(long, value_name = "HEAD", default_value = Head::L1.name(), value_parser = parse::variant(Head::ALL, Head::name))]
+    pub head: Head,
     /// Number of verified demonstrations
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub demos: usize,

@@ -16,7 +16,7 @@ use genmanip_benchmark::statistics::{Rate, StatisticsSettings, compare};
 use genmanip_core::{Episode, EpisodeSource, ExpertStyle, Policy, Scenario, Seed};
 use genmanip_data::EpisodeStore;
 use genmanip_pipeline::evaluate::{EvaluateOptions, Suite, evaluate};
-use genmanip_pipeline::learn::{Length, Preset, TrainOptions, Trained, train};
+use genmanip_pipeline::learn::{Head, Length, Preset, TrainOptions, Trained, train};
 use genmanip_pipeline::{PolicyFactory, Run, RunFolder};
 use genmanip_rollout::collect::{PipelineSettings, Resources};
 use genmanip_rollout::expert::{Expert, ExpertSettings};
@@ -288,6 +288,7 @@ impl Course<'_> {
             run: self.folder.join(name),
             sources: Vec::new(),
             preset: Preset::State,
+            head: Head::L1,
             length: Length::Steps(self.arguments.steps),
             seed: self.seed.fork("training"),
             labels: false,

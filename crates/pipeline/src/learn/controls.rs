@@ -12,8 +12,8 @@ use super::demonstrations;
 use super::images;
 use super::presets::settings;
 use super::recorded::Recorded;
-use crate::learned::policy::{ChunkPolicy, Learned};
-use crate::learned::{self, inputs};
+use crate::learned::policy::ChunkPolicy;
+use crate::learned::{self, Execution, Learned, inputs};
 use crate::policies::{PolicyContext, PolicyFactory};
 
 /// Tested numbers of executed actions per chunk.
@@ -39,7 +39,7 @@ pub fn controls(
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Option<Vec<PolicyFactory>>, WorkspaceError> {
-    let learned = learned::load(policy)?;
+    let learned = learned::load(policy, Execution::default())?;
     let description = learned.description().clone();
     let mut all = vec![changed("learned", &learned, &description, |_, seen| seen.clone())?];
     for execute in EXECUTED {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use genmanip_benchmark::statistics::Rate;
 use genmanip_core::Seed;
 use genmanip_data::Provenance;
-use genmanip_policy::Preset;
+use genmanip_policy::{Head, Preset};
 use serde::{Deserialize, Serialize};
 
 /// Name of the activity that training reports to its progress, one unit per optimiser step.
@@ -31,6 +31,8 @@ pub struct TrainOptions {
     pub sources: Vec<Provenance>,
     /// Preset of inputs and network size.
     pub preset: Preset,
+    /// Output of the network, with its loss.
+    pub head: Head,
     /// Number of steps, or time.
     pub length: Length,
     /// Seed of the initial weights and of the sampling.

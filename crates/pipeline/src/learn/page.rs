@@ -85,7 +85,7 @@ fn moment(
         let comma = if strip.caption.is_empty() { "" } else { ", " };
         strip.caption += &format!("{comma}{} ({} × {} pixels)", image.camera, image.width, image.height);
     }
-    let seen = Seen { numbers, words: demonstration.words.clone(), rgb };
+    let seen = Seen { numbers, words: demonstration.words.clone(), rgb, row };
     let Prediction { actions, .. } = network.predict(&seen).map_err(unreadable)?;
     let scale = &description.normalisation.action;
     let predicted: Vec<Vec<f32>> = actions.iter().map(|action| scale.restore(action).collect()).collect();

@@ -33,9 +33,7 @@ pub(super) fn settings(preset: Preset, labels: bool) -> PresetSettings {
         encoder_layers: 3,
         decoder_layers: 1,
         chunk: 16,
-        channels: 0,
-        keypoints: 0,
-        labelled_points: 0,
+        ..ModelSettings::default()
     };
     let rows = ExportSettings {
         action: action(ActionSpace::EePose, RotationEncoding::SixD),
@@ -44,6 +42,11 @@ pub(super) fn settings(preset: Preset, labels: bool) -> PresetSettings {
         ..ExportSettings::default()
     };
     let (inputs, execute) = (layout(preset), 8);
+    let seeing = TrainingSettings {
+        start_copies: 4,
+        augmentation: Augmentation { shift_px: 4, gain: 0.1, state_noise: 0.01 },
+        ..TrainingSettings::default()
+    };
     match preset {
         Preset::State => PresetSettings {
             inputs,
@@ -62,12 +65,16 @@ pub(super) fn settings(preset: Preset, labels: bool) -> PresetSettings {
                 ..transformer
             },
             execute,
-            training: TrainingSettings {
-                label_weight: if labels { 1.0 } else { 0.0 },
-                start_copies: 4,
-                augmentation: Augmentation { shift_px: 4, gain: 0.1, state_noise: 0.01 },
-                ..TrainingSettings::default()
-            },
+            training: TrainingSettings { label_weight: if labels { 1.0 } else { 0.0 }, ..seeing },
+            rows,
+            privileged: false,
+        },
+        // The weight of the KL divergence is that of the publication.
+        Preset::Act => PresetSettings {
+            inputs,
+            model: ModelSettings { channels: 32, residual_blocks: 1, latent: 32, ..transformer },
+            execute,
+            training: TrainingSettings { kl_weight: 10.0, ..seeing },
             rows,
             privileged: false,
         },

@@ -16,7 +16,7 @@ use std::time::Instant;
 use genmanip_core::{Document, Seed};
 use genmanip_data::files;
 use genmanip_policy::{
-    Checkpoint, ModelSettings, Network, PolicyDescription, Precision, Preset, TrainError, Trainer, TrainingFacts,
+    Checkpoint, Head, ModelSettings, Network, PolicyDescription, Precision, Preset, TrainError, Trainer, TrainingFacts,
     TrainingSettings, TrainingStep,
 };
 use genmanip_workspace::{Progress, WorkspaceError, documents};
@@ -79,6 +79,9 @@ pub fn train(
     };
     let PresetSettings { model, execute, training, privileged, .. } = preset;
     let arrays = &read.arrays;
+    // The noise of a flow takes the place of the latent style.
+    let latent = if options.head == Head::Flow { 0 } else { model.latent };
+    let model = ModelSettings { head: options.head, latent, ..model };
     let identity = Identity {
         preset: options.preset,
         run: read.run.clone(),

@@ -59,7 +59,7 @@ pub(crate) fn layout(preset: Preset) -> Inputs {
     let robot = names(&ROBOT);
     match preset {
         Preset::State => Inputs { robot, object: names(&OBJECT), slots: SLOTS, ..Inputs::default() },
-        Preset::Tiny => {
+        Preset::Tiny | Preset::Act => {
             let image = |camera: &str| ImageInput { camera: camera.into(), width: IMAGE.0, height: IMAGE.1 };
             Inputs { robot, images: ["static", "wrist"].map(image).into(), words: WORDS, ..Inputs::default() }
         }

@@ -8,6 +8,8 @@ use genmanip_policy::PolicyDescription;
 use genmanip_rollout::Stage;
 use genmanip_workspace::WorkspaceError;
 
+use super::Execution;
+
 /// Type without values, since no learned policy can be loaded.
 #[derive(Clone, Debug)]
 pub(crate) enum Learned {}
@@ -16,7 +18,7 @@ pub(crate) enum Learned {}
 ///
 /// # Errors
 /// Always, with the command that installs learned policies.
-pub(crate) fn load(_folder: &Path) -> Result<Arc<Learned>, WorkspaceError> {
+pub(crate) fn load(_folder: &Path, _execution: Execution) -> Result<Arc<Learned>, WorkspaceError> {
     Err(refusal())
 }
 

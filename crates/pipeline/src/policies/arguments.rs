@@ -33,8 +33,15 @@ const TIMEOUT: PolicyArgument =
     PolicyArgument::new("timeout_s", "120", "how long is waited for an answer, s").in_label(InLabel::Omitted);
 
 /// Arguments of a learned policy.
-pub(super) const LEARNED_ARGUMENTS: [PolicyArgument; 1] =
-    [PolicyArgument::new("folder", "", "folder of the policy").in_label(InLabel::Content)];
+pub(super) const LEARNED_ARGUMENTS: [PolicyArgument; 3] = [
+    PolicyArgument::new("folder", "", "folder of the policy").in_label(InLabel::Content),
+    PolicyArgument::new("execute", "", "actions of a chunk that are executed; as trained, or 1 with ensemble"),
+    PolicyArgument::new(
+        "ensemble",
+        "",
+        "decay m of temporal ensembling, which averages overlapping chunks with weights exp(-m i), oldest first; 0.01 in ACT",
+    ),
+];
 
 /// Arguments of a vla-eval model server.
 pub(super) const VLA_EVAL_ARGUMENTS: [PolicyArgument; 5] = [

@@ -58,6 +58,22 @@ impl Given {
         })
     }
 
+    /// Number of an argument without a default; `None` if it was not given.
+    pub(super) fn optional(&self, name: &str, range: RangeInclusive<f64>) -> Result<Option<f64>, WorkspaceError> {
+        (!self.text(name).is_empty()).then(|| self.number(name, range)).transpose()
+    }
+
+    /// Whole number of an argument without a default; `None` if it was not given.
+    pub(super) fn count(&self, name: &str) -> Result<Option<usize>, WorkspaceError> {
+        let parse = |text: &str| {
+            text.parse().map_err(|_| {
+                WorkspaceError::input(format!("policy {}: {name}={text} is not possible", self.policy))
+                    .with_hint("expected a whole number")
+            })
+        };
+        Some(self.text(name)).filter(|text| !text.is_empty()).map(parse).transpose()
+    }
+
     pub(super) fn text(&self, name: &str) -> &str {
         self.values.iter().find(|(known, ..)| *known == name).map_or("", |(_, value, _)| value)
     }

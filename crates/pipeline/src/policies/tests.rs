@@ -35,6 +35,8 @@ fn what_is_wrong_is_said() {
         ("playback", "policy playback needs a dataset", "playback:dataset=FOLDER"),
         ("playback:dataset=none", "cannot play none back", ""),
         ("learned", "policy learned needs the folder of a policy", "learned:FOLDER"),
+        ("learned:policy,execute=2.5", "policy learned: execute=2.5 is not possible", "a whole number"),
+        ("learned:policy,ensemble=-1", "policy learned: ensemble=-1 is not possible", "from 0 to 100"),
         ("python", "`` names no class", "python:MODULE:CLASS"),
         ("python:my_policy", "`my_policy` names no class", "MyPolicy in my_policy.py"),
         ("python:my_policy:My Policy", "names no class", ""),

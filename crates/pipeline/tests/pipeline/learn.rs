@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 #[cfg(feature = "learn")]
 use genmanip_pipeline::evaluate::EndingRules;
-use genmanip_pipeline::learn::{CheckOptions, Length, Preset, TrainOptions, check, controls, train};
+use genmanip_pipeline::learn::{CheckOptions, Head, Length, Preset, TrainOptions, check, controls, train};
 #[cfg(feature = "learn")]
 use genmanip_pipeline::learn::{SuiteDemonstrations, demonstrate};
 #[cfg(feature = "learn")]
@@ -19,6 +19,7 @@ fn options(run: &Path, out: &str, steps: u64) -> TrainOptions {
         sources: Vec::new(),
         run: run.into(),
         preset: Preset::State,
+        head: Head::L1,
         length: Length::Steps(steps),
         seed: Seed::new(1),
         labels: true,
@@ -90,6 +91,9 @@ fn learned_policies_with_other_images() {
         let reports = evaluate(&suite, &all, &short, &NoProgress, &never).unwrap();
         reports.iter().map(|report| report.results[0].tcp_path_m).collect()
     };
+    let act = TrainOptions { preset: Preset::Act, ..options(&folder, "act", 1) };
+    let act = train(&act, &NoProgress, &never).unwrap().unwrap();
+    assert!(!act.privileged && !act.labels, "ACT learns without the simulator: {act:?}");
     // Half of all initial networks say at once that they have finished.
     let moving = (0..8).map(paths_m).find(|paths_m| paths_m.iter().all(|path_m| *path_m > 0.01));
     let Some(&[own, none, other]) = moving.as_deref() else { panic!("no policy moves with all images: {moving:?}") };
@@ -127,17 +131,36 @@ fn one_episode_is_learned_by_heart() {
     assert_eq!(read("short/weights.safetensors"), read("halves/weights.safetensors"));
     assert_eq!(read("short/policy.json"), read("halves/policy.json"));
 
+    // The samples of a flow differ from row to row, but not from run to run.
+    let flow = TrainOptions { head: Head::Flow, ..options(&folder, "flow", 2) };
+    let flow = train(&flow, &NoProgress, &never).unwrap().unwrap();
+    let suite = Suite::of_run(&folder).unwrap();
+    let alone = EvaluateOptions { workers: 1, ..EvaluateOptions::default() };
+    let ending = EndingRules { horizon_s: Some(2.0), ..EndingRules::default() };
+    let limited = EvaluateOptions { ending, ..alone.clone() };
+    let sampled = PolicyFactory::resolve(&format!("learned:{}", flow.policy.display())).unwrap();
+    let sampled =
+        [(); 2].map(|()| evaluate(&suite, std::slice::from_ref(&sampled), &limited, &NoProgress, &never).unwrap());
+    assert_eq!(sampled[0][0].results, sampled[1][0].results);
+
     let trained = train(&options(&folder, "policy", STEPS), &NoProgress, &never).unwrap().unwrap();
     assert!(trained.final_l1 < 0.1, "{trained:?}");
     let page = std::fs::read_to_string(trained.policy.join("training.html")).unwrap();
     assert_eq!(page.matches("<svg").count(), 4 + 2, "four curves, and both charts of a moment of the only episode");
     let learned = PolicyFactory::resolve(&format!("learned:{}", trained.policy.display())).unwrap();
     assert!(learned.label().starts_with("learned_folder=policy-"), "{}", learned.label());
-    let suite = Suite::of_run(&folder).unwrap();
-    let alone = EvaluateOptions { workers: 1, ..EvaluateOptions::default() };
     let reports = evaluate(&suite, &[learned], &alone, &NoProgress, &never).unwrap();
     let result = &reports[0].results[0];
     assert!(result.success && result.oracle, "{result:?}");
+
+    // Other settings of execution are other rows of results, and solve the layout too.
+    let named = |more: &str| PolicyFactory::resolve(&format!("learned:{}{more}", trained.policy.display()));
+    let ensembled = named(",ensemble=0.01").unwrap();
+    assert!(ensembled.label().ends_with("_ensemble=0.01"), "{}", ensembled.label());
+    assert!(evaluate(&suite, &[ensembled], &alone, &NoProgress, &never).unwrap()[0].results[0].success);
+    assert!(named(",execute=4").unwrap().label().ends_with("_execute=4"));
+    let refused = named(",execute=17").unwrap_err();
+    assert!(refused.hint().unwrap().contains("expected 1 to 16"), "{refused}");
 
     // Other weights than those of the description are refused, and so are damaged ones.
     let weights = trained.policy.join("weights.safetensors");

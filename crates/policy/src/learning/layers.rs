@@ -52,6 +52,11 @@ impl<B: NetworkBackend> Layers<'_, B> {
         x.add(self.linear(mixed, &format!("{name}.out")))
     }
 
+    /// Transformer encoder layer.
+    pub fn encode(&self, x: Tensor<B>, name: &str) -> Tensor<B> {
+        self.feed_forward(self.attend(x, None, &format!("{name}.attention")), name)
+    }
+
     pub fn feed_forward(&self, x: Tensor<B>, name: &str) -> Tensor<B> {
         let wide = self.linear(self.norm(x.clone(), &format!("{name}.norm")), &format!("{name}.widen")).relu();
         x.add(self.linear(wide, &format!("{name}.narrow")))

@@ -4,12 +4,13 @@ use std::io;
 
 use genmanip_core::Document;
 
+use super::flow;
 use super::layers::Weights;
 use super::nn::Transformer;
 use super::parameters::ParametersError;
-use super::tensor::Cpu;
+use super::tensor::{Cpu, Tensor};
 use crate::augmentation::ImageChange;
-use crate::{Batch, Demonstrations, PolicyDescription};
+use crate::{Batch, Demonstrations, Head, PolicyDescription};
 
 /// A trained network with its description.
 pub struct Network {
@@ -27,6 +28,8 @@ pub struct Seen {
     pub words: Vec<f32>,
     /// Images in the format of [`crate::RowImages::read`].
     pub rgb: Vec<u8>,
+    /// Number of the row (control step), on which the noise of a flow head depends.
+    pub row: usize,
 }
 
 /// Action chunk predicted by the network.
@@ -84,17 +87,20 @@ impl Network {
     /// # Errors
     /// If the images have the wrong number of bytes.
     pub fn predict(&self, seen: &Seen) -> io::Result<Prediction> {
-        let PolicyDescription { inputs: layout, normalisation, contract, .. } = &self.description;
+        let PolicyDescription { inputs: layout, normalisation, contract, model, training, .. } = &self.description;
         let mut batch = Batch::default();
         Demonstrations::push_inputs(layout, normalisation, &seen.numbers, &mut batch);
         Demonstrations::push_images(layout, &seen.rgb, &mut || ImageChange::NONE, &mut batch)?;
         batch.words.extend(&seen.words);
-        let output = self.transformer.forward(&self.weights, &batch);
-        let actions = output.actions.values();
+        if model.head == Head::Flow {
+            let seed = training.seed.fork("prediction").fork_index(seen.row as u64);
+            batch.noise = flow::noise(seed, model.chunk * contract.names.len());
+        }
+        let [actions, end] = self.transformer.predict(&self.weights, &batch).map(Tensor::values);
         let probability = |logit: f32| 1.0 / (1.0 + (-logit).exp());
         Ok(Prediction {
             actions: actions.chunks_exact(contract.names.len()).map(<[f32]>::to_vec).collect(),
-            end: output.end.values().into_iter().map(probability).collect(),
+            end: end.into_iter().map(probability).collect(),
         })
     }
 }

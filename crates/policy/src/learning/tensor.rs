@@ -112,6 +112,11 @@ impl<B: Backend> Tensor<B> {
         Self(B::float_abs(self.0))
     }
 
+    /// Elementwise exponential.
+    pub fn exp(self) -> Self {
+        Self(B::float_exp(self.0))
+    }
+
     /// Elementwise natural logarithm.
     pub fn log(self) -> Self {
         Self(B::float_log(self.0))
@@ -124,7 +129,7 @@ impl<B: Backend> Tensor<B> {
 
     /// Elementwise log(1 + e^x), without overflow.
     pub fn softplus(self) -> Self {
-        let tail = Self(B::float_log1p(B::float_exp(self.clone().abs().scale(-1.0).0)));
+        let tail = Self(B::float_log1p(self.clone().abs().scale(-1.0).exp().0));
         self.relu().add(tail)
     }
 

@@ -16,7 +16,7 @@ use super::parameters::{Parameters, ParametersError, Precision};
 use super::tensor::{Cpu, CpuTraining, Tensor};
 use super::vision::{self, Keypoints};
 use crate::{
-    Batch, Demonstrations, ImageBatch, Inputs, ModelSettings, Normalisation, RowImages, Sampler, TrainingSettings,
+    Batch, Demonstrations, Head, ImageBatch, Inputs, ModelSettings, Normalisation, RowImages, Sampler, TrainingSettings,
 };
 
 /// Weight of the KL divergence of the spatial softmax of labelled keypoints, relative to their L1 errors. The
@@ -36,6 +36,7 @@ pub struct Trainer<'a> {
     normalisation: Normalisation,
     network: Transformer,
     settings: TrainingSettings,
+    seed: Seed,
     sampler: Sampler,
     parameters: Parameters,
     adam: Adam,
@@ -48,7 +49,7 @@ pub struct Trainer<'a> {
 pub struct TrainingStep {
     /// Number of the step, from 0.
     pub step: u64,
-    /// Mean L1 error of the normalised actions.
+    /// Mean L1 error of the normalised actions; of a flow head, of those to which the predicted velocities lead.
     pub l1: f64,
     /// Cross-entropy of the predicted end of the episode.
     pub end_loss: f64,
@@ -125,6 +126,7 @@ impl<'a> Trainer<'a> {
             normalisation,
             network,
             settings,
+            seed,
             sampler,
             parameters,
             adam,
@@ -157,7 +159,7 @@ impl<'a> Trainer<'a> {
         let (mut sum, mut count) = (0.0, 0.0);
         for step in 0..batches {
             for batch in self.parts(step)? {
-                let actions = self.network.forward(&weights, &batch).actions.values();
+                let [actions, _] = self.network.predict(&weights, &batch).map(Tensor::values);
                 let pairs = actions.iter().zip(&batch.actions).enumerate();
                 let there = pairs.filter(|(place, _)| batch.mask[place / self.demonstrations.action] > 0.0);
                 for (_, (got, target)) in there {
@@ -192,13 +194,15 @@ impl<'a> Trainer<'a> {
             size: self.settings.batch as f64,
             points: self.demonstrations.points,
             end_weight: self.settings.end_weight,
+            kl_weight: self.settings.kl_weight,
             label_weight: self.settings.label_weight,
         };
-        let (mut l1, mut end_loss, mut label_loss) = (0.0, 0.0, 0.0);
+        let (mut total, mut l1, mut end_loss, mut label_loss) = (0.0_f64, 0.0, 0.0, 0.0);
         let mut gradients: Vec<Vec<f32>> =
             self.parameters.arrays.iter().map(|array| vec![0.0; array.values.len()]).collect();
         for parts in parts.chunks(self.threads.max(1)) {
             for part in loss.of_parts(parts) {
+                total += part.total;
                 l1 += part.l1;
                 end_loss += part.end;
                 label_loss += part.labels;
@@ -207,8 +211,7 @@ impl<'a> Trainer<'a> {
                 }
             }
         }
-        let losses: [f64; 3] = [l1, end_loss, label_loss];
-        if !(losses.iter().all(|loss| loss.is_finite()) && gradients.iter().flatten().all(|value| value.is_finite())) {
+        if !(total.is_finite() && gradients.iter().flatten().all(|value| value.is_finite())) {
             return Err(TrainError::NotFinite { step });
         }
         let learning_rate = learning_rate(step, steps, &self.settings);
@@ -220,7 +223,12 @@ impl<'a> Trainer<'a> {
     /// Batch of a step, divided into parts.
     fn parts(&mut self, step: u64) -> Result<Vec<Batch>, TrainError> {
         let Self { demonstrations, images, normalisation, settings, .. } = self;
-        let batch = self.sampler.batch(demonstrations, *images, normalisation, step, settings.batch)?;
+        let mut batch = self.sampler.batch(demonstrations, *images, normalisation, step, settings.batch)?;
+        let ModelSettings { head, latent, .. } = *self.network.settings();
+        let noise = if head == Head::Flow { batch.actions.len() / batch.size.max(1) } else { latent };
+        if noise > 0 {
+            batch.draw_noise(noise, self.seed, step);
+        }
         let part = if demonstrations.inputs.images.is_empty() { PART } else { PART_WITH_IMAGES };
         Ok(batch.parts(part, &demonstrations.inputs))
     }
@@ -266,6 +274,7 @@ impl Batch {
     fn parts(self, size: usize, inputs: &Inputs) -> Vec<Self> {
         let per = |values: &[f32]| values.len() / self.size.max(1);
         let (actions, mask, labels) = (per(&self.actions), per(&self.mask), per(&self.labels));
+        let (noise, time) = (per(&self.noise), per(&self.time));
         let (robot, objects) = (inputs.robot.len(), inputs.slots * inputs.object.len());
         let part = |from: usize| {
             let to = (from + size).min(self.size);
@@ -286,6 +295,8 @@ impl Batch {
                 labels: cut(&self.labels, labels),
                 actions: cut(&self.actions, actions),
                 mask: cut(&self.mask, mask),
+                noise: cut(&self.noise, noise),
+                time: cut(&self.time, time),
             }
         };
         (0..self.size).step_by(size.max(1)).map(part).collect()
@@ -307,11 +318,14 @@ struct Loss<'a> {
     /// Number of labelled keypoints per sample.
     points: usize,
     end_weight: f64,
+    kl_weight: f64,
     label_weight: f64,
 }
 
 /// Contribution of a part to losses and gradients of its batch.
 struct PartLoss {
+    /// Weighted sum of all losses, whose gradients these are.
+    total: f64,
     l1: f64,
     end: f64,
     labels: f64,
@@ -342,21 +356,40 @@ impl Loss<'_> {
         let output = self.network.forward(&weights, part);
         let chunk = part.mask.len() / part.size;
         let mask = Tensor::new(&part.mask, &[part.size, chunk, 1]);
-        let targets = Tensor::new(&part.actions, &[part.size, chunk, self.action]);
-        let l1 = output.actions.sub(targets).abs().mul(mask.clone()).sum().scale(1.0 / self.actions);
+        let targets = match self.network.settings().head {
+            Head::L1 => Tensor::new(&part.actions, &[part.size, chunk, self.action]),
+            Head::Flow => Tensor::new(&part.velocity(), &[part.size, chunk, self.action]),
+        };
+        let error = output.actions.sub(targets).mul(mask);
+        let absolute = error.clone().abs();
+        let (actions, l1) = match self.network.settings().head {
+            Head::L1 => (absolute.clone(), absolute),
+            Head::Flow => {
+                // The remaining time turns an error of velocity into one of the actions that it leads to.
+                let left: Vec<f32> = part.time.iter().map(|time| 1.0 - time).collect();
+                (error.clone().mul(error), absolute.mul(Tensor::new(&left, &[part.size, 1, 1])))
+            }
+        };
+        let [actions, l1] = [actions, l1].map(|errors| errors.sum().scale(1.0 / self.actions));
         // Cross-entropy of the logit x against the end 1 - mask: softplus(x) - x (1 - mask).
         let over = Tensor::new(&part.mask.iter().map(|there| 1.0 - there).collect::<Vec<_>>(), &[part.size, chunk, 1]);
         let end = output.end.clone().softplus().sub(output.end.mul(over)).sum().scale(1.0 / self.queries);
         let value = |tensor: &Tensor<CpuTraining>| tensor.clone().values().first().map_or(f64::NAN, |x| f64::from(*x));
         let (l1_value, end_value) = (value(&l1), value(&end));
-        let loss = l1.add(end.scale(self.end_weight));
+        let loss = actions.add(end.scale(self.end_weight));
+        let loss = match output.divergence {
+            Some(divergence) => loss.add(divergence.scale(self.kl_weight / self.size)),
+            None => loss,
+        };
         let labels = self.labels(&output.points, &output.keypoints, part);
         let labels_value = labels.as_ref().map_or(0.0, value);
         let loss = match labels {
             Some(labels) => loss.add(labels.scale(self.label_weight)),
             None => loss,
         };
-        PartLoss { l1: l1_value, end: end_value, labels: labels_value, gradients: loss.gradients(&leaves) }
+        let total = value(&loss);
+        let gradients = loss.gradients(&leaves);
+        PartLoss { total, l1: l1_value, end: end_value, labels: labels_value, gradients }
     }
 
     /// Auxiliary loss of the labelled keypoints, in 3D and in each image that shows them; `None` without labels.
