@@ -17,7 +17,6 @@ pub(crate) use uninstalled::{Learned, load, refusal};
 
 /// Settings of execution that a caller may choose for a trained policy.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(not(feature = "learn"), expect(dead_code, reason = "no policy can be loaded"))]
 pub(crate) struct Execution {
     /// Actions of a chunk that are executed before the next observation; `None` for the trained number, or 1 with
     /// `ensemble`.
