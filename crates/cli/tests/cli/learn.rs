@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use super::serving::Serving;
-use super::{example, genmanip};
+use super::{REPOSITORY, example, genmanip};
 
 /// Results of one policy, without its name.
 fn results(mut evaluated: Value) -> Value {
@@ -76,4 +76,18 @@ fn a_served_policy_acts_as_in_the_program() {
     done(&["train", "run", "--preset", "state", "--steps", "1", "--out", "privileged"]);
     genmanip(here, &["serve", "policy", "learned:privileged"])
         .assert_refused(&["reads simulator ground truth", "--preset tiny"]);
+}
+
+/// The policy of the repository sees: from images alone it solves layouts that it was not trained on.
+#[test]
+fn the_policy_of_the_repository_solves_unseen_layouts() {
+    let folder = tempfile::tempdir().unwrap();
+    let policy = format!("learned:{REPOSITORY}/examples/policies/into-tiny");
+    let suite = ["evaluate", "--suite", "genmanip-learn-10", "--split", "familiar", "--distribution", "into"];
+    let more = ["--first", "8", "--policy", &policy, "--out", "out", "--json"];
+    let evaluated = genmanip(folder.path(), &[&suite[..], &more].concat()).json(0);
+    assert_eq!(evaluated[0]["oracle"], Value::Bool(false));
+    let solved = evaluated[0]["summary"]["success"]["successes"].as_u64().unwrap();
+    // 5 of 8 when it was trained; chance solves none.
+    assert!((3..=8).contains(&solved), "{solved} of 8");
 }

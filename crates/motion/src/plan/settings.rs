@@ -43,7 +43,7 @@ impl Default for PlanSettings {
     fn default() -> Self {
         Self {
             padding: 0.003,
-            link_padding: 0.0005,
+            link_padding: 0.0001,
             link_padding_after: 5_000,
             contact_tolerance: 0.001,
             rrt_range: 0.7,
